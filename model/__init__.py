@@ -1,0 +1,1 @@
+"""What a straw should do: the equations of motion, terms, rest states, simulation."""

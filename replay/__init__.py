@@ -1,0 +1,1 @@
+"""Judges: reality against prediction."""

@@ -1,0 +1,1 @@
+"""One file per pressure controller, each behind rig.controller.Controller."""

@@ -1,0 +1,1 @@
+"""Pictures to poses: lens, corners, planar pose, and the painter that makes truth."""
