@@ -1,0 +1,29 @@
+"""How the model is compiled: numba, no GIL, cached on disk under a key made of the model's own source."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+from pathlib import Path
+
+import numba
+
+
+def _cache_folder() -> Path:
+    """Folder for compiled code, one per state of the model's source.
+
+    Numba notices a change in the file of the function it cached but not in the files that function calls into, so a
+    stale answer is possible after an edit or an upgrade. Keying the folder by all of the source rules that out.
+    """
+    digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
+    for source in sorted(Path(__file__).parent.rglob("*.py")):
+        digest.update(source.read_bytes())
+    parent = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(parent) / "straw" / f"numba-{digest.hexdigest()[:16]}"
+
+
+setattr(numba.config, "CACHE_DIR", str(_cache_folder()))  # noqa: B010  (numba makes its settings at run time)
+
+#: Compile a function of the model: ``@compiled`` instead of ``@njit``. Division by zero gives inf as in NumPy.
+compiled = numba.njit(cache=True, nogil=True, error_model="numpy")

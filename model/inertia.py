@@ -1,0 +1,94 @@
+"""Kinetic energy (equation 3) at work: mass matrix, and the forces of inertia with masses that vary with the shape."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.compiled import compiled
+from model.kinematics import Chain
+from model.load import Load
+from model.parameters import Constants
+
+Floats = NDArray[np.float64]
+
+
+@compiled
+def add_inertia(c: Constants, s: Chain, load: Load) -> None:
+    """Minus the left side of Lagrange's equations: -d/dt(dT/dv) + dT/dq.
+
+    Masses and moments of inertia depend on q, hence dm/dt v and |v|^2/2 dm/dq beside m a (and the same for I).
+    """
+    for i in range(c.cells + 1):
+        for axis in range(2):
+            load.force[i, axis] -= s.mass[i] * s.acceleration[i, axis] + s.d_mass[i] * s.velocity[i, axis]
+        load.torque[i] -= s.inertia[i] * s.d_spin[i] + s.d_inertia[i] * s.spin[i]
+    for i in range(c.cells):
+        half_speed2 = (s.velocity[i, 0] ** 2 + s.velocity[i, 1] ** 2) / 2
+        half_spin2 = s.spin[i] ** 2 / 2
+        load.cell[i, 0] += half_speed2 * c.rho * c.S
+        load.cell[i, 1] += half_speed2 * c.rho * c.S
+        for j in range(4):
+            load.cell[i, j] += half_spin2 * s.inertia_by[i, j]
+
+
+@compiled
+def mass_matrix(c: Constants, s: Chain) -> Floats:
+    """M(q), shape (coordinates, coordinates).
+
+    All bodies beyond cell j move with two inner coordinates i and j as one rigid body would, so only their summed
+    mass, first and second moments are needed: composite bodies, cost N squared.
+    """
+    n, k = c.cells, c.active
+    M = np.empty((2 * k * n, 2 * k * n))
+    m, sx, sz = s.mass[n], s.mass[n] * s.position[n, 0], s.mass[n] * s.position[n, 1]
+    second = s.inertia[n] + sx * s.position[n, 0] + sz * s.position[n, 1]
+    # columns of cell j: velocity of the composite body beyond j is (tx, tz) + R(C) turn; of body j it is own
+    own = np.empty((4, 3))
+    for j in range(n - 1, -1, -1):
+        ux, uz = s.u[j, 0], s.u[j, 1]
+        mj, Ij, x, z = s.mass[j], s.inertia[j], s.position[j, 0], s.position[j, 1]
+        for b in range(4):
+            along, across = s.local[j, b, 0], s.local[j, b, 1]
+            own[b, 0], own[b, 1], own[b, 2] = along * ux + across * uz, along * uz - across * ux, s.local[j, b, 2]
+        for b in range(2 * k):
+            frustum, turning = (b % k) + 2 - k, b >= k
+            col = b * n + j
+            o = own[2 * (1 if turning else 0) + frustum]
+            # momentum of all bodies from j outwards for unit rate of this coordinate: linear (gx, gz), about origin h
+            if turning:
+                px, pz = s.joint[j + frustum, 0], s.joint[j + frustum, 1]
+                gx, gz = sz - m * pz, -(sx - m * px)
+                h = second - sx * px - sz * pz
+            else:
+                gx, gz = m * ux, m * uz
+                h = ux * sz - uz * sx
+            # within cell j
+            for a in range(b + 1):
+                af, at = (a % k) + 2 - k, a >= k
+                w = own[2 * (1 if at else 0) + af]
+                value = mj * (o[0] * w[0] + o[1] * w[1]) + Ij * o[2] * w[2]
+                if at:
+                    value += h - (gx * s.joint[j + af, 1] - gz * s.joint[j + af, 0])
+                else:
+                    value += gx * ux + gz * uz
+                M[a * n + j, col] = value
+                M[col, a * n + j] = value
+            # cells nearer the base carry body j rigidly as well
+            gx += mj * o[0]
+            gz += mj * o[1]
+            h += mj * (o[0] * z - o[1] * x) + Ij * o[2]
+            for i in range(j):
+                for a in range(2 * k):
+                    af = (a % k) + 2 - k
+                    if a >= k:
+                        value = h - (gx * s.joint[i + af, 1] - gz * s.joint[i + af, 0])
+                    else:
+                        value = gx * s.u[i, 0] + gz * s.u[i, 1]
+                    M[a * n + i, col] = value
+                    M[col, a * n + i] = value
+        m += mj
+        sx += mj * x
+        sz += mj * z
+        second += Ij + mj * (x**2 + z**2)
+    return M

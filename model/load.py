@@ -1,0 +1,59 @@
+"""Load: what terms add up into, and its projection on the generalised coordinates (virtual work, equation 5)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.compiled import compiled
+from model.kinematics import Chain
+from model.parameters import Constants
+
+Floats = NDArray[np.float64]
+
+
+class Load(NamedTuple):
+    """Forces on one state of the straw; terms add, nobody overwrites."""
+
+    cell: Floats  # (cells, 4) generalised force on each cell's zeta_1, zeta_2 (N) and phi_1, phi_2 (N m)
+    force: Floats  # (cells + 1, 2) force at each body's centre of mass, N; the last body is the tip
+    torque: Floats  # (cells + 1,) torque on each body, in the sense of growing Phi, N m
+
+
+@compiled
+def no_load(cells: int) -> Load:
+    """A load of zero."""
+    return Load(np.zeros((cells, 4)), np.zeros((cells + 1, 2)), np.zeros(cells + 1))
+
+
+@compiled
+def project(c: Constants, s: Chain, load: Load) -> Floats:
+    """Generalised force (coordinates,) that does the same virtual work as the load.
+
+    Runs from the tip to the base and carries the sum of the outer bodies' forces, torques and moments about the
+    origin, so the cost grows with N, not with N squared.
+    """
+    n, k = c.cells, c.active
+    out = np.empty(2 * k * n)
+    fx, fz = load.force[n, 0], load.force[n, 1]
+    moment = load.torque[n] + fx * s.position[n, 1] - fz * s.position[n, 0]  # F . R(C)
+    for i in range(n - 1, -1, -1):
+        ux, uz = s.u[i, 0], s.u[i, 1]
+        bx, bz, torque = load.force[i, 0], load.force[i, 1], load.torque[i]
+        along = bx * ux + bz * uz
+        across = bx * uz - bz * ux
+        stretch = fx * ux + fz * uz
+        for j in range(k):
+            frustum = j + 2 - k
+            joint = s.joint[i + frustum]
+            own = s.local[i, frustum]
+            out[j * n + i] = load.cell[i, frustum] + stretch + own[0] * along + own[1] * across + own[2] * torque
+            own = s.local[i, 2 + frustum]
+            turn = moment - (fx * joint[1] - fz * joint[0])
+            out[(k + j) * n + i] = load.cell[i, 2 + frustum] + turn + own[0] * along + own[1] * across + own[2] * torque
+        fx += bx
+        fz += bz
+        moment += torque + bx * s.position[i, 1] - bz * s.position[i, 0]
+    return out

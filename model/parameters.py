@@ -1,0 +1,193 @@
+"""StrawParameters: every constant of one straw, SI, checked once; read from and written to a TOML file."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import ModelError
+
+Floats = NDArray[np.float64]
+
+MAX_CELLS = 30
+FORMS = ("truncated", "full")
+
+#: Constants each frustum has a value of its own for: array (cells, 2), [n, 0] the odd and [n, 1] the even frustum.
+PER_FRUSTUM = ("zeta0_m", "h_m", "E_pa", "c_zeta_n_s_per_m", "c_phi_n_m_s_per_rad")
+
+
+class Constants(NamedTuple):
+    """The constants as the compiled equations take them; names and equation numbers are the paper's."""
+
+    cells: int
+    active: int  # frusta of a cell that move: 2 in the full form, 1 (the even one) in the truncated form
+    r_i: float
+    r_o: float
+    rho: float
+    g: float
+    phi_0: float
+    m_tip: float
+    I_tip: float
+    loss: float  # rho / (2 pi^2 r_ch^4), equation 2
+    S: float  # dV/dzeta of any frustum
+    C3: float  # equation 6a
+    zeta0: Floats  # (cells, 2)
+    C1: Floats  # (cells, 2), equation 6
+    C2: Floats  # (cells, 2), equation 6
+    c_zeta: Floats  # (cells, 2), equation 4
+    c_phi: Floats  # (cells, 2), equation 4
+
+
+@dataclass(frozen=True)
+class StrawParameters:
+    """One straw: geometry, elasticity, damping, channel, tip and the form of its equations.
+
+    Defaults are the specimen of Ilssar et al., section 3, with the damping and channel radius of its folding run
+    (Fig. 6). Per-frustum constants have shape (cells, 2): ``[n - 1, 0]`` is the odd frustum of cell n (nearer the
+    inlet), ``[n - 1, 1]`` the even one; a scalar or a pair (odd, even) is spread over all cells. ``form`` is "full"
+    (4N coordinates) or "truncated" (odd frusta rigid at zeta0, 2N coordinates).
+
+    Raises ModelError for anything that is not a straw, naming the constant.
+    """
+
+    cells: int = 9
+    form: str = "truncated"
+    r_i_m: float = 11.1e-3
+    r_o_m: float = 14.65e-3
+    zeta0_m: Floats = field(default_factory=lambda: np.array([3.78e-3, -2.28e-3]))
+    h_m: Floats = field(default_factory=lambda: np.array(0.508e-3))
+    E_pa: Floats = field(default_factory=lambda: np.array(0.92e9))
+    c_zeta_n_s_per_m: Floats = field(default_factory=lambda: np.array(620.0))
+    c_phi_n_m_s_per_rad: Floats = field(default_factory=lambda: np.array(7e-4))
+    r_ch_m: float = 0.43e-3
+    m_tip_kg: float = 13.45e-3
+    I_tip_kg_m2: float = 2986.91e-9
+    rho_kg_per_m3: float = 1000.0
+    g_m_per_s2: float = 9.795
+    phi_0_rad: float = math.pi / 2
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.cells <= MAX_CELLS:
+            raise ModelError(f"straw: cells = {self.cells}, expected 1 to {MAX_CELLS}")
+        if self.form not in FORMS:
+            raise ModelError(f"straw: form = {self.form!r}, expected one of {', '.join(FORMS)}")
+        for name in PER_FRUSTUM:
+            object.__setattr__(self, name, self._spread(name))
+        positive = ("r_i_m", "r_o_m", "h_m", "E_pa", "r_ch_m", "m_tip_kg", "I_tip_kg_m2", "rho_kg_per_m3")
+        for name in positive:
+            self._check(name, np.all(np.asarray(getattr(self, name)) > 0), "above zero")
+        for name in ("c_zeta_n_s_per_m", "c_phi_n_m_s_per_rad"):
+            self._check(name, np.all(getattr(self, name) >= 0), "zero or above")
+        for name in ("g_m_per_s2", "phi_0_rad"):
+            self._check(name, math.isfinite(getattr(self, name)), "finite")
+        self._check("r_o_m", self.r_o_m > self.r_i_m, f"above r_i_m = {self.r_i_m}")
+        # |zeta0_even| < zeta0_odd keeps every cell's volume, length and mass positive whichever way it snaps.
+        odd, even = self.zeta0_m[:, 0], self.zeta0_m[:, 1]
+        self._check("zeta0_m", np.all((odd > 0) & (even < 0) & (-even < odd)), "(odd, even) with 0 < -even < odd")
+
+    def _spread(self, name: str) -> Floats:
+        try:
+            given = np.asarray(getattr(self, name), dtype=np.float64)
+            full = np.broadcast_to(given, (self.cells, 2)).copy()
+        except (TypeError, ValueError):
+            raise ModelError(
+                f"straw: {name} does not spread over {self.cells} cells: give a number, a pair (odd, even) "
+                f"or {self.cells} pairs"
+            ) from None
+        full.setflags(write=False)
+        return full
+
+    def _check(self, name: str, good: bool | np.bool_, expected: str) -> None:
+        value = np.asarray(getattr(self, name), dtype=np.float64)
+        if not (good and np.all(np.isfinite(value))):
+            shown = value.flat[0] if value.size and np.all(value == value.flat[0]) else value.tolist()
+            raise ModelError(f"straw: {name} = {shown}, expected {expected}")
+
+    def replace(self, **changes: Any) -> Self:
+        """The same straw with some constants changed; constants alike in all cells spread over new ``cells``."""
+        if "cells" in changes:
+            for name in PER_FRUSTUM:
+                rows = getattr(self, name)
+                if np.all(rows == rows[0]):
+                    changes.setdefault(name, rows[0])
+        return replace(self, **changes)
+
+    @property
+    def coordinates(self) -> int:
+        """Number of generalised coordinates: 4N in the full form, 2N in the truncated form."""
+        return 4 * self.cells if self.form == "full" else 2 * self.cells
+
+    def constants(self) -> Constants:
+        """What the compiled equations take; C1, C2, C3 as below equation 6."""
+        r_i, r_o, E, h = self.r_i_m, self.r_o_m, self.E_pa, self.h_m
+        width, log = r_o - r_i, math.log(r_o / r_i)
+        return Constants(
+            cells=self.cells,
+            active=2 if self.form == "full" else 1,
+            r_i=r_i,
+            r_o=r_o,
+            rho=self.rho_kg_per_m3,
+            g=self.g_m_per_s2,
+            phi_0=self.phi_0_rad,
+            m_tip=self.m_tip_kg,
+            I_tip=self.I_tip_kg_m2,
+            loss=self.rho_kg_per_m3 / (2 * math.pi**2 * self.r_ch_m**4),
+            S=math.pi * (r_o**2 + r_i**2 + r_o * r_i) / 3,
+            C3=math.pi * (r_o**2 - 2 * r_i**2 + r_o * r_i) / 3,
+            zeta0=self.zeta0_m,
+            C1=math.pi * E * h / (8 * width**3) * ((r_o + r_i) / 2 - width / log),
+            C2=math.pi * E * h**3 * log / (12 * width**2),
+            c_zeta=self.c_zeta_n_s_per_m,
+            c_phi=self.c_phi_n_m_s_per_rad,
+        )
+
+    def to_toml(self) -> str:
+        """The straw as the text of a straw file; `straw_from_toml` reads it back exactly."""
+        lines = []
+        for f in fields(self):
+            value = getattr(self, f.name)
+            if isinstance(value, str):
+                lines.append(f'{f.name} = "{value}"')
+            elif isinstance(value, np.ndarray):
+                same = bool(np.all(value == value[0]))
+                lines.append(f"{f.name} = {(value[0] if same else value).tolist()!r}")
+            else:
+                lines.append(f"{f.name} = {value!r}")
+        return "\n".join(lines) + "\n"
+
+
+def straw_from_toml(text: str, name: str = "straw file") -> StrawParameters:
+    """A straw from TOML text: any of the constants by name, the paper's value for each one left out."""
+    try:
+        table: Mapping[str, Any] = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ModelError(f"{name}: not TOML: {error}") from None
+    known = {f.name: f.type for f in fields(StrawParameters)}
+    for key, value in table.items():
+        if key not in known:
+            raise ModelError(f"{name}: unknown key {key!r}; known: {', '.join(known)}")
+        wanted = {"cells": int, "form": str}.get(key, list if key in PER_FRUSTUM else float)
+        accepted = {list: (list, int, float), float: (int, float)}.get(wanted, (wanted,))
+        if isinstance(value, bool) or not isinstance(value, accepted):
+            raise ModelError(f"{name}: {key} = {value!r}, expected {'a number' if wanted is not str else 'a text'}")
+    try:
+        return StrawParameters(**table)
+    except ModelError as error:
+        raise ModelError(f"{name}: {error}") from None
+
+
+def load_straw(path: Path) -> StrawParameters:
+    """The straw in a TOML file; ModelError where it cannot be read or is not a straw."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not a text file"
+        raise ModelError(f"{path}: cannot read the straw file: {reason}") from None
+    return straw_from_toml(text, str(path))

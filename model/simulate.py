@@ -1,0 +1,155 @@
+"""Simulates a straw under a pressure: a whole run at once, or step by step for a twin behind a wire."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import ModelError
+from model.integrate import DONE, STEP_TOO_SMALL, State, Table, integrate
+from model.kinematics import tip_pose
+from model.parameters import StrawParameters
+from model.rest import rest_state
+from model.straw import pressure_at, volume_at
+
+Floats = NDArray[np.float64]
+
+#: Accuracy of one step in zeta; phi's is this over r_i. Chosen against the reference runs, see tests/model.
+TOLERANCE_M = 2e-7
+MAX_STEP_S = 0.02
+FIRST_STEP_S = 1e-4
+PRESSURE_GRID_S = 2.5e-4
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What the model says a run looks like; arrays (n,), per-frustum arrays (n, cells, 2), SI, contract's frames."""
+
+    time_s: Floats
+    x_m: Floats
+    z_m: Floats
+    phi_rad: Floats
+    external_pa: Floats
+    pressure_pa: Floats
+    volume_m3: Floats
+    zeta_m: Floats
+    frustum_phi_rad: Floats
+    steps: int
+
+
+def simulate(
+    straw: StrawParameters,
+    pressure: Callable[[Floats], Floats],
+    time_s: Floats,
+    deployed: Collection[int],
+    *,
+    tolerance_m: float = TOLERANCE_M,
+) -> Prediction:
+    """Motion of a straw from rest in a configuration, driven by an external pressure.
+
+    ``pressure`` takes times in seconds (array) and returns Pa; a protocol is one, an interpolated recording is one.
+    It is read on a 0.25 ms grid and taken as linear in between. ``time_s`` must increase; the run starts at rest at
+    time_s[0], under the pressure of that moment. Raises ModelError where the pressure is not finite, the
+    configuration has no rest state, or the motion leaves what the equations describe.
+    """
+    time_s = np.ascontiguousarray(time_s, dtype=np.float64)
+    if time_s.ndim != 1 or len(time_s) < 2 or not np.all(np.diff(time_s) > 0):
+        raise ModelError("simulate: time_s must be at least two increasing times")
+    start, end = float(time_s[0]), float(time_s[-1])
+    points = int(np.ceil((end - start) / PRESSURE_GRID_S)) + 1
+    grid = np.linspace(start, end, points)
+    pressure_pa = np.ascontiguousarray(np.broadcast_to(pressure(grid), grid.shape), dtype=np.float64)
+    if not np.all(np.isfinite(pressure_pa)):
+        when = grid[np.flatnonzero(~np.isfinite(pressure_pa))[0]]
+        raise ModelError(f"simulate: the pressure is not a number at {when:.4g} s; fill the gap or cut the run there")
+    table = Table(start, (end - start) / (points - 1), pressure_pa)
+    c = straw.constants()
+    q = rest_state(straw, deployed, float(pressure_pa[0]))
+    state = State(q, np.zeros_like(q), np.zeros_like(q), np.array([start, FIRST_STEP_S]))
+    out_q, out_v = np.empty((len(time_s), len(q))), np.empty((len(time_s), len(q)))
+    counts = np.zeros(4, np.int64)
+    _check(
+        integrate(c, state, table, time_s, end, tolerance_m, MAX_STEP_S, out_q, out_v, counts), float(state.clock[0])
+    )
+    external = np.interp(time_s, grid, pressure_pa)
+    tip = np.array([tip_pose(c, row) for row in out_q])
+    zeta, phi = _per_frustum(straw, out_q)
+    return Prediction(
+        time_s=time_s,
+        x_m=tip[:, 0],
+        z_m=tip[:, 1],
+        phi_rad=tip[:, 2],
+        external_pa=external,
+        pressure_pa=np.array([pressure_at(c, *row) for row in zip(out_q, out_v, external, strict=True)]),
+        volume_m3=np.array([volume_at(c, row) for row in out_q]),
+        zeta_m=zeta,
+        frustum_phi_rad=phi,
+        steps=int(counts[0]),
+    )
+
+
+class Stepper:
+    """A straw that moves on as the pressure becomes known: the twin behind an emulated controller."""
+
+    def __init__(self, straw: StrawParameters, deployed: Collection[int], time_s: float = 0.0) -> None:
+        self._c = straw.constants()
+        q = rest_state(straw, deployed)
+        self._state = State(q, np.zeros_like(q), np.zeros_like(q), np.array([time_s, FIRST_STEP_S]))
+        self._none = np.empty(0), np.empty((0, len(q))), np.empty((0, len(q)))
+        self._external_pa = 0.0
+
+    def advance(self, time_s: float, pressure_start_pa: float, pressure_end_pa: float) -> None:
+        """Move on to ``time_s`` under an external pressure that changes linearly meanwhile; the GIL is released."""
+        now = self.time_s
+        if not time_s > now:
+            raise ModelError(f"twin: cannot go back from {now:.6g} s to {time_s:.6g} s")
+        table = Table(now, time_s - now, np.array([pressure_start_pa, pressure_end_pa]))
+        times, out_q, out_v = self._none
+        status = integrate(
+            self._c, self._state, table, times, time_s, TOLERANCE_M, MAX_STEP_S, out_q, out_v, np.zeros(4, np.int64)
+        )
+        _check(status, self.time_s)
+        self._external_pa = pressure_end_pa
+
+    @property
+    def time_s(self) -> float:
+        """Time reached, s."""
+        return float(self._state.clock[0])
+
+    @property
+    def tip(self) -> tuple[float, float, float]:
+        """Tip X (m), Z (m), Phi (rad)."""
+        return tip_pose(self._c, self._state.q)
+
+    @property
+    def volume_m3(self) -> float:
+        """Volume of the fluid inside, m^3."""
+        return volume_at(self._c, self._state.q)
+
+    @property
+    def pressure_pa(self) -> float:
+        """Pressure inside the straw, Pa."""
+        return pressure_at(self._c, self._state.q, self._state.v, self._external_pa)
+
+
+def _check(status: int, time_s: float) -> None:
+    if status != DONE:
+        what = "needs steps below a nanosecond" if status == STEP_TOO_SMALL else "is no longer finite"
+        raise ModelError(
+            f"simulate: the motion {what} at {time_s:.4g} s; the straw's constants or the pressure are out of range"
+        )
+
+
+def _per_frustum(straw: StrawParameters, q: Floats) -> tuple[Floats, Floats]:
+    """zeta and phi of every frustum, (n, cells, 2), from coordinates (n, coordinates)."""
+    n = straw.cells
+    zeta = np.broadcast_to(straw.zeta0_m, (len(q), n, 2)).copy()
+    phi = np.zeros((len(q), n, 2))
+    k = 2 if straw.form == "full" else 1
+    for j in range(k):
+        zeta[:, :, j + 2 - k] = q[:, j * n : (j + 1) * n]
+        phi[:, :, j + 2 - k] = q[:, (k + j) * n : (k + j + 1) * n]
+    return zeta, phi

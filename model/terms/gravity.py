@@ -1,0 +1,15 @@
+"""Gravity on the fluid of each cell and on the sealing (equation 5): -m g along Z at each centre of mass."""
+
+from __future__ import annotations
+
+from model.compiled import compiled
+from model.kinematics import Chain
+from model.load import Load
+from model.parameters import Constants
+
+
+@compiled
+def add_gravity(c: Constants, s: Chain, load: Load) -> None:
+    """Add -m g to each body's vertical force."""
+    for i in range(c.cells + 1):
+        load.force[i, 1] -= s.mass[i] * c.g
