@@ -3,3 +3,7 @@
 
 class RigError(Exception):
     """Bad input or a state the rig room cannot go on from; the message is one line, fit to show a user."""
+
+
+class LinkLostError(RigError):
+    """The way to an instrument is gone (unplugged, closed, refused): nothing more will come through it."""

@@ -1,0 +1,158 @@
+"""ELVEFLOW OB1 MK4 on its serial port: the UART grammar as pure functions, and the driver that speaks it.
+
+Source: micro-manager/mmCoreAndDevices ``DeviceAdapters/Elveflow/ob1_mk4.cpp`` and micro-manager.org/Elveflow, the only
+public description. A request is ``<`` + keyword of five letters + ``?`` or ``!`` + parameters + newline, the answer one
+line that starts with ``>``. Not shown in public, so settable in ``Dialect``: the words between keyword and values, how
+a refusal looks, the unit of the readings. There is no checksum, no vent command and no watchdog: venting is setting 0.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import time
+from dataclasses import dataclass
+from typing import Any
+
+from rig.controller import Controller
+from rig.errors import LinkLostError, RigError
+from rig.limits import PressureLimits
+from rig.line import Line
+
+FIRMWARE = b"<FIRMV?\n"
+READ_ALL = b"<PINGA?\n"
+CHANNELS = 4
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """What the public sources leave open, with the inferred answer as default.
+
+    ``ok`` follows the keyword in every good answer; ``first_channel`` is the instrument's number of its first channel;
+    ``reading_unit_pa`` is the unit of the regulator values (mbar).
+    """
+
+    ok: str = "OK"
+    separator: str = "|"
+    first_channel: int = 0
+    reading_unit_pa: float = 100.0
+
+
+def encode_set(channel: int, pressure_pa: float, dialect: Dialect = Dialect()) -> bytes:
+    """The request that sets a channel (from 1) to a whole number of mbar."""
+    mbar = round(pressure_pa / 100.0)
+    if not 1 <= channel <= CHANNELS or abs(mbar * 100.0 - pressure_pa) > 1e-6:
+        raise RigError(f"OB1 MK4 cannot be told channel {channel}, {pressure_pa!r} Pa: channels 1..4, whole mbar")
+    return f"<PRESS!:{channel - 1 + dialect.first_channel}:{mbar}\n".encode()
+
+
+def is_answer_to(request: bytes, reply: bytes) -> bool:
+    """Whether the reply carries the keyword of the request; a late one does not."""
+    return reply[:1] == b">" and reply[1:7] == request[1:7]
+
+
+def decode_payload(reply: bytes, dialect: Dialect = Dialect()) -> str:
+    """What follows ``>KEYWD?|OK|``; RigError when the instrument refused or the line is damaged."""
+    text = reply.decode("ascii", errors="replace").strip()
+    head, *rest = text.split(dialect.separator)
+    if not re.fullmatch(r">[A-Z]{5}[?!]", head) or not rest:
+        raise RigError(f"OB1 MK4 answered {text!r}, which is not its grammar; check port and firmware (1.4.1 or later)")
+    if rest[0] != dialect.ok:
+        raise RigError(f"OB1 MK4 refused: {text!r}; check channel and pressure range")
+    return dialect.separator.join(rest[1:])
+
+
+def decode_pressures(reply: bytes, dialect: Dialect = Dialect()) -> dict[int, float]:
+    """Regulator pressure (Pa) by channel (from 1) out of a PINGA answer ``reg0:sens0:type0:...:reg3:sens3:type3``."""
+    fields = decode_payload(reply, dialect).split(":")
+    try:
+        if len(fields) != 3 * CHANNELS:
+            raise ValueError
+        pressures = {i + 1: float(fields[3 * i]) * dialect.reading_unit_pa for i in range(CHANNELS)}
+        if not all(math.isfinite(pressure) for pressure in pressures.values()):
+            raise ValueError
+    except ValueError:
+        raise RigError(f"OB1 MK4 sent a damaged reading {reply!r}; it was not used") from None
+    return pressures
+
+
+class Ob1Mk4(Controller):
+    """Driver of an OB1 MK4 on ``port`` (name, by-id path or ``socket://host:port``); pressures in whole mbar.
+
+    ``limits`` default to what the straw stands, never more than the -900..1000 mbar regulator. ``sigma_pa`` is the
+    standard uncertainty of one reading, NaN when nobody measured it.
+    """
+
+    name = "ob1-mk4"
+    span = PressureLimits(min_pa=-90e3, max_pa=100e3)
+    resolution_pa = 100.0
+
+    def __init__(
+        self,
+        port: str,
+        *,
+        timeout_s: float = 0.5,
+        dialect: Dialect = Dialect(),
+        **settings: Any,
+    ) -> None:
+        super().__init__(**settings)
+        if not set(self.channels) <= set(range(1, CHANNELS + 1)):
+            raise RigError(f"OB1 MK4 has channels 1..{CHANNELS}, not {self.channels}")
+        self.timeout_s = timeout_s
+        self.dialect = dialect
+        self.firmware = ""
+        self._line = Line(port, baud=115200)
+
+    def _open(self) -> None:
+        self._line.open()
+        try:
+            self.firmware = decode_payload(self._ask(FIRMWARE), self.dialect)
+        except BaseException:
+            self._line.close()
+            raise
+
+    def _close(self) -> None:
+        self._line.close()
+
+    def _ask(self, request: bytes) -> bytes:
+        """One exchange; late answers to earlier requests are passed over, and nothing is sent twice."""
+        deadline = time.monotonic() + self.timeout_s
+        reply = self._line.exchange(request, b"\n", self.timeout_s)
+        while not is_answer_to(request, reply):
+            left_s = deadline - time.monotonic()
+            if left_s <= 0.0:
+                raise RigError(f"OB1 MK4 answered {reply!r} to {request!r}; check port, cable and firmware")
+            reply = self._line.read_until(b"\n", left_s)
+        return reply
+
+    def _send(self, channel: int, pressure_pa: float) -> None:
+        decode_payload(self._ask(encode_set(channel, pressure_pa, self.dialect)), self.dialect)
+
+    def _read(self) -> tuple[dict[int, float], bytes]:
+        reply = self._ask(READ_ALL)
+        return decode_pressures(reply, self.dialect), reply
+
+    def _vent(self, channel: int) -> None:
+        for attempt in range(3):
+            try:
+                return self._send(channel, 0.0)
+            except LinkLostError:
+                raise
+            except RigError:  # unlike any other set, a vent may be repeated: doing it twice does no harm
+                if attempt == 2:
+                    raise
+        return None
+
+    def snapshot(self) -> dict[str, str]:
+        """Firmware, port and settings, as strings for the record."""
+        return {
+            "controller": self.name,
+            "firmware": self.firmware,
+            "port": self._line.port,
+            "channels": ",".join(map(str, self.channels)),
+            "limits": str(self.limits),
+            "dialect": str(self.dialect),
+        }
+
+
+CONTROLLER = Ob1Mk4

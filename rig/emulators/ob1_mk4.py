@@ -1,0 +1,57 @@
+"""ELVEFLOW OB1 MK4 as its port shows it: the wire grammar (source: rig/controllers/ob1_mk4.py), no pressure physics."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from rig.plant import Plant
+
+SET = re.compile(r"<PRESS!:([0-3]):(-?\d{1,5})")
+TRIGGER_SET = re.compile(r"<TRIGO!([01])")
+
+
+class Ob1Mk4Emulator:
+    """Answers one request line at a time; ``plants`` maps channels (from 1) to whatever holds the pressure.
+
+    Channels without a plant read 0. A refusal is spelt ``>KEYWD?|KO|``: how the real one spells it is not public.
+    """
+
+    terminator = b"\n"
+    baud = 115200
+
+    def __init__(self, plants: Mapping[int, Plant], firmware: str = "1.4.1") -> None:
+        self.plants = plants
+        self.firmware = firmware
+        self.trigger_out = 0
+
+    def answer(self, line: bytes, time_s: float) -> bytes:
+        """The reply line to one request line, given the plant's time in seconds; silence to what is no request."""
+        request = line.decode("ascii", errors="replace").strip()
+        if not re.fullmatch(r"<[A-Z]{5}[?!].*", request):
+            return b""
+        value = self._value(request, time_s)
+        return f">{request[1:7]}|{'KO' if value is None else 'OK'}|{value or ''}\n".encode()
+
+    def _value(self, request: str, time_s: float) -> str | None:
+        if request == "<FIRMV?":
+            return self.firmware
+        if request == "<PINGA?":
+            return ":".join(f"{self._mbar(channel, time_s)}:0:0" for channel in (1, 2, 3, 4))
+        if request in ("<TRIGI?", "<TRIGO?"):
+            return "0" if request == "<TRIGI?" else str(self.trigger_out)
+        if match := TRIGGER_SET.fullmatch(request):
+            self.trigger_out = int(match[1])
+            return match[1]
+        if match := SET.fullmatch(request):
+            channel, mbar = int(match[1]) + 1, int(match[2])
+            if channel in self.plants:
+                self.plants[channel].command(time_s, mbar * 100.0)
+                return f"{match[1]}:{mbar}"
+        return None
+
+    def _mbar(self, channel: int, time_s: float) -> int:
+        return round(self.plants[channel].reading(time_s) / 100.0) if channel in self.plants else 0
+
+
+EMULATOR = Ob1Mk4Emulator

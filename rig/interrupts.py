@@ -1,0 +1,42 @@
+"""Interrupts: Ctrl-C and kill become a question the loop asks, so that nothing can interrupt the vent."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from types import FrameType, TracebackType
+from typing import Any, Self
+
+NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")  # not every system has all of them
+
+
+class Interrupts:
+    """While entered, stop signals only set ``pending``; call ``check`` wherever stopping is safe.
+
+    Outside the main thread Python allows no handlers; then signals do not arrive here and this does nothing.
+    """
+
+    def __init__(self) -> None:
+        self.pending: signal.Signals | None = None
+        self._before: dict[signal.Signals, Any] = {}
+
+    def check(self) -> None:
+        """Raise what the first signal meant: KeyboardInterrupt for Ctrl-C, SystemExit(128 + number) for the others."""
+        if self.pending is signal.SIGINT:
+            raise KeyboardInterrupt
+        if self.pending is not None:
+            raise SystemExit(128 + self.pending)
+
+    def __enter__(self) -> Self:
+        if threading.current_thread() is threading.main_thread():
+            for name in NAMES:
+                if number := getattr(signal, name, None):
+                    self._before[number] = signal.signal(number, self._note)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        self.pending = self.pending or signal.Signals(number)

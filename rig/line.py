@@ -1,0 +1,121 @@
+"""Line: moves bytes to and from one port; knows nothing about what they mean."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+from rig.errors import LinkLostError, RigError
+
+T = TypeVar("T")
+POLL_S = 0.02  # how long one read may wait; changing a port's timeout per call would reconfigure the port each time
+
+
+class Line:
+    """A serial port by name (``COM3``, ``/dev/ttyUSB0``), by-id path, or URL (``socket://host:port``).
+
+    Every fault of the port is a ``LinkLostError``, and silence a plain ``RigError``, each with one line that says which
+    port and what to do.
+    """
+
+    def __init__(self, port: str, baud: int = 115200) -> None:
+        self.port = port
+        self.baud = baud
+        self._serial: Any = None
+
+    def open(self) -> None:
+        """Open at 8N1 without handshake, alone: a second program on the same port would mix up the replies."""
+        import serial  # here, so that programs which only read recordings never load it
+
+        alone: dict[str, Any] = {} if "://" in self.port else {"exclusive": True}
+        try:
+            self._serial = serial.serial_for_url(
+                self.port, baudrate=self.baud, timeout=POLL_S, write_timeout=0.5, **alone
+            )
+        except (OSError, ValueError, TypeError) as error:  # SerialException is an OSError
+            raise LinkLostError(
+                f"port {self.port} does not open: {_short(error)}; plug it in, check the name ({_ports()}), "
+                "or close the program that holds it"
+            ) from None
+        _low_latency(self.port)
+
+    def close(self) -> None:
+        """Close the port; never raises."""
+        port, self._serial = self._serial, None
+        if port is None:
+            return
+        socket = getattr(port, "_socket", None)
+        try:
+            port.close()
+        except OSError:
+            pass  # already gone, which is what was wanted
+        finally:
+            if socket is not None:  # pyserial 3.5 forgets to close its socket when the peer hung up first
+                socket.close()
+
+    def drain(self) -> bytes:
+        """Throw away, and return, what came late: it must not be taken for the next reply."""
+
+        def read_waiting(port: Any) -> bytes:
+            stale = b""
+            while len(stale) < 65536 and port.in_waiting:
+                stale += port.read(port.in_waiting)
+            return stale
+
+        return self._guarded(read_waiting)
+
+    def write(self, request: bytes) -> None:
+        """Send all bytes of the request."""
+        self._guarded(lambda port: port.write(request))
+
+    def read_until(self, until: bytes, timeout_s: float) -> bytes:
+        """Bytes up to and including ``until``; RigError when it does not come within ``timeout_s`` seconds."""
+        deadline = time.monotonic() + timeout_s
+        reply = b""
+        while not reply.endswith(until):
+            if time.monotonic() > deadline:
+                heard = f"only {reply!r}" if reply else "nothing"
+                raise RigError(
+                    f"port {self.port}: {heard} within {timeout_s:g} s; check that the right instrument is on"
+                )
+            reply += self._guarded(lambda port: bytes(port.read(1)))
+        return reply
+
+    def exchange(self, request: bytes, until: bytes, timeout_s: float) -> bytes:
+        """Drop stale input, send the request once, and return the reply up to ``until``."""
+        self.drain()
+        self.write(request)
+        return self.read_until(until, timeout_s)
+
+    def _guarded(self, use: Callable[[Any], T]) -> T:
+        if self._serial is None:
+            raise LinkLostError(f"port {self.port} is not open; open it first")
+        try:
+            return use(self._serial)
+        except (OSError, TypeError, ValueError) as error:  # pyserial turns a vanished fd into TypeError
+            raise LinkLostError(
+                f"port {self.port} was lost: {_short(error)}; check cable and power, then start again"
+            ) from None
+
+
+def _short(error: BaseException) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def _ports() -> str:
+    from serial.tools.list_ports import comports
+
+    names = [port.device for port in comports()]
+    return f"ports here: {', '.join(names)}" if names else "no serial port found here"
+
+
+def _low_latency(port: str) -> None:
+    # FTDI chips wait 16 ms to fill a packet, which caps polling near 60 Hz; lowering it needs rights we may not have.
+    timer = Path("/sys/bus/usb-serial/devices") / Path(port).resolve().name / "latency_timer"
+    try:
+        if timer.exists():
+            timer.write_text("1")
+    except OSError:
+        pass  # slower, not wrong

@@ -1,0 +1,103 @@
+"""PressureProtocol: a TOML file of holds, ramps and rows, compiled to a table that model, emulator and rig all run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rig.errors import RigError
+from rig.limits import STRAW_LIMITS, PressureLimits
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class PressureProtocol:
+    """Commanded gauge pressure against time: breakpoints, straight in between, where a repeated time is a step.
+
+    ``time_s`` starts at 0 and never decreases; ``pressure_pa`` belongs to it. Straight lines between points that pass
+    the limits pass them too, so checking the table checks the run. ``zero_s`` is where the main part begins.
+    """
+
+    name: str
+    time_s: Floats
+    pressure_pa: Floats
+    zero_s: float
+    initial_deployed: tuple[int, ...]
+    specimen: str = ""
+    cycle: int = 0
+    channel: int = 1
+    limits: PressureLimits = STRAW_LIMITS
+    text: str = field(default="", repr=False)
+
+    def __post_init__(self) -> None:
+        time_s, pressure_pa = self.time_s, self.pressure_pa
+        if time_s.ndim != 1 or len(time_s) < 2 or time_s.shape != pressure_pa.shape:
+            raise RigError(f"protocol {self.name}: time_s and pressure_pa must be two rows of equal length, 2 or more")
+        if not np.all(np.isfinite(time_s)) or time_s[0] != 0.0 or np.any(np.diff(time_s) < 0.0) or time_s[-1] <= 0.0:
+            raise RigError(f"protocol {self.name}: time_s must start at 0 and increase to the protocol's end")
+        if not 0.0 <= self.zero_s <= time_s[-1]:
+            raise RigError(f"protocol {self.name}: zero_s {self.zero_s:g} lies outside 0..{time_s[-1]:g} s")
+        self.check_limits(self.limits)
+
+    def __call__(self, time_s: ArrayLike) -> Floats:
+        """Commanded pressure (Pa) at seconds since the start; the first value before it, the last one after the end."""
+        t = np.asarray(time_s, dtype=np.float64)
+        left = np.searchsorted(self.time_s, t, side="right") - 1  # at a step the new value counts
+        i = np.clip(left, 0, len(self.time_s) - 2)
+        t0, t1 = self.time_s[i], self.time_s[i + 1]
+        share = np.clip((t - t0) / np.where(t1 > t0, t1 - t0, 1.0), 0.0, 1.0)
+        straight = self.pressure_pa[i] + share * (self.pressure_pa[i + 1] - self.pressure_pa[i])
+        after = left >= len(self.time_s) - 1
+        return np.asarray(np.where(after, self.pressure_pa[-1], np.where(left < 0, self.pressure_pa[0], straight)))
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the whole protocol in seconds."""
+        return float(self.time_s[-1])
+
+    @property
+    def steps_s(self) -> Floats:
+        """Times (s) at which the commanded pressure jumps, the start from vented included."""
+        before = np.concatenate([[0.0], self.pressure_pa[:-1]])
+        at = np.concatenate([[True], np.diff(self.time_s) == 0.0])
+        return np.asarray(self.time_s[at & (before != self.pressure_pa)])
+
+    def check_limits(self, limits: PressureLimits) -> None:
+        """Raise RigError, naming time and pressure, unless every point of the table is within ``limits``."""
+        for t, p in zip(self.time_s, self.pressure_pa, strict=True):
+            if reason := limits.why_not(float(p)):
+                raise RigError(f"protocol {self.name}: at {t:g} s {reason}; lower it, or widen the limits on purpose")
+        rate = limits.max_rate_pa_s
+        if rate is None:
+            return
+        dt = np.diff(self.time_s, prepend=0.0)
+        dp = np.abs(np.diff(self.pressure_pa, prepend=0.0))
+        for t, width, change in zip(self.time_s, dt, dp, strict=True):
+            if change > rate * width * (1.0 + 1e-9):
+                how = f"{change / width / 1e3:g} kPa/s" if width else f"a step of {change / 1e3:g} kPa"
+                raise RigError(
+                    f"protocol {self.name}: up to {t:g} s there is {how}, limit {rate / 1e3:g} kPa/s; use a slower ramp"
+                )
+
+
+def load_protocol(path: str | Path) -> PressureProtocol:
+    """Read a protocol file; raises RigError with one line naming file, section, entry and cure."""
+    path = Path(path)
+    try:
+        text = path.read_bytes().decode()
+    except OSError as error:
+        raise RigError(f"protocol {path} cannot be read: {error.strerror or error}; check the name") from None
+    except UnicodeDecodeError:
+        raise RigError(f"protocol {path} is not a text file; a protocol is TOML, see rig/protocols") from None
+    return protocol_from_toml(text, path.name)
+
+
+def protocol_from_toml(text: str, name: str) -> PressureProtocol:
+    """Compile TOML text; ``name`` says where it came from in errors. Raises RigError with one line."""
+    from rig.protocol_toml import compile_toml
+
+    return compile_toml(text, name)

@@ -1,0 +1,183 @@
+"""Writes recordings: a file that is never half there, and a queue before it so that a live loop never waits."""
+
+from __future__ import annotations
+
+import os
+import queue
+import threading
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from rig.errors import RigError
+from rig.schema import descriptor_set, encode, schema_of
+
+FLUSH_S = 1.0  # what a killed program may lose at most: a chunk that was never flushed is gone
+LAST_NS = 2**63 - 1
+
+
+class RunFile:
+    """One MCAP being written: protobuf, zstd chunks, CRCs on, named ``.part`` until it is finished.
+
+    Nothing is ever overwritten: a path that exists, finished or as ``.part``, is a RigError, as is every fault of the
+    disk.
+    """
+
+    def __init__(
+        self, path: str | Path, metadata: Mapping[str, str], attachments: Mapping[str, bytes] | None = None
+    ) -> None:
+        from mcap.writer import CompressionType, Writer
+
+        self.path = Path(path)
+        self.part = self.path.with_name(self.path.name + ".part")
+        for taken in (self.path, self.part):
+            if taken.exists():
+                raise RigError(f"recording {taken} exists and is not overwritten; choose another name or move it away")
+        try:
+            self._stream = self.part.open("xb")
+        except OSError as error:
+            raise RigError(f"recording {self.path} cannot be made: {error.strerror}; check the folder") from None
+        # Data CRCs as well: chunk CRCs alone would let a flipped bit in the metadata pass.
+        self._mcap: Any = Writer(self._stream, compression=CompressionType.ZSTD, enable_data_crcs=True)
+        self._channels: dict[str, int] = {}
+        try:
+            self._mcap.start(profile="straw", library="straw rig")
+            self._mcap.add_metadata("straw.run", {key: str(value) for key, value in metadata.items()})
+            for name, data in (attachments or {}).items():
+                now_ns = time.time_ns()
+                self._mcap.add_attachment(now_ns, now_ns, name, "text/plain", data)
+            self.flush()
+        except BaseException as error:
+            self.discard()
+            if isinstance(error, OSError):
+                raise self._disk(error) from None
+            raise
+
+    def add(self, topic: str, happened_ns: int, data: bytes, log_time_ns: int | None = None) -> None:
+        """Write one encoded message that happened at ``happened_ns`` (ns since the Unix epoch), logged now."""
+        if topic not in self._channels:
+            schema = schema_of(topic)
+            schema_id = self._mcap.register_schema(schema.name, "protobuf", descriptor_set(schema))
+            self._channels[topic] = self._mcap.register_channel(topic, "protobuf", schema_id, schema.units)
+        log_ns = time.time_ns() if log_time_ns is None else log_time_ns
+        try:
+            self._mcap.add_message(self._channels[topic], log_ns, data, happened_ns)
+        except OSError as error:
+            raise self._disk(error) from None
+
+    def flush(self) -> None:
+        """Bring everything so far to the disk, where neither a killed program nor a lost battery can reach it."""
+        try:
+            self._mcap.flush()
+            os.fsync(self._stream.fileno())
+        except OSError as error:
+            raise self._disk(error) from None
+
+    def finish(self, closing: Mapping[str, str] | None = None) -> None:
+        """Write the closing metadata (record ``straw.stop``) and the index, and give the file its name."""
+        try:
+            if closing:
+                self._mcap.flush()
+                self._mcap.add_metadata("straw.stop", dict(closing))
+            self._mcap.finish()
+            self._stream.flush()
+            os.fsync(self._stream.fileno())
+            self._stream.close()
+            if self.path.exists():
+                raise RigError(f"recording {self.path} appeared meanwhile; the data are safe in {self.part}")
+            self.part.rename(self.path)
+        except OSError as error:
+            raise self._disk(error) from None
+        finally:
+            self.abandon()
+
+    def abandon(self) -> None:
+        """Let go of the file as it is; what was flushed stays in ``.part`` until ``finish`` renamed it."""
+        with suppress(OSError):  # a full disk complains again, and has been reported
+            self._stream.close()
+
+    def discard(self) -> None:
+        """Remove the unfinished file: only for what can be made again, never for a run."""
+        self.abandon()
+        self.part.unlink(missing_ok=True)
+
+    def _disk(self, error: OSError) -> RigError:
+        return RigError(f"recording {self.part} cannot be written: {error.strerror or error}; check space and rights")
+
+
+class RunWriter:
+    """A live recording: ``add`` only queues, a thread writes and flushes every second.
+
+    Used as a context manager it always finishes the file: what was recorded before an error is kept.
+    """
+
+    def __init__(
+        self, path: str | Path, metadata: Mapping[str, str], attachments: Mapping[str, bytes] | None = None
+    ) -> None:
+        self._file = RunFile(path, metadata, attachments)
+        self.path = self._file.path
+        self._queue: queue.SimpleQueue[tuple[str, int, bytes] | None] = queue.SimpleQueue()
+        self._failure: BaseException | None = None
+        self._finished = False
+        self._thread = threading.Thread(target=self._write, name=f"writer {self.path.name}", daemon=True)
+        self._thread.start()
+
+    def add(self, topic: str, happened_ns: int, **values: Any) -> None:
+        """Queue one message that happened at ``happened_ns`` (ns since the Unix epoch); never waits for the disk.
+
+        An error of an earlier message comes out here, so that a run on a full disk stops instead of pretending.
+        """
+        if self._failure is not None:
+            raise self._failure
+        if self._finished:
+            raise RigError(f"recording {self.path} is finished; what happens later needs a recording of its own")
+        self._queue.put((topic, happened_ns, encoded(topic, happened_ns, values)))
+
+    def event(self, kind: str, text: str, happened_ns: int | None = None) -> None:
+        """Queue an event, now if no time is given."""
+        self.add("/events", time.time_ns() if happened_ns is None else happened_ns, kind=kind, text=text)
+
+    def finish(self, closing: Mapping[str, str] | None = None) -> None:
+        """Write what is queued and finish the file; an error of the writing thread comes out here."""
+        if self._finished:
+            return
+        self._finished = True
+        self._queue.put(None)
+        self._thread.join()
+        if self._failure is not None:
+            self._file.abandon()
+            raise self._failure
+        self._file.finish(closing)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
+        self.finish()
+
+    def _write(self) -> None:
+        flush_at = time.monotonic() + FLUSH_S
+        try:
+            while True:
+                try:
+                    item = self._queue.get(timeout=max(flush_at - time.monotonic(), 0.0))
+                    if item is None:
+                        return
+                    self._file.add(*item)
+                except queue.Empty:
+                    pass
+                if time.monotonic() >= flush_at:
+                    self._file.flush()
+                    flush_at = time.monotonic() + FLUSH_S
+        except BaseException as error:  # kept for add() and finish(): a thread has nobody to tell
+            self._failure = error
+
+
+def encoded(topic: str, happened_ns: int, values: Mapping[str, Any]) -> bytes:
+    """One message as bytes, with its time checked; RigError when a value does not fit its field."""
+    if not 0 < happened_ns <= LAST_NS:  # a message at t = 0 breaks viewers
+        raise RigError(f"{topic} at {happened_ns} ns is no time since 1970; check zero_time_ns")
+    return encode(topic, dict(values))

@@ -1,0 +1,224 @@
+"""Session: runs a protocol on a controller and records it; every way out of here vents first."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from rig.controller import Command, Controller, Reading
+from rig.errors import LinkLostError, RigError
+from rig.interrupts import Interrupts
+from rig.protocol import PressureProtocol
+from rig.run_write import RunWriter
+
+ARM_S = 0.2  # between writing the file's head, which names the run's zero, and the start
+MISSES = 3  # readings in a row that may fail before the run is given up
+Progress = Callable[[float, float, float], None]  # (time s, duration s, measured Pa)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run went: the finished recording, cycles done, the loop rate reached (Hz) and the readings that failed."""
+
+    path: Path
+    cycles: int
+    rate_hz: float
+    missed: int
+
+
+def run_protocol(
+    controller: Controller,
+    protocol: PressureProtocol,
+    path: str | Path,
+    *,
+    rate_hz: float = 100.0,
+    metadata: Mapping[str, str] | None = None,
+    progress: Progress | None = None,
+) -> Outcome:
+    """Drive an opened controller through the protocol, read every cycle, and record all of it in ``path`` (MCAP).
+
+    Time 0 of the recording is the start of the protocol's main part. ``metadata`` joins the record ``straw.run``.
+    Limits in force are those of the protocol and of the controller together, and every point is checked before
+    anything moves. On the normal end, an error, Ctrl-C (KeyboardInterrupt), or SIGTERM (SystemExit) the straw is
+    vented first, then the file is finished with the reason in it; a second Ctrl-C changes nothing about that.
+    """
+    if not controller.is_open:
+        raise RigError(f"controller {controller.name} is not open; write: with controller: run_protocol(...)")
+    allowed = controller.limits.and_also(protocol.limits)
+    protocol.check_limits(allowed)
+    if protocol.channel not in controller.channels:
+        raise RigError(f"protocol {protocol.name} wants channel {protocol.channel}, in use: {controller.channels}")
+    if not 0.0 < rate_hz <= 1000.0:
+        raise RigError(f"loop rate {rate_hz:g} Hz must be above 0 and at most 1000")
+    limits_before, controller.limits = controller.limits, allowed
+    try:
+        with Interrupts() as interrupts:
+            outcome = _Session(controller, protocol, Path(path), rate_hz, metadata or {}, progress, interrupts).run()
+            interrupts.check()  # a signal that came during the last vent still counts
+            return outcome
+    finally:
+        controller.limits = limits_before
+
+
+class _Session:
+    """One run: its writer, its counters, and the loop."""
+
+    def __init__(
+        self,
+        controller: Controller,
+        protocol: PressureProtocol,
+        path: Path,
+        rate_hz: float,
+        metadata: Mapping[str, str],
+        progress: Progress | None,
+        interrupts: Interrupts,
+    ) -> None:
+        self.controller = controller
+        self.protocol = protocol
+        self.period_s = 1.0 / rate_hz
+        self.progress = progress
+        self.interrupts = interrupts
+        self.cycles = self.missed = 0
+        self.run_s = 0.0
+        self.start_ns = controller.clock.monotonic_ns() + round(ARM_S * 1e9)
+        wall_start_ns = controller.clock.wall_ns(self.start_ns)
+        self.writer = RunWriter(
+            path,
+            {
+                "run_id": path.stem,
+                "specimen": protocol.specimen,
+                "initial_deployed": ",".join(map(str, protocol.initial_deployed)),
+                "cycle": str(protocol.cycle),
+                "cells": "9",
+                "channel": str(protocol.channel),
+                "protocol": protocol.name,
+                "rate_hz": f"{rate_hz:g}",
+                **controller.snapshot(),
+                **metadata,
+                "zero_time_ns": str(wall_start_ns + round(protocol.zero_s * 1e9)),
+            },
+            {"protocol.toml": protocol.text.encode()} if protocol.text else {},
+        )
+
+    def run(self) -> Outcome:
+        """Arm, loop, and vent whatever happens; what went wrong is raised after the file is finished."""
+        status, reason = "fail", "unknown"
+        try:
+            self.event("arm", f"limits {self.controller.limits}")
+            self.controller.vent()
+            self.loop()
+            status, reason = "success", "the protocol ended"
+        except RigError as error:
+            reason = str(error)
+            raise RigError(f"{error}; what was recorded is kept in {self.writer.path}") from None
+        except (KeyboardInterrupt, SystemExit) as stop:
+            status, reason = "abort", "Ctrl-C" if isinstance(stop, KeyboardInterrupt) else "the program was told to end"
+            raise
+        except BaseException as error:
+            reason = f"{type(error).__name__}: {error}"
+            raise
+        finally:
+            self.vent_and_finish(status, reason)
+        return Outcome(self.writer.path, self.cycles, self.cycles / self.run_s if self.run_s else 0.0, self.missed)
+
+    def loop(self) -> None:
+        """Command when the table changes, read and log every cycle, until the protocol's end."""
+        protocol, controller = self.protocol, self.controller
+        steps = list(protocol.steps_s)
+        told_pa: float | None = None
+        misses = 0
+        measured_pa = 0.0
+        self.wait_until(0.0)
+        self.event("start", protocol.name)
+        now_s = due_s = self.now_s()
+        while now_s < protocol.duration_s:
+            self.interrupts.check()
+            wanted_pa = float(protocol(now_s))
+            if controller.rounded(wanted_pa) != told_pa:
+                command = controller.set_pressure(protocol.channel, wanted_pa)
+                told_pa = command.pressure_pa
+                self.log_command(command)
+                if steps and steps[0] <= now_s:
+                    steps = [step_s for step_s in steps if step_s > now_s]
+                    self.event("step", f"to {told_pa:g} Pa", command.wall_ns)
+            try:
+                for reading in controller.read():
+                    self.log_reading(reading)
+                    if reading.channel == protocol.channel:
+                        measured_pa = reading.pressure_pa
+                misses = 0
+            except LinkLostError:
+                raise
+            except RigError as error:  # one garbled answer is no reason to end a run, but it is on record
+                misses += 1
+                self.missed += 1
+                self.event("fault", str(error))
+                if misses >= MISSES:
+                    raise
+            self.cycles += 1
+            self.run_s = self.now_s()
+            if self.progress:
+                self.progress(min(self.run_s, protocol.duration_s), protocol.duration_s, measured_pa)
+            due_s = max(due_s + self.period_s, self.run_s)  # a late cycle is not made up for by a burst
+            self.wait_until(due_s)
+            now_s = self.now_s()
+        self.event("stop", "end of protocol")
+
+    def vent_and_finish(self, status: str, reason: str) -> None:
+        """Vent before anything else, then say how it went, then finish the file."""
+        vent_error: RigError | None = None
+        try:
+            self.controller.vent()
+        except BaseException as error:  # nothing may keep the record of a failed vent from being written
+            vent_error = (
+                error if isinstance(error, RigError) else RigError(f"vent failed: {type(error).__name__} {error}")
+            )
+        try:
+            self.event("vent", str(vent_error) if vent_error else "confirmed by the controller")
+            if status != "success":
+                self.event("abort" if status == "abort" else "fail", reason)
+        finally:
+            closing = {
+                "exit_status": status if vent_error is None else "fail",
+                "exit_reason": reason,
+                "vent": "not confirmed" if vent_error else "confirmed",
+                "cycles": str(self.cycles),
+                "missed_readings": str(self.missed),
+            }
+            self.writer.finish(closing)
+        if vent_error is not None:
+            raise RigError(f"{vent_error} ({reason}); what was recorded is kept in {self.writer.path}")
+
+    def now_s(self) -> float:
+        return (self.controller.clock.monotonic_ns() - self.start_ns) * 1e-9
+
+    def wait_until(self, time_s: float) -> None:
+        if (left_s := time_s - self.now_s()) > 0.0:
+            time.sleep(left_s)
+
+    def event(self, kind: str, text: str, wall_ns: int | None = None) -> None:
+        self.writer.event(kind, text, self.controller.clock.wall_ns() if wall_ns is None else wall_ns)
+
+    def log_command(self, command: Command) -> None:
+        self.writer.add(
+            "/pressure/command",
+            command.wall_ns,
+            pressure_pa=command.pressure_pa,
+            channel=command.channel,
+            monotonic_ns=command.monotonic_ns,
+            half_width_ns=command.half_width_ns,
+        )
+
+    def log_reading(self, reading: Reading) -> None:
+        self.writer.add(
+            "/pressure/measured",
+            reading.wall_ns,
+            pressure_pa=reading.pressure_pa,
+            sigma_pa=reading.sigma_pa,
+            channel=reading.channel,
+            monotonic_ns=reading.monotonic_ns,
+            half_width_ns=reading.half_width_ns,
+            raw=reading.raw,
+        )

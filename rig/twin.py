@@ -1,0 +1,136 @@
+"""Twin: the straw behind the wire. Outlet pressure in, straw motion and volume out, in step with a clock."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.plant import PressurePlant
+
+Floats = NDArray[np.float64]
+STEP_S = 1e-3  # a step of the history; outlet pressure is taken as straight within it
+TICK_S = 5e-3  # how long the twin's thread sleeps, and how far it stays behind the clock
+
+
+class StrawStepper(Protocol):
+    """A straw that can be moved on in time; ``model.simulate.Stepper`` is one."""
+
+    @property
+    def time_s(self) -> float:
+        """Time reached (s)."""
+
+    @property
+    def tip(self) -> tuple[float, float, float]:
+        """Tip (x_m, z_m, phi_rad)."""
+
+    @property
+    def volume_m3(self) -> float:
+        """Inner volume (m^3)."""
+
+    @property
+    def pressure_pa(self) -> float:
+        """Gauge pressure inside (Pa)."""
+
+    def advance(self, time_s: float, pressure_start_pa: float, pressure_end_pa: float) -> None:
+        """Move on to ``time_s`` under an outlet pressure that varies linearly on the way."""
+
+
+@dataclass(frozen=True, eq=False)
+class TwinHistory:
+    """What the straw really did: arrays of shape (n,), SI units, times since the twin's zero.
+
+    ``zero_wall_ns`` is that zero in ns since the Unix epoch; ``external_pa`` is at the outlet, ``pressure_pa`` inside.
+    """
+
+    zero_wall_ns: int
+    time_s: Floats
+    external_pa: Floats
+    x_m: Floats
+    z_m: Floats
+    phi_rad: Floats
+    pressure_pa: Floats
+    volume_m3: Floats
+
+
+class Twin:
+    """Moves ``stepper`` in real time under the pressure of ``plant``, and remembers every millisecond.
+
+    Give ``twin.now`` to the wire as its clock: wire, plant and straw then share one time, zero at construction. The
+    straw runs a tick behind and catches up when late, so a slow model never delays an answer on the wire.
+    """
+
+    def __init__(
+        self, stepper: StrawStepper, plant: PressurePlant, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self.stepper = stepper
+        self.plant = plant
+        # One step before the clock starts: a compiled model compiles now, not while somebody waits for an answer.
+        pressure_pa = plant.pressure(stepper.time_s)
+        stepper.advance(stepper.time_s + STEP_S, pressure_pa, pressure_pa)
+        self._clock = clock
+        self._zero = clock() - stepper.time_s
+        self.zero_wall_ns = time.time_ns() - round(stepper.time_s * 1e9)
+        self._rows: list[tuple[float, ...]] = []
+        self._remember(pressure_pa)
+        self._stopping = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._failure: BaseException | None = None
+
+    def now(self) -> float:
+        """Seconds since the twin's zero."""
+        return self._clock() - self._zero
+
+    def advance_to(self, time_s: float) -> None:
+        """Move the straw on in whole milliseconds, up to ``time_s``; only one thread may do so."""
+        while (end_s := self.stepper.time_s + STEP_S) <= time_s:
+            start_s = self.stepper.time_s
+            external_pa = self.plant.pressure(end_s)
+            self.stepper.advance(end_s, self.plant.pressure(start_s), external_pa)
+            self._remember(external_pa)
+
+    def start(self) -> None:
+        """Follow the clock from a daemon thread."""
+        self._thread = threading.Thread(target=self._follow, name="twin", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Stop following, after catching up with now; an error of the straw model comes out here."""
+        if self._thread is not None:
+            self._stopping.set()
+            self._thread.join()
+            self._thread = None
+        if self._failure is not None:
+            raise self._failure
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
+        self.stop()
+
+    @property
+    def history(self) -> TwinHistory:
+        """Everything so far, one row a millisecond."""
+        columns = np.array(self._rows, dtype=np.float64).T
+        return TwinHistory(self.zero_wall_ns, *columns)
+
+    def _remember(self, external_pa: float) -> None:
+        s = self.stepper
+        self._rows.append((s.time_s, external_pa, *s.tip, s.pressure_pa, s.volume_m3))
+
+    def _follow(self) -> None:
+        try:
+            while not self._stopping.wait(TICK_S):
+                # Staying a tick behind keeps the straw clear of commands that are arriving right now.
+                self.advance_to(self.now() - TICK_S)
+            self.advance_to(self.now())
+        except BaseException as error:  # kept for stop(): a thread has nobody to tell
+            self._failure = error

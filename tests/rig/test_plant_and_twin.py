@@ -1,0 +1,119 @@
+"""The plant behind the wire settles as the paper measured, and the straw behind it keeps time with its clock."""
+
+import math
+import time
+
+import numpy as np
+import pytest
+
+from model.parameters import StrawParameters
+from model.simulate import Stepper
+from rig.emulate import Emulation
+from rig.errors import RigError
+from rig.line import Line
+from rig.plant import PressurePlant
+from rig.twin import Twin
+from rig.wire import Wire
+
+
+def test_a_step_has_settled_to_97_percent_after_70_ms() -> None:
+    plant = PressurePlant()
+    plant.command(1.0, -25e3)
+    assert plant.pressure(0.9) == 0.0
+    assert plant.pressure(1.07) / -25e3 == pytest.approx(0.97, abs=0.001)
+    plant.command(1.01, 10e3)  # before it has settled: continues from where it is
+    half_way = plant.pressure(1.01)
+    assert half_way == pytest.approx(-25e3 * (1 - math.exp(-0.5)))
+    assert plant.pressure(1.03) == pytest.approx(10e3 + (half_way - 10e3) * math.exp(-1.0))
+    assert plant.pressure(1.005) == pytest.approx(-25e3 * (1 - math.exp(-0.25)))  # the past stays as it was
+
+
+def test_the_supply_answers_what_is_beyond_it() -> None:
+    plant = PressurePlant(min_pa=-5e3, max_pa=8e3)
+    plant.command(0.0, 50e3)
+    assert plant.pressure(10.0) == pytest.approx(8e3)
+    plant.command(10.0, -50e3)
+    assert plant.pressure(20.0) == pytest.approx(-5e3)
+
+
+def test_the_sensor_has_the_noise_and_resolution_it_was_given_and_repeats_with_its_seed() -> None:
+    readings = np.array([PressurePlant(noise_pa=0.0, resolution_pa=100.0).reading(0.0) for _ in range(3)])
+    assert readings.tolist() == [0.0, 0.0, 0.0]
+    noisy = PressurePlant(noise_pa=40.0, resolution_pa=0.0, seed=3)
+    values = np.array([noisy.reading(i * 1e-3) for i in range(4000)])
+    assert np.std(values) == pytest.approx(40.0, rel=0.05)
+    assert np.mean(values) == pytest.approx(0.0, abs=3.0)
+    again = PressurePlant(noise_pa=40.0, resolution_pa=0.0, seed=3)
+    assert [again.reading(0.0) for _ in range(5)] == values[:5].tolist()
+    coarse = PressurePlant(noise_pa=500.0, resolution_pa=100.0)
+    assert {coarse.reading(0.0) % 100.0 for _ in range(50)} == {0.0}
+
+
+def test_the_straw_follows_the_outlet_pressure_millisecond_by_millisecond(straw: object) -> None:
+    plant, now_s = PressurePlant(), 100.0
+    twin = Twin(straw, plant, clock=lambda: now_s)
+    plant.command(0.05, -25e3)
+    now_s += 0.2
+    twin.advance_to(twin.now())
+    history = twin.history
+    np.testing.assert_allclose(np.diff(history.time_s), 1e-3, atol=1e-9)
+    assert history.time_s[-1] == pytest.approx(twin.now(), abs=1.1e-3)
+    np.testing.assert_allclose(history.external_pa, [plant.pressure(t) for t in history.time_s])
+    np.testing.assert_allclose(history.x_m, history.pressure_pa * 1e-6)
+    assert history.pressure_pa[-1] == pytest.approx(-25e3, rel=1e-3)
+
+
+def test_the_models_straw_can_stand_behind_the_wire() -> None:
+    plant, now_s = PressurePlant(), 0.0
+    twin = Twin(Stepper(StrawParameters(), (1, 4)), plant, clock=lambda: now_s)
+    plant.command(0.01, -25e3)
+    now_s = 0.1
+    twin.advance_to(twin.now())
+    history = twin.history
+    assert history.volume_m3[-1] < history.volume_m3[0]  # suction draws fluid out
+    assert history.pressure_pa[-1] < -1e3
+    np.testing.assert_allclose(np.diff(history.time_s), 1e-3, atol=1e-9)
+
+
+def test_the_twin_keeps_real_time_and_knows_its_wall_clock(straw: object) -> None:
+    before_ns = time.time_ns()
+    with Twin(straw, PressurePlant()) as twin:
+        time.sleep(0.2)
+        end_s = twin.now()
+    assert end_s - 1.1e-3 <= twin.history.time_s[-1] < end_s + 1.0
+    assert before_ns - 10**7 <= twin.history.zero_wall_ns <= before_ns + 10**9
+    np.testing.assert_array_less(np.diff(twin.history.time_s), 1.001e-3)
+
+
+def test_an_error_of_the_straw_model_comes_out_when_the_twin_is_stopped(straw: object) -> None:
+    def diverge(time_s: float, pressure_start_pa: float, pressure_end_pa: float) -> None:
+        raise FloatingPointError("the straw flew away")
+
+    twin = Twin(straw, PressurePlant())  # type: ignore[arg-type]
+    straw.advance = diverge  # type: ignore[attr-defined]
+    twin.start()
+    time.sleep(0.05)
+    with pytest.raises(FloatingPointError, match="flew away"):
+        twin.stop()
+
+
+def test_the_wire_takes_as_long_as_the_real_line(straw: object) -> None:
+    # 8 + 27 bytes at 115200 baud are 3.0 ms, the latency comes on top.
+    with Emulation(straw, latency_s=5e-3) as emulation:
+        line = Line(emulation.url)
+        line.open()
+        start_s = time.perf_counter()
+        for _ in range(5):
+            reply = line.exchange(b"<PINGA?\n", b"\n", 1.0)
+        took_s = (time.perf_counter() - start_s) / 5
+        line.close()
+    assert took_s > 5e-3 + 10 * (8 + len(reply)) / 115200
+
+
+def test_a_wire_or_emulator_that_cannot_be_made_is_one_line(straw: object) -> None:
+    with pytest.raises(RigError, match="cannot listen on 'nowhere'"):
+        Emulation(straw, address="nowhere")
+    with pytest.raises(RigError, match="has no emulator; known: ob1-mk4"):
+        Emulation(straw, name="ob9")
+    with Emulation(straw) as first, pytest.raises(RigError, match="free port"):
+        Wire(first.wire.device, first.url.removeprefix("socket://"))

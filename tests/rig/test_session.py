@@ -1,0 +1,291 @@
+"""A run is recorded as it happened, and every way out of it vents."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rig.controller import Controller, make_controller
+from rig.emulate import Emulation
+from rig.errors import RigError
+from rig.limits import PressureLimits
+from rig.protocol import PressureProtocol
+from rig.run_read import read_run
+from rig.session import run_protocol
+
+Sets = Callable[[], list[int]]
+
+
+def test_a_run_is_recorded_as_it_happened(
+    controller: Controller, emulation: Emulation, short: PressureProtocol, tmp_path: Path
+) -> None:
+    path = tmp_path / "run.mcap"
+    seen: list[float] = []
+    outcome = run_protocol(
+        controller, short, path, metadata={"operator": "A"}, progress=lambda time_s, duration_s, pa: seen.append(time_s)
+    )
+    assert outcome.path == path
+    assert not path.with_name("run.mcap.part").exists()
+    run = read_run(path)
+    assert run.lost == ()
+    assert (run.run_id, run.specimen, run.initial_deployed, run.cycle, run.cells) == ("run", "straw-7", (1, 4), 12, 9)
+    assert run.metadata["operator"] == "A"
+    assert run.metadata["exit_status"] == "success"
+    assert run.metadata["firmware"] == "1.4.1"
+    assert run.attachments["protocol.toml"] == short.text.encode()
+    assert [event.kind for event in run.events] == ["arm", "start", "step", "stop", "vent"]
+    assert run.command is not None
+    assert run.pressure is not None
+    assert len(run.pressure) == outcome.cycles == len(seen)
+    # Time 0 is the start of the main part: the step is there, within a cycle or two of a busy machine.
+    first = int(np.argmax(run.command.pressure_pa != 0.0))
+    assert run.command.pressure_pa[first] == -25e3
+    assert 0.0 <= run.command.time_s[first] < 0.1
+    np.testing.assert_allclose(run.command(np.array([0.5, 0.55])), [-12.5e3, -6.25e3], atol=6e3)
+    assert run.pressure(0.35) == pytest.approx(-25e3, abs=100.0)
+
+
+def test_what_is_logged_is_the_reading_never_the_command(
+    emulation: Emulation, short: PressureProtocol, tmp_path: Path
+) -> None:
+    emulation.plant.min_pa = -10e3  # a supply that cannot follow
+    with make_controller("ob1-mk4", emulation.url) as controller:
+        run_protocol(controller, short, tmp_path / "run.mcap")
+    run = read_run(tmp_path / "run.mcap")
+    assert run.pressure is not None
+    assert run.command is not None
+    assert run.command.pressure_pa.min() == -25e3
+    assert run.pressure.pressure_pa.min() == -10e3
+
+
+def test_the_straw_behind_the_wire_moves_with_the_run(
+    straw: object, emulation: Emulation, short: PressureProtocol, tmp_path: Path
+) -> None:
+    with make_controller("ob1-mk4", emulation.url) as controller:
+        run_protocol(controller, short, tmp_path / "run.mcap")
+    run = read_run(tmp_path / "run.mcap")
+    history = emulation.twin.history
+    assert run.pressure is not None
+    at_s = (run.zero_time_ns - history.zero_wall_ns) * 1e-9 + run.pressure.time_s
+    truth_pa = np.interp(at_s, history.time_s, history.external_pa)
+    # Two clocks, one wall: 50 ms between them would be 7 kPa rms.
+    assert np.sqrt(np.mean((truth_pa - run.pressure.pressure_pa) ** 2)) < 3000.0
+    assert np.max(np.diff(history.time_s)) < 1.001e-3
+    assert history.x_m.min() == pytest.approx(-0.025, abs=1e-4)
+
+
+def test_the_loop_keeps_its_rate(controller: Controller, short: PressureProtocol, tmp_path: Path) -> None:
+    outcome = run_protocol(controller, short, tmp_path / "run.mcap", rate_hz=50.0)
+    assert 25.0 < outcome.rate_hz <= 51.5  # never faster; slower only as far as a busy machine forces it
+    assert outcome.missed == 0
+
+
+def test_a_script_that_fails_is_vented_and_its_data_kept(
+    controller: Controller, short: PressureProtocol, sets: Sets, tmp_path: Path
+) -> None:
+    def fail(time_s: float, duration_s: float, pressure_pa: float) -> None:
+        if time_s > 0.3:
+            raise ZeroDivisionError("a bug in the script")
+
+    with pytest.raises(ZeroDivisionError):
+        run_protocol(controller, short, tmp_path / "run.mcap", progress=fail)
+    assert sets()[-2:] == [-250, 0]
+    run = read_run(tmp_path / "run.mcap")
+    assert [event.kind for event in run.events[-2:]] == ["vent", "fail"]
+    assert run.metadata["exit_reason"] == "ZeroDivisionError: a bug in the script"
+    assert run.pressure is not None
+    assert run.pressure.time_s[-1] > 0.15
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends POSIX signals")
+@pytest.mark.parametrize(
+    ("number", "raised"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit)], ids=["Ctrl-C", "kill"]
+)
+def test_ctrl_c_and_kill_vent_first_even_when_they_come_again(
+    controller: Controller,
+    short: PressureProtocol,
+    sets: Sets,
+    tmp_path: Path,
+    number: signal.Signals,
+    raised: type[BaseException],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    vent = type(controller)._vent
+
+    def impatient_vent(self: Controller, channel: int) -> None:
+        if sets()[-1] != 0:
+            os.kill(os.getpid(), number)  # again, in the middle of venting
+        vent(self, channel)
+
+    monkeypatch.setattr(type(controller), "_vent", impatient_vent)
+
+    def stop(time_s: float, duration_s: float, pressure_pa: float) -> None:
+        if time_s > 0.3:
+            os.kill(os.getpid(), number)
+
+    with pytest.raises(raised):
+        run_protocol(controller, short, tmp_path / "run.mcap", progress=stop)
+    assert sets()[-2:] == [-250, 0]
+    run = read_run(tmp_path / "run.mcap")
+    assert [event.kind for event in run.events[-2:]] == ["vent", "abort"]
+    assert run.metadata["exit_status"] == "abort"
+    assert run.metadata["vent"] == "confirmed"
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends POSIX signals")
+def test_a_process_that_is_told_to_end_vents_on_its_way_out(emulation: Emulation, sets: Sets, tmp_path: Path) -> None:
+    script = f"""
+from rig.controller import make_controller
+from rig.protocol import protocol_from_toml
+from rig.session import run_protocol
+text = 'pressure_unit = "kPa"\\ninitial_deployed = []\\nmain = [{{hold = 20, for_s = 60}}]'
+with make_controller("ob1-mk4", "{emulation.url}") as controller:
+    run_protocol(controller, protocol_from_toml(text, "long.toml"), r"{tmp_path / "run.mcap"}")
+"""
+    process = subprocess.Popen([sys.executable, "-c", script], cwd=Path(__file__).parents[2], stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 20.0
+    while 200 not in sets():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(timeout=20.0) == 128 + signal.SIGTERM
+    assert sets()[-1] == 0
+    assert read_run(tmp_path / "run.mcap").metadata["exit_status"] == "abort"
+
+
+def test_a_lost_link_ends_the_run_with_the_data_kept(
+    emulation: Emulation, short: PressureProtocol, tmp_path: Path
+) -> None:
+    controller = make_controller("ob1-mk4", emulation.url)
+    controller.open()
+    pull = threading.Timer(0.5, emulation.wire.close)
+    pull.start()
+    with pytest.raises(RigError, match=r"VENT IS NOT CONFIRMED.*was lost.*what was recorded is kept in") as caught:
+        run_protocol(controller, short, tmp_path / "run.mcap")
+    pull.join()
+    assert "\n" not in str(caught.value)
+    run = read_run(tmp_path / "run.mcap")
+    assert run.metadata["exit_status"] == "fail"
+    assert run.metadata["vent"] == "not confirmed"
+    assert run.pressure is not None
+    assert len(run.pressure) > 10
+    with pytest.raises(RigError, match="VENT IS NOT CONFIRMED"):
+        controller.close()
+
+
+def test_a_link_that_comes_back_is_used_to_vent(
+    controller: Controller, emulation: Emulation, short: PressureProtocol, sets: Sets, tmp_path: Path
+) -> None:
+    def unplug(time_s: float, duration_s: float, pressure_pa: float) -> None:
+        if time_s > 0.3:
+            controller._line._serial._socket.shutdown(socket.SHUT_RDWR)  # type: ignore[attr-defined]
+
+    with pytest.raises(RigError, match=r"was lost.*what was recorded is kept in"):
+        run_protocol(controller, short, tmp_path / "run.mcap", progress=unplug)
+    assert sets()[-2:] == [-250, 0]
+    assert read_run(tmp_path / "run.mcap").metadata["vent"] == "confirmed"
+
+
+def test_a_controller_that_is_not_open_runs_nothing_and_leaves_no_file(
+    emulation: Emulation, short: PressureProtocol, tmp_path: Path
+) -> None:
+    closed = make_controller("ob1-mk4", emulation.url)
+    with pytest.raises(RigError, match="is not open; write: with controller"):
+        run_protocol(closed, short, tmp_path / "run.mcap")
+    closed.close()
+    assert emulation.wire.received == []
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_one_garbled_reading_is_on_record_and_the_run_goes_on(
+    controller: Controller, emulation: Emulation, short: PressureProtocol, tmp_path: Path
+) -> None:
+    answer, count = emulation.wire.device.answer, 0
+
+    def sometimes_garbled(line: bytes, time_s: float) -> bytes:
+        nonlocal count
+        count += 1
+        return b">PINGA?|OK|12:\xff\n" if count == 20 else answer(line, time_s)
+
+    emulation.wire.device.answer = sometimes_garbled  # type: ignore[method-assign]
+    outcome = run_protocol(controller, short, tmp_path / "run.mcap")
+    run = read_run(tmp_path / "run.mcap")
+    assert outcome.missed == 1
+    assert [event.kind for event in run.events].count("fault") == 1
+    assert run.metadata["exit_status"] == "success"
+
+
+def test_an_instrument_that_refuses_everything_ends_the_run(
+    controller: Controller, emulation: Emulation, short: PressureProtocol, tmp_path: Path
+) -> None:
+    answer = emulation.wire.device.answer
+    start_s = emulation.twin.now()
+
+    def refusing(line: bytes, time_s: float) -> bytes:
+        return b">PINGA?|KO|\n" if b"PINGA" in line and time_s > start_s + 0.5 else answer(line, time_s)
+
+    emulation.wire.device.answer = refusing  # type: ignore[method-assign]
+    with pytest.raises(RigError, match=r"refused.*kept in"):
+        run_protocol(controller, short, tmp_path / "run.mcap")
+    assert emulation.wire.received[-1][1] == b"<PRESS!:0:0\n"
+
+
+def test_a_protocol_beyond_the_controller_moves_nothing_and_leaves_no_file(
+    emulation: Emulation, short: PressureProtocol, sets: Sets, tmp_path: Path
+) -> None:
+    with make_controller("ob1-mk4", emulation.url, limits=PressureLimits(-20e3, 20e3)) as controller:
+        with pytest.raises(RigError, match="-25 kPa is below the limit of -20 kPa"):
+            run_protocol(controller, short, tmp_path / "run.mcap")
+        with pytest.raises(RigError, match="wants channel 2"):
+            run_protocol(controller, replace(short, channel=2, pressure_pa=0 * short.time_s), tmp_path / "run.mcap")
+    assert set(sets()) == {0}
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_protocols_limits_bind_while_it_runs_and_no_longer(
+    controller: Controller, short: PressureProtocol, tmp_path: Path
+) -> None:
+    narrow = replace(short, limits=PressureLimits(-26e3, 1e3))
+    during: list[PressureLimits] = []
+    run_protocol(controller, narrow, tmp_path / "a.mcap", progress=lambda *_: during.append(controller.limits))
+    assert set(during) == {narrow.limits}
+    assert controller.limits == PressureLimits(-40e3, 60e3)
+
+
+def test_an_existing_recording_is_never_overwritten(
+    controller: Controller, short: PressureProtocol, sets: Sets, tmp_path: Path
+) -> None:
+    for name in ("run.mcap", "cut.mcap.part"):
+        (tmp_path / name).write_bytes(b"precious")
+    for name in ("run.mcap", "cut.mcap"):
+        with pytest.raises(RigError, match="not overwritten"):
+            run_protocol(controller, short, tmp_path / name)
+    with pytest.raises(RigError, match="cannot be made"):
+        run_protocol(controller, short, tmp_path / "no" / "folder" / "run.mcap")
+    assert {path.read_bytes() for path in tmp_path.iterdir()} == {b"precious"}
+    assert set(sets()) == {0}
+
+
+def test_a_full_disk_stops_the_run_and_vents(
+    controller: Controller, short: PressureProtocol, sets: Sets, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_space(descriptor: int) -> None:
+        if sets()[-1] != 0:
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("rig.run_write.os.fsync", no_space)
+    monkeypatch.setattr("rig.run_write.FLUSH_S", 0.2)
+    with pytest.raises(RigError, match="No space left on device; check space"):
+        run_protocol(controller, short, tmp_path / "run.mcap")
+    assert sets()[-2:] == [-250, 0]
+    assert (tmp_path / "run.mcap.part").exists()
