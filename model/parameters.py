@@ -190,4 +190,6 @@ def load_straw(path: Path) -> StrawParameters:
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not a text file"
         raise ModelError(f"{path}: cannot read the straw file: {reason}") from None
+    if not text.strip():
+        raise ModelError(f"{path}: the straw file is empty; name a constant that differs, or leave the file out")
     return straw_from_toml(text, str(path))

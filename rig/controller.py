@@ -20,7 +20,7 @@ RATE_WINDOW_S = 0.25  # after a long hold a rate limit must not allow one long j
 
 @dataclass(frozen=True)
 class Stamp:
-    """When something happened: half-way between asking and the answer, sure to within half of that."""
+    """When something happened: half-way between asking and the answer's first byte, sure to within half of that."""
 
     monotonic_ns: int
     wall_ns: int
@@ -56,6 +56,7 @@ class Controller(ABC):
     name: ClassVar[str]
     span: ClassVar[PressureLimits]  # what the instrument itself can do
     resolution_pa: ClassVar[float]  # smallest step the instrument can be told
+    byte_s: ClassVar[float] = 0.0  # what one byte of an answer spends on the line
 
     def __init__(
         self, *, channels: tuple[int, ...] = (1,), limits: PressureLimits = STRAW_LIMITS, sigma_pa: float = math.nan
@@ -149,7 +150,7 @@ class Controller(ABC):
         """Measured pressure of every channel in use."""
         before_ns = self.clock.monotonic_ns()
         pressure_pa, raw = self._read()
-        stamp = self._stamp(before_ns)
+        stamp = self._stamp(before_ns, len(raw))
         if missing := [channel for channel in self.channels if channel not in pressure_pa]:
             raise RigError(f"{self.name}: channel {missing[0]} is not in its reply {raw!r}; check the channel number")
         return tuple(
@@ -203,8 +204,10 @@ class Controller(ABC):
                 f"{rate / 1e3:g} kPa/s (channel {channel}); nothing was sent; use a ramp"
             )
 
-    def _stamp(self, before_ns: int) -> dict[str, Any]:
-        after_ns = self.clock.monotonic_ns()
+    def _stamp(self, before_ns: int, answer_bytes: int = 0) -> dict[str, Any]:
+        # The instrument measured before it began to answer, and the answer's own bytes take milliseconds.
+        on_the_line_ns = round(answer_bytes * self.byte_s * 1e9)
+        after_ns = max(before_ns, self.clock.monotonic_ns() - on_the_line_ns)
         middle_ns = (before_ns + after_ns) // 2
         return {
             "monotonic_ns": middle_ns,

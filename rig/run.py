@@ -65,6 +65,7 @@ class Predicted:
 @dataclass(frozen=True, eq=False)
 class Run:
     """One recording. ``lost`` says in plain sentences what is missing, damaged or assumed; empty when all is well.
+    ``damage`` is the part of it that concerns the file itself: cut short, checksums that fail, records unreadable.
 
     ``zero_time_ns`` is time 0 of every log in ns since the Unix epoch. ``metadata`` is the file's ``straw.run`` with
     its ``straw.stop``; ``sha256`` is of the file, the name under which derived files know their parent.
@@ -86,3 +87,4 @@ class Run:
     predictions: Mapping[str, Predicted]
     events: tuple[Event, ...]
     lost: tuple[str, ...]
+    damage: tuple[str, ...] = ()

@@ -33,6 +33,7 @@ def read_run(path: str | Path) -> Run:
     found = scan(data, str(path))
     lost = found.lost
     rows = decode(found)
+    damage = tuple(lost)
     if not rows:
         why = f": {lost[0]}" if lost else "; it is a recording of something else"
         raise RigError(f"recording {path} holds no message of a straw run{why}")
@@ -73,6 +74,7 @@ def read_run(path: str | Path) -> Run:
         predictions={m: Predicted(tip(f"/sim/{m}/tip/state"), pressure(f"/sim/{m}/pressure")) for m in models},
         events=tuple(Event((ns - zero_ns) * 1e-9, *values) for ns, values in sorted(rows.get("/events", []))),
         lost=tuple(lost),
+        damage=damage,
     )
 
 

@@ -1,4 +1,4 @@
-"""TipTrace: the tip's X, Z and Phi over time, each sample with its own sigma and a flag that says whether to trust it."""
+"""TipTrace: the tip's X, Z and Phi over time, each sample with its sigma and a flag that says whether to trust it."""
 
 from __future__ import annotations
 
@@ -36,7 +36,9 @@ class TipTrace:
             if getattr(self, name).shape != (n,):
                 raise TrackingError(f"TipTrace.{name} has shape {getattr(self, name).shape}, expected ({n},) as time_s")
         if n > 1 and not np.all(np.diff(self.time_s) > 0):
-            raise TrackingError("TipTrace.time_s must increase strictly: sort the samples and drop repeated times first")
+            raise TrackingError(
+                "TipTrace.time_s must increase strictly: sort the samples and drop repeated times first"
+            )
 
     def __len__(self) -> int:
         return len(self.time_s)

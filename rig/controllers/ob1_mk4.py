@@ -22,6 +22,7 @@ from rig.line import Line
 FIRMWARE = b"<FIRMV?\n"
 READ_ALL = b"<PINGA?\n"
 CHANNELS = 4
+BAUD = 115200
 
 
 @dataclass(frozen=True)
@@ -86,6 +87,7 @@ class Ob1Mk4(Controller):
     name = "ob1-mk4"
     span = PressureLimits(min_pa=-90e3, max_pa=100e3)
     resolution_pa = 100.0
+    byte_s = 10 / BAUD  # 8N1: ten bits
 
     def __init__(
         self,
@@ -101,7 +103,7 @@ class Ob1Mk4(Controller):
         self.timeout_s = timeout_s
         self.dialect = dialect
         self.firmware = ""
-        self._line = Line(port, baud=115200)
+        self._line = Line(port, baud=BAUD)
 
     def _open(self) -> None:
         self._line.open()

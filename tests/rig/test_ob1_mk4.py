@@ -62,7 +62,7 @@ def test_a_damaged_reading_is_refused_never_guessed(reply: bytes) -> None:
 
 @pytest.mark.parametrize("address", ADDRESSES)
 def test_what_is_set_is_what_is_read_back_over_a_real_port(straw: object, address: str) -> None:
-    with Emulation(straw, address=address, plant=PressurePlant(noise_pa=0.0)) as emulation:
+    with Emulation(straw, "ob1-mk4", address, plant=PressurePlant(noise_pa=0.0)) as emulation:
         with make_controller("ob1-mk4", emulation.url, sigma_pa=29.0) as controller:
             assert controller.snapshot()["firmware"] == "1.4.1"
             before = controller.clock.wall_ns()

@@ -1,6 +1,7 @@
 """The plant behind the wire settles as the paper measured, and the straw behind it keeps time with its clock."""
 
 import math
+import os
 import time
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 from model.parameters import StrawParameters
 from model.simulate import Stepper
+from rig.controller import make_controller
 from rig.emulate import Emulation
 from rig.errors import RigError
 from rig.line import Line
@@ -112,8 +114,22 @@ def test_the_wire_takes_as_long_as_the_real_line(straw: object) -> None:
 
 def test_a_wire_or_emulator_that_cannot_be_made_is_one_line(straw: object) -> None:
     with pytest.raises(RigError, match="cannot listen on 'nowhere'"):
-        Emulation(straw, address="nowhere")
+        Emulation(straw, "ob1-mk4", "nowhere")
     with pytest.raises(RigError, match="has no emulator; known: ob1-mk4"):
         Emulation(straw, name="ob9")
     with Emulation(straw) as first, pytest.raises(RigError, match="free port"):
         Wire(first.wire.device, first.url.removeprefix("socket://"))
+
+
+def test_one_emulated_controller_answers_on_a_pty_and_on_tcp_at_once() -> None:
+    if os.name != "posix":
+        pytest.skip("a pty needs Linux or macOS")
+    with (
+        Emulation(Stepper(StrawParameters(), []), "ob1-mk4", "pty", "127.0.0.1:0") as emulated,
+        make_controller("ob1-mk4", emulated.urls[0]) as by_pty,
+        make_controller("ob1-mk4", emulated.urls[1]) as by_tcp,
+    ):
+        by_pty.set_pressure(1, 5e3)
+        time.sleep(0.2)  # ten time constants of the plant
+        (seen,) = by_tcp.read()
+        assert seen.pressure_pa == pytest.approx(5e3, abs=300)

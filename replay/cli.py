@@ -1,0 +1,105 @@
+"""The ``straw`` command: reads the command line and hands over; nothing heavy is imported until a command runs."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+from pathlib import Path
+from typing import NoReturn
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says in one line what is wrong with a command line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
+
+
+def parser() -> argparse.ArgumentParser:
+    """Every command and its options."""
+    top = _Parser(prog="straw", description="Drive, film, track and replay inflatable multistable structures.")
+    commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True)
+
+    p = _command(commands, "demo", "the whole loop without hardware: drive, film, track, replay")
+    p.add_argument("--out", type=Path, default=Path("demo"), metavar="DIR", help="folder for all it makes (demo)")
+    p.add_argument("--seed", type=int, default=1, help="seed of the noise (1)")
+    _json(p)
+
+    p = _command(commands, "simulate", "predict what a straw does under a protocol")
+    _straw(p)
+    p.add_argument("--protocol", type=Path, required=True, metavar="P.toml")
+    p.add_argument("-o", "--output", type=Path, required=True, metavar="OUT.mcap", help="the prediction")
+    _json(p)
+
+    rig = commands.add_parser("rig", help="drive a pressure controller, or emulate one")
+    rig_commands = rig.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    p = _command(rig_commands, "run", "drive a protocol and record the run", module="rig_run")
+    p.add_argument("protocol", type=Path, metavar="P.toml")
+    where = p.add_mutually_exclusive_group(required=True)
+    where.add_argument("--port", metavar="URL", help="serial port, by-id path, or socket://host:port")
+    where.add_argument("--emulate", action="store_true", help="no hardware: an emulator with the straw behind it")
+    p.add_argument("--controller", default="ob1-mk4", metavar="NAME", help="kind of controller (ob1-mk4)")
+    p.add_argument("-o", "--output", type=Path, required=True, metavar="RUN.mcap", help="the recording")
+    p.add_argument("--rate", type=float, default=100.0, metavar="HZ", help="samples a second (100)")
+    _straw(p, "the straw behind the emulator")
+    _json(p)
+    p = _command(rig_commands, "emulate", "a controller on the wire with the straw behind it", module="rig_emulate")
+    p.add_argument("--controller", default="ob1-mk4", metavar="NAME", help="kind of controller (ob1-mk4)")
+    p.add_argument("--listen", default="127.0.0.1:0", metavar="URL", help="host:port, or pty (127.0.0.1, any port)")
+    p.add_argument("--deployed", default="", metavar="CELLS", help="cells deployed at the start, as 1,4 (none)")
+    _straw(p)
+
+    p = _command(commands, "track", "from a video to the tip's X, Z and Phi")
+    p.add_argument("video", type=Path, metavar="VIDEO")
+    p.add_argument("--camera", type=Path, required=True, metavar="CAMERA.json", help="lens, and placement if known")
+    p.add_argument("-o", "--output", type=Path, required=True, metavar="TIP.mcap")
+    p.add_argument("--run", type=Path, metavar="RUN.mcap", help="the run it filmed: gives clock, names and rest pose")
+    p.add_argument("--start", type=float, default=0.0, metavar="S", help="first frame, s after the run's zero (0)")
+    p.add_argument("--rest", metavar="X,Z,PHI", help="tip pose while still at the start (mm,mm,deg); else from --run")
+    _straw(p, "the straw whose rest pose places the camera")
+    _json(p)
+
+    p = _command(commands, "replay", "lay recordings over the model's prediction, with metrics and a page to look at")
+    p.add_argument("runs", type=Path, nargs="+", metavar="RUN.mcap", help="runs, and tracks derived from them")
+    _straw(p)
+    p.add_argument("--report", type=Path, default=Path("replay.html"), metavar="R.html", help="the page (replay.html)")
+    p.add_argument("--partial", action="store_true", help="take damaged or cut recordings for what is left of them")
+    _json(p)
+    return top
+
+
+def _command(
+    commands: argparse._SubParsersAction[_Parser], name: str, text: str, module: str | None = None
+) -> argparse.ArgumentParser:
+    made = commands.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+    made.set_defaults(module=module or name)
+    return made
+
+
+def _straw(p: argparse.ArgumentParser, text: str = "the straw") -> None:
+    p.add_argument("--straw", type=Path, metavar="S.toml", help=f"{text}: constants that differ from the paper's")
+
+
+def _json(p: argparse.ArgumentParser) -> None:
+    p.add_argument("--json", type=Path, metavar="FILE", help="the result for machines")
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run one command; 0 ok, 1 the answer is no, 2 bad input in one line, 130 interrupted."""
+    args = parser().parse_args(argv)
+    command = importlib.import_module(f"replay.commands.{args.module}")
+    from replay.errors import USER_ERRORS
+
+    try:
+        return int(command.run(args))
+    except USER_ERRORS as error:
+        print(f"straw: {' '.join(str(error).split())}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("straw: interrupted; what was finished is kept", file=sys.stderr)
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())

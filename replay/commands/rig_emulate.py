@@ -1,0 +1,32 @@
+"""straw rig emulate: a controller on the wire with the straw behind it, until Ctrl-C."""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+from replay.commands.replay import straw_from
+from replay.commands.rig_run import emulation
+from replay.errors import ReplayError
+
+
+def run(args: argparse.Namespace) -> int:
+    """Serve, and print where."""
+    straw, deployed = straw_from(args.straw), cells_of(args.deployed)
+    with emulation(straw, deployed, args.controller, args.listen) as emulated:
+        print(f"{args.controller} with a straw of {straw.cells} cells at {emulated.url}; Ctrl-C ends it", flush=True)
+        try:
+            while True:
+                time.sleep(0.2)
+        except KeyboardInterrupt:
+            x_m, z_m, _ = emulated.twin.stepper.tip
+            print(f"\nended; the tip stood at X {x_m * 1e3:.2f} mm, Z {z_m * 1e3:.2f} mm")
+    return 0
+
+
+def cells_of(text: str) -> list[int]:
+    """Cell numbers from text like 1,4."""
+    try:
+        return [int(part) for part in text.split(",") if part.strip()]
+    except ValueError:
+        raise ReplayError(f"--deployed {text}: expected cell numbers with commas between, as 1,4") from None

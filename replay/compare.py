@@ -1,0 +1,85 @@
+"""Lays a model's prediction over a recorded run: same pressure, same start, same times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.parameters import StrawParameters
+from model.simulate import Prediction, simulate
+from replay.errors import ReplayError
+from replay.metrics import Metrics, metrics_of
+from rig.run import PressureLog, Run
+
+Floats = NDArray[np.float64]
+
+CHANNELS = ("x_m", "z_m", "phi_rad")
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One channel at the tip's valid samples: arrays (n,), SI; sigma NaN where unknown."""
+
+    time_s: Floats
+    measured: Floats
+    sigma: Floats
+    predicted: Floats
+    metrics: Metrics
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A run, the prediction of it, and both side by side; signals by channel name."""
+
+    run: Run
+    straw: StrawParameters
+    prediction: Prediction
+    signals: dict[str, Signal]
+
+
+def compare(run: Run, straw: StrawParameters) -> Comparison:
+    """Predict a gathered run from its measured pressure and recorded configuration, and compare the tip.
+
+    The recording's measured pressure drives the model, never the command. Raises ReplayError where straw and run do
+    not belong together, ModelError where the model cannot follow.
+    """
+    assert run.pressure is not None
+    assert run.tip is not None
+    assert run.initial_deployed is not None
+    if run.cells != straw.cells:
+        raise ReplayError(f"{run.path}: recorded on {run.cells} cells, the straw has {straw.cells}; give its file")
+    tip, valid = run.tip, run.tip.valid
+    # The prediction starts at rest, so it starts where the earliest log does.
+    start_s = min(float(run.pressure.time_s[0]), float(tip.time_s[0]))
+    time_s = tip.time_s if start_s >= tip.time_s[0] else np.concatenate([[start_s], tip.time_s])
+    prediction = simulate(straw, driving_pressure(run), time_s, run.initial_deployed)
+    signals = {}
+    for channel in CHANNELS:
+        predicted = getattr(prediction, channel)[-len(tip) :][valid]
+        measured, sigma = getattr(tip, channel)[valid], getattr(tip, f"sigma_{channel}")[valid]
+        metrics = metrics_of(tip.time_s[valid], measured, sigma, predicted)
+        signals[channel] = Signal(tip.time_s[valid], measured, sigma, predicted, metrics)
+    return Comparison(run, straw, prediction, signals)
+
+
+def driving_pressure(run: Run) -> PressureLog:
+    """The measured pressure that drives a prediction, with a knot at each command that fell between two readings.
+
+    Until a command is given the pressure stays as it was last read; a straight line to the reading after it would let
+    the step begin up to a sample early. Only the command's time is used, never its value.
+    """
+    assert run.pressure is not None
+    read = run.pressure
+    if run.command is None:
+        return read
+    given = run.command.time_s[1:][np.diff(run.command.pressure_pa) != 0]
+    after = np.searchsorted(read.time_s, given, side="right")
+    between = (after > 0) & (after < len(read)) & (read.time_s[after - 1] < given)
+    at, given = after[between], given[between]
+    return PressureLog(
+        np.insert(read.time_s, at, given),
+        np.insert(read.pressure_pa, at, read.pressure_pa[at - 1]),
+        np.insert(read.sigma_pa, at, read.sigma_pa[at - 1]),
+    )

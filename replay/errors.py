@@ -1,0 +1,14 @@
+"""ReplayError, and the list of all errors that are a message to the user rather than a fault of the program."""
+
+from __future__ import annotations
+
+from model.errors import ModelError
+from rig.errors import RigError
+from tracking.errors import TrackingError
+
+
+class ReplayError(Exception):
+    """Bad input to a comparison or a command; the message is one line, fit to show a user."""
+
+
+USER_ERRORS = (ModelError, TrackingError, RigError, ReplayError)

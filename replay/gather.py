@@ -1,0 +1,67 @@
+"""Gathers recordings: raw runs, with the tracks that were derived from them laid beside their pressure."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from replay.errors import ReplayError
+from rig.run import Run
+from rig.run_read import read_run
+from tracking.trace import TipTrace
+
+
+def read_whole(path: Path, *, partial: bool = False) -> Run:
+    """Read a run; ReplayError for a cut or damaged one unless ``partial`` takes it for what is left."""
+    run = read_run(path)
+    if run.damage and not partial:
+        raise ReplayError(f"{path}: {run.damage[0]}; copy it again, or replay what is left with --partial")
+    return run
+
+
+def gather(paths: Sequence[Path], *, partial: bool = False) -> list[Run]:
+    """One run per recording that has a pressure and a tip, in the order given.
+
+    A file that names a given file as its parent (a track) is joined to it on the absolute clock. Raises ReplayError
+    where a run then still lacks its pressure, its tip or its initial configuration, saying what to add, and for
+    damaged files unless ``partial``.
+    """
+    read = [read_whole(path, partial=partial) for path in paths]
+    by_sha = {run.sha256: run for run in read}
+    joined: set[str] = set()
+    for run in read:
+        parent = by_sha.get(run.metadata.get("parent_sha256", ""))
+        if parent is None or run.tip is None:
+            continue
+        shift_s = (run.zero_time_ns - parent.zero_time_ns) / 1e9
+        by_sha[parent.sha256] = dataclasses.replace(
+            by_sha[parent.sha256], tip=_shifted(run.tip, shift_s), lost=(*by_sha[parent.sha256].lost, *run.lost)
+        )
+        joined.add(run.sha256)
+    runs = [run for sha, run in by_sha.items() if sha not in joined]
+    for run in runs:
+        _check(run)
+    return runs
+
+
+def _shifted(tip: TipTrace, shift_s: float) -> TipTrace:
+    return tip if shift_s == 0 else dataclasses.replace(tip, time_s=tip.time_s + shift_s)
+
+
+def _check(run: Run) -> None:
+    if run.pressure is None:
+        tracked = " and the run it was tracked from" if run.metadata.get("parent_sha256") else ""
+        raise ReplayError(
+            f"{run.path}: no /pressure/measured, which drives the prediction; give a run that recorded it{tracked}"
+        )
+    if run.tip is None or not run.tip.valid.any():
+        raise ReplayError(f"{run.path}: no valid /tip/state to compare with; track its video, give that file too")
+    if run.initial_deployed is None:
+        raise ReplayError(
+            f"{run.path}: metadata straw.run says no initial_deployed; the start configuration is needed to predict"
+        )
+    if np.count_nonzero(run.tip.valid) < 2:
+        raise ReplayError(f"{run.path}: only one valid tip sample; nothing to compare")

@@ -1,0 +1,37 @@
+"""Files that people and machines read: written whole or not at all, and JSON that is JSON (no NaN)."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from replay.errors import ReplayError
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file through ``.part`` and rename; ReplayError where the place cannot be written."""
+    part = path.with_name(path.name + ".part")
+    try:
+        part.write_text(text, encoding="utf-8")
+        part.replace(path)
+    except OSError as error:
+        part.unlink(missing_ok=True) if part.is_file() else None
+        raise ReplayError(f"{path}: cannot be written: {error.strerror}; choose another place") from None
+
+
+def write_json(path: Path, data: Any) -> None:
+    """Write data as JSON; what is not a number becomes null."""
+    write_text(path, json.dumps(finite(data), indent=1, allow_nan=False) + "\n")
+
+
+def finite(data: Any) -> Any:
+    """The same data with NaN and infinities as None, which is what JSON has for them."""
+    if isinstance(data, float):
+        return data if math.isfinite(data) else None
+    if isinstance(data, dict):
+        return {key: finite(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [finite(value) for value in data]
+    return data

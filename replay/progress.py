@@ -1,0 +1,28 @@
+"""Progress on stderr for anything slow: a bar where a person watches, nothing where a log is kept."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from tqdm import tqdm
+
+Progress = Callable[[int, int], None]
+
+
+@contextmanager
+def progress_bar(title: str, unit: str = "it") -> Iterator[Progress]:
+    """A bar to be called with (done, total); it closes with the block, also on an error."""
+    with tqdm(desc=title, unit=f" {unit}", leave=True, disable=not sys.stderr.isatty(), smoothing=0.1) as bar:
+
+        def update(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        yield update
+
+
+def say(text: str) -> None:
+    """One line of narration on stderr; stdout is for results."""
+    print(text, file=sys.stderr, flush=True)

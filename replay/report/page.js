@@ -1,0 +1,141 @@
+"use strict";
+// Draws the chosen run: one chart a channel with its residual below, all sharing time axis and cursor.
+const runs = JSON.parse(document.getElementById("data").textContent);
+const unpack = (text) => {
+  const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+  return Array.from(new Float32Array(bytes.buffer));
+};
+const color = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
+const fixed = (value, digits) => (value === null || !isFinite(value) ? "–" : value.toFixed(digits));
+const html = (text) => text.replace(/[&<>"]/g, (c) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;" })[c]);
+
+const head = ["run", "X rms / µm", "Z rms / µm", "Φ rms / mrad", "X, Z, Φ within 2σ", "worst / σ"];
+document.querySelector("#runs thead").innerHTML = "<tr>" + head.map((h) => `<th>${h}</th>`).join("") + "</tr>";
+const body = document.querySelector("#runs tbody");
+runs.forEach((run, i) => {
+  const s = run.signals;
+  const all = [s.x_m, s.z_m, s.phi_rad];
+  const share = (q) => (q.within === null ? "–" : Math.round(100 * q.within) + " %");
+  const worst = Math.sqrt(Math.max(...all.map((q) => (q.chi2 === null ? NaN : q.chi2))));
+  const row = document.createElement("tr");
+  row.innerHTML =
+    `<td>${html(run.id)}</td><td>${fixed(s.x_m.rmse * 1e3, 1)}</td><td>${fixed(s.z_m.rmse * 1e3, 1)}</td>` +
+    `<td>${fixed((s.phi_rad.rmse * 1e3 * Math.PI) / 180, 2)}</td><td>${all.map(share).join(" · ")}</td>` +
+    `<td>${fixed(worst, 1)}</td>`;
+  row.addEventListener("click", () => show(i));
+  body.append(row);
+});
+
+let charts = [];
+let shown = 0;
+const axis = (size, label) => ({
+  stroke: color("soft"), grid: { stroke: color("line"), width: 1 }, ticks: { stroke: color("line") }, size, label,
+  labelSize: label ? 18 : 0, font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif",
+});
+
+// Event marks: a hairline where the recording says something happened.
+const marks = (events) => ({
+  hooks: {
+    draw: [(u) => {
+      const c = u.ctx;
+      c.save();
+      c.strokeStyle = color("soft");
+      c.setLineDash([2, 4]);
+      for (const [time] of events) {
+        const x = Math.round(u.valToPos(time, "x", true));
+        if (x < u.bbox.left || x > u.bbox.left + u.bbox.width) continue;
+        c.beginPath();
+        c.moveTo(x, u.bbox.top);
+        c.lineTo(x, u.bbox.top + u.bbox.height);
+        c.stroke();
+      }
+      c.restore();
+    }],
+  },
+});
+
+const zoom = (u) => {
+  const { min, max } = u.scales.x;
+  for (const other of charts) {
+    if (other !== u && (other.scales.x.min !== min || other.scales.x.max !== max)) other.setScale("x", { min, max });
+  }
+};
+
+function draw({ title, note, height, data, series, bands, events, span, unit, last, scales }) {
+  const box = document.createElement("div");
+  box.className = "chart";
+  if (title) box.innerHTML = `<h3>${title}<small>${note}</small></h3>`;
+  document.getElementById("charts").append(box);
+  const chart = new uPlot({
+    width: document.getElementById("charts").clientWidth, height,
+    scales: { x: { time: false, range: (u, min, max) => (min === max ? span : [min, max]) }, ...scales },
+    axes: [last ? axis(40, "time since the run's zero / s") : { ...axis(6), values: (u, v) => v.map(() => ""), ticks: { show: false } }, axis(62, unit)],
+    series: [{ label: "s", value: (u, v) => (v === null ? "" : v.toFixed(4)) }, ...series],
+    bands, legend: { show: false }, cursor: { sync: { key: "straw" }, drag: { x: true, y: false }, points: { size: 6 } },
+    plugins: [marks(events)], hooks: { setScale: [(u, key) => key === "x" && zoom(u)] },
+  }, data, box);
+  charts.push(chart);
+}
+
+function show(i) {
+  shown = i;
+  charts.forEach((chart) => chart.destroy());
+  charts = [];
+  document.getElementById("charts").innerHTML = "";
+  [...body.children].forEach((row, k) => row.classList.toggle("chosen", k === i));
+  const run = runs[i];
+  document.querySelector("#run h2").textContent = run.id;
+  document.querySelector("#run .facts").textContent =
+    `${run.specimen || "unnamed specimen"} · cells deployed at the start: ${run.deployed} · cycle ${run.cycle} · ` +
+    `${run.file} · SHA-256 ${run.sha.slice(0, 12)}…`;
+  document.querySelector("#run .lost").innerHTML = run.lost.map((s) => `<li>${html(s)}</li>`).join("");
+  document.getElementById("straw").textContent = run.straw;
+  const p = run.pressure;
+  const pressureTime = unpack(p.time);
+  // the measurement is a broad line, so that the model on top of it hides nothing
+  const line = (label, name, width, dash) => ({ label, stroke: color(name), width, dash, points: { show: false } });
+  const signals = Object.values(run.signals).map((s) => {
+    const data = { time: unpack(s.time), measured: unpack(s.measured), sigma: unpack(s.sigma), predicted: unpack(s.predicted) };
+    return { ...s, ...data };
+  });
+  const ends = [...signals.map((s) => s.time), pressureTime].map((t) => [t[0], t[t.length - 1]]);
+  const span = [Math.min(...ends.map((e) => e[0])), Math.max(...ends.map((e) => e[1]))];
+  const common = { events: run.events, span, bands: [], last: false };
+  const hidden = { stroke: "transparent", width: 0, points: { show: false } };
+  for (const s of signals) {
+    const low = s.measured.map((m, k) => m - 2 * s.sigma[k]);
+    const high = s.measured.map((m, k) => m + 2 * s.sigma[k]);
+    const digits = s.unit === "deg" ? 3 : 4;
+    const note = `bias ${fixed(s.bias, digits)}, RMS ${fixed(s.rmse, digits)}, largest ${fixed(s.max, digits)} ${s.unit} at ` +
+      `${fixed(s.maxAt, 2)} s · RMS ${fixed(100 * s.nrmse, 1)} % of the range`;
+    draw({
+      ...common, title: s.title, note, height: 170, unit: s.unit, data: [s.time, high, low, s.measured, s.predicted],
+      series: [{ label: "+2σ", ...hidden }, { label: "−2σ", ...hidden }, line("measured", "measured", 3.2), line("model", "predicted", 1.3)],
+      bands: [{ series: [1, 2], fill: color("band") }],
+    });
+    // The residual's scale never shrinks below 4 sigma, so that noise looks like noise.
+    const inSigmas = s.predicted.map((v, k) => (v - s.measured[k]) / s.sigma[k]);
+    draw({
+      ...common, height: 86, unit: "residual / σ", data: [s.time, inSigmas], series: [line("residual", "predicted", 1)],
+      scales: { y: { range: (u, min, max) => { const r = Math.max(4, 1.05 * Math.max(-min, max)); return [-r, r]; } } },
+    });
+  }
+  const pressure = [pressureTime, unpack(p.measured), p.command ? unpack(p.command) : pressureTime.map(() => null), unpack(p.inside)];
+  draw({
+    ...common, title: "Pressure", note: "gauge; the measured one drives the model", height: 190, unit: "kPa", data: pressure,
+    series: [line("measured", "measured", 3.2), line("command", "command", 1.4, [6, 4]), line("inside", "inside", 1.3)],
+    last: true,
+  });
+  charts.forEach((chart) => chart.setScale("x", { min: span[0], max: span[1] }));
+}
+
+document.addEventListener("keydown", (e) => {
+  const by = { ArrowDown: 1, ArrowUp: -1 }[e.key];
+  if (!by || runs.length < 2) return;
+  e.preventDefault();
+  show((shown + by + runs.length) % runs.length);
+});
+let resized;
+window.addEventListener("resize", () => { clearTimeout(resized); resized = setTimeout(() => show(shown), 150); });
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => show(shown));
+show(0);

@@ -1,0 +1,84 @@
+"""A prediction is driven by what was measured from the moment it was commanded, and compared where the tip is valid."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from model.parameters import StrawParameters
+from model.simulate import simulate
+from replay.compare import compare, driving_pressure
+from replay.errors import ReplayError
+from rig.run import PressureLog, Run
+from tracking.trace import TipTrace
+
+STRAW = StrawParameters()
+
+
+def log(time_s: np.ndarray, pressure_pa: np.ndarray, *, held: bool = False) -> PressureLog:
+    return PressureLog(time_s, pressure_pa, np.full(len(time_s), np.nan), held)
+
+
+def run_of(pressure: PressureLog, tip: TipTrace | None, command: PressureLog | None = None) -> Run:
+    return Run(
+        path=Path("made.mcap"), sha256="", run_id="made", specimen="", initial_deployed=(1, 4), cycle=0, cells=9,
+        zero_time_ns=0, metadata={}, attachments={}, command=command, pressure=pressure, tip=tip, predictions={},
+        events=(), lost=(),
+    )  # fmt: skip
+
+
+def test_the_pressure_holds_until_the_command_that_changes_it() -> None:
+    """Readings each 10 ms, a step commanded 8 ms after one: 4 of 5 of that gap is before the step."""
+    read = log(np.array([0.0, 0.01, 0.02]), np.array([0.0, 0.0, -1e3]))
+    told = log(np.array([0.0, 0.018]), np.array([0.0, -25e3]), held=True)
+    driving = driving_pressure(run_of(read, None, told))
+    assert driving(np.array([0.015, 0.018])) == pytest.approx([0.0, 0.0])
+    assert driving(np.array([0.019, 0.02])) == pytest.approx([-500.0, -1e3])
+    assert driving.pressure_pa.min() == -1e3  # the commanded value is nowhere
+
+
+def test_commands_at_readings_or_outside_them_change_nothing() -> None:
+    read = log(np.array([0.0, 0.01, 0.02]), np.array([0.0, 0.0, -1e3]))
+    told = log(np.array([-1.0, 0.01, 0.5]), np.array([0.0, -25e3, 0.0]), held=True)
+    assert len(driving_pressure(run_of(read, None, told))) == 3
+
+
+def recorded(straw: StrawParameters) -> tuple[Run, np.ndarray]:
+    """A run made with the model itself, its tip starting later than its pressure and with a stretch not valid."""
+    time_s = np.arange(0.0, 1.0, 1 / 240)
+    pressure = log(np.arange(-0.1, 1.0, 0.005), np.interp(np.arange(-0.1, 1.0, 0.005), [0, 0.1], [0, -25e3]))
+    p = simulate(straw, pressure, np.concatenate([[-0.1], time_s]), (1, 4))
+    valid = (time_s < 0.3) | (time_s > 0.4)
+    x, z, phi = (np.where(valid, getattr(p, name)[1:], np.nan) for name in ("x_m", "z_m", "phi_rad"))
+    sigma = np.full(len(time_s), 1e-5)
+    tip = TipTrace(time_s, x, z, phi, sigma, sigma, sigma, valid, np.arange(len(time_s)))
+    return run_of(pressure, tip), valid
+
+
+def test_a_run_made_by_the_model_leaves_no_residual() -> None:
+    run, valid = recorded(STRAW)
+    signals = compare(run, STRAW).signals
+    for signal in signals.values():
+        assert signal.metrics.n == valid.sum()
+        assert signal.metrics.rmse < 1e-12
+
+
+def test_a_planted_offset_of_the_tip_is_found_as_bias() -> None:
+    run, _ = recorded(STRAW)
+    assert run.tip is not None
+    moved = dataclasses.replace(run, tip=dataclasses.replace(run.tip, x_m=run.tip.x_m - 1e-4))
+    assert compare(moved, STRAW).signals["x_m"].metrics.bias == pytest.approx(1e-4, rel=1e-6)
+
+
+def test_another_channel_radius_shows_as_residual() -> None:
+    run, _ = recorded(STRAW)
+    assert compare(run, STRAW.replace(r_ch_m=0.3e-3)).signals["x_m"].metrics.rmse > 1e-4
+
+
+def test_a_straw_of_other_cells_is_refused() -> None:
+    run, _ = recorded(STRAW)
+    with pytest.raises(ReplayError, match="9 cells"):
+        compare(run, STRAW.replace(cells=5))

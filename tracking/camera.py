@@ -1,0 +1,119 @@
+"""Camera: a lens, where it stands in the world, and how the board sits on the tip; the CAMERA.json below it."""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from tracking.errors import TrackingError
+from tracking.fields import Fields, write_json
+from tracking.lens import Lens, lens_from_fields
+
+Floats = NDArray[np.float64]
+
+IMAGE_DIRECTIONS = {"down": (0.0, 1.0), "up": (0.0, -1.0), "right": (1.0, 0.0), "left": (-1.0, 0.0)}
+_FORMAT = "straw-camera"
+_VERSION = 1
+_ORTHONORMAL = 1e-6  # a rotation typed with 7 digits passes, a scaled or mirrored one does not
+
+
+@dataclass(frozen=True)
+class Camera:
+    """One camera in one set-up.
+
+    ``world_from_camera``: 4x4 rigid transform (camera frame OpenCV: x right, y down, z forward; world: X, Z the plane
+    of motion, Y = Z x X); None when it is to be found from a rest pose. ``tip_offset_m``: board centre to tip along the
+    tip axis, so tip = board centre - offset * axis. ``board_x_in_image``: where board +x points in the picture at
+    rest, the one sign that no picture of the board can tell (see ``Board``); "down" for an upright camera and a
+    horizontal straw. ``board_turn_rad``: how askew the board is glued, as the parts along its own x and z of a rotation
+    vector (about y it would be a part of phi). Both are used, or found, when the place comes from a rest pose.
+    """
+
+    lens: Lens
+    world_from_camera: Floats | None = None
+    tip_offset_m: float = 0.0088
+    board_x_in_image: str = "down"
+    board_turn_rad: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.tip_offset_m) and abs(self.tip_offset_m) < 1):
+            raise TrackingError(f"camera: tip_offset_m is {self.tip_offset_m:g}; give it in metres, as 0.0088")
+        if not all(math.isfinite(turn) and abs(turn) < 0.5 for turn in self.board_turn_rad):
+            raise TrackingError(f"camera: board_turn_rad is {self.board_turn_rad}; give two small angles in rad")
+        if self.board_x_in_image not in IMAGE_DIRECTIONS:
+            known = ", ".join(IMAGE_DIRECTIONS)
+            raise TrackingError(f"camera: board_x_in_image is '{self.board_x_in_image}'; it must be one of {known}")
+        if self.world_from_camera is not None:
+            pose = np.array(self.world_from_camera, dtype=np.float64)
+            _check_rigid(pose, "camera: world_from_camera")
+            pose.flags.writeable = False  # frozen means frozen
+            object.__setattr__(self, "world_from_camera", pose)
+
+    @property
+    def tip_from_board(self) -> Floats:
+        """The 4x4 from board frame to tip frame: origin at the tip, z along the tip axis, y along the world's Y."""
+        about_x, about_z = self.board_turn_rad
+        x, y, z = np.eye(3)
+        # cross-product matrix of (about_x, 0, about_z); its exponential is the rotation
+        spin = about_x * (np.outer(z, y) - np.outer(y, z)) + about_z * (np.outer(y, x) - np.outer(x, y))
+        pose = np.eye(4)
+        pose[:3, :3] = expm(spin)
+        pose[2, 3] = self.tip_offset_m
+        return pose
+
+
+def _check_rigid(pose: Floats, where: str) -> None:
+    """Raise TrackingError unless ``pose`` is a 4x4 rigid transform."""
+    if pose.shape != (4, 4) or not np.all(np.isfinite(pose)):
+        raise TrackingError(f"{where}: shape {pose.shape}; it must be 4 rows of 4 finite numbers")
+    rotation = pose[:3, :3]
+    if not np.allclose(rotation @ rotation.T, np.eye(3), atol=_ORTHONORMAL) or np.linalg.det(rotation) < 0:
+        raise TrackingError(f"{where}: its upper left 3x3 is no rotation; take it from the file that measured it")
+    if not np.allclose(pose[3], (0, 0, 0, 1), atol=1e-12):
+        raise TrackingError(f"{where}: its last row is {pose[3].tolist()}; it must be [0, 0, 0, 1]")
+
+
+def save_camera(path: str | os.PathLike[str], camera: Camera) -> None:
+    """Write CAMERA.json (atomically); TrackingError when the place cannot be written."""
+    data: dict[str, Any] = {
+        "format": _FORMAT,
+        "version": _VERSION,
+        "lens": camera.lens.to_json(),
+        "tip_offset_m": camera.tip_offset_m,
+        "board_x_in_image": camera.board_x_in_image,
+        "board_turn_rad": list(camera.board_turn_rad),
+    }
+    if camera.world_from_camera is not None:
+        data["world_from_camera"] = camera.world_from_camera.tolist()
+    write_json(path, data)
+
+
+def load_camera(path: str | os.PathLike[str]) -> Camera:
+    """Read CAMERA.json, or a gyroflow lens profile (then only the lens is known); TrackingError when malformed."""
+    fields = Fields.load(path)
+    if "fisheye_params" in fields:
+        return Camera(lens_from_fields(fields))
+    if fields.data.get("format") != _FORMAT:
+        fields.wrong("format", f"'{_FORMAT}' (or give a gyroflow lens profile)")
+    if fields.integer("version") != _VERSION:
+        fields.wrong("version", f"{_VERSION}, the only one this program knows: update it, or calibrate again")
+    about_x, about_z = fields.numbers("board_turn_rad", 2) if "board_turn_rad" in fields else Camera.board_turn_rad
+    try:
+        return Camera(
+            lens=lens_from_fields(fields.child("lens")),
+            world_from_camera=np.array(fields.matrix("world_from_camera", 4))
+            if "world_from_camera" in fields
+            else None,
+            tip_offset_m=fields.number("tip_offset_m", Camera.tip_offset_m),
+            board_x_in_image=fields.text("board_x_in_image", Camera.board_x_in_image),
+            board_turn_rad=(about_x, about_z),
+        )
+    except TrackingError as error:  # values that read well but make no camera: say which file
+        message = str(error)
+        raise TrackingError(message if message.startswith(str(path)) else f"{path}: {message}") from error

@@ -1,0 +1,195 @@
+"""Video files: luma pictures with their true times, and an honest account of what was missing or broken."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import queue
+import threading
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import av
+import numpy as np
+from numpy.typing import NDArray
+
+from tracking.errors import TrackingError
+from tracking.fields import reason
+
+Picture = NDArray[np.uint8]
+
+_LUMA_8 = ("yuv420p", "yuvj420p", "yuv422p", "yuvj422p", "yuv444p", "yuvj444p", "nv12", "nv21", "gray")
+_LUMA_10 = ("yuv420p10le", "yuv422p10le", "yuv444p10le", "p010le", "gray10le")
+_SHIFT_10 = {"p010le": 8}  # p010 keeps its 10 bits at the top of the word
+
+
+@dataclass(frozen=True)
+class Gap:
+    """A hole in the time stamps: ``missing`` frames after ``after_s`` (seconds since the video's first frame)."""
+
+    after_s: float
+    missing: int
+
+
+@dataclass(frozen=True)
+class DecodeReport:
+    """What became of a video's frames: ``decoded`` of ``expected``, holes in time, packets that would not decode."""
+
+    decoded: int
+    expected: int
+    gaps: tuple[Gap, ...]
+    corrupt: int
+    repeated: int  # frames dropped because their time did not advance
+
+    def __str__(self) -> str:
+        text = f"decoded {self.decoded} of {self.expected} frames"
+        missing = sum(gap.missing for gap in self.gaps)
+        text += f", {missing} missing in {len(self.gaps)} gaps" if self.gaps else ""
+        text += f", {self.corrupt} corrupt packets" if self.corrupt else ""
+        return text + (f", {self.repeated} with a repeated time" if self.repeated else "")
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One picture: its count from 0 as decoded, its time since the stream's start, its luma (height, width)."""
+
+    index: int
+    time_s: float
+    luma: Picture
+
+
+class VideoReader:
+    """Reads one video file front to back; use as a context manager, iterate ``frames()`` once, then ask ``report()``.
+
+    Luma is the decoder's plane 0 as stored (no colour conversion); it is a view that lives as long as its frame.
+    Times are the container's PTS from the stream's start. Display rotation is not applied: the lens belongs to the
+    sensor. Raises TrackingError when the file cannot be opened or holds no pictures.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = Path(path)
+        try:
+            size_bytes = self.path.stat().st_size
+        except OSError as error:
+            raise TrackingError(f"{path}: cannot read the video ({reason(error)}); check the path") from error
+        if not self.path.is_file():
+            raise TrackingError(f"{path}: not a file; name the video itself")
+        if size_bytes == 0:
+            raise TrackingError(f"{path}: the video is empty (0 bytes); copy it from the camera again")
+        try:
+            self._container = av.open(str(self.path), metadata_errors="replace")
+        except (av.error.FFmpegError, OSError) as error:
+            what = f"{path}: not a readable video ({error.strerror})"
+            raise TrackingError(f"{what}; if the recording was cut short, copy it again or repair it") from error
+        if not self._container.streams.video:
+            self._container.close()
+            raise TrackingError(f"{path}: holds no pictures (audio or data only); give the camera's video file")
+        self._stream = self._container.streams.video[0]
+        codec: Any = self._stream.codec_context
+        if codec is None:  # no decoder for it in this build
+            self._container.close()
+            raise TrackingError(f"{path}: its pictures are coded in a way unknown here; convert it to H.264")
+        self._stream.thread_type = "AUTO"
+        self.width, self.height = codec.width, codec.height
+        self.rate = self._stream.average_rate or self._stream.guessed_rate or Fraction(0)
+        # The average rate drops when frames are missing, which is just what gaps must show; the guessed one does not.
+        self.nominal_rate = self._stream.guessed_rate or self.rate
+        duration = float((self._stream.duration or 0) * (self._stream.time_base or 0))
+        self.expected = self._stream.frames or round(duration * float(self.rate))
+        self._decoded = self._corrupt = self._repeated = 0
+        self._gaps: list[Gap] = []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._container.close()
+
+    def report(self) -> DecodeReport:
+        """Return the account so far."""
+        expected = max(self.expected, self._decoded)
+        return DecodeReport(self._decoded, expected, tuple(self._gaps), self._corrupt, self._repeated)
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield every frame that decodes, in order of time; a broken packet is counted and passed over."""
+        period_s = float(1 / self.nominal_rate) if self.nominal_rate else float("inf")
+        start, before_s = self._stream.start_time or 0, float("-inf")
+        for picture in self._pictures():
+            if picture.pts is None or picture.time_base is None:
+                self._corrupt += 1
+                continue
+            time_s = float((picture.pts - start) * picture.time_base)
+            if time_s <= before_s:
+                self._repeated += 1
+                continue
+            if self._decoded and time_s - before_s > 1.5 * period_s:
+                self._gaps.append(Gap(before_s, round((time_s - before_s) / period_s) - 1))
+            before_s = time_s
+            yield Frame(self._decoded, time_s, self._luma(picture))
+            self._decoded += 1
+
+    def _pictures(self) -> Iterator[Any]:
+        packets = self._container.demux(self._stream)
+        while True:
+            try:
+                packet = next(packets)
+            except StopIteration:
+                return
+            except (av.error.FFmpegError, OSError):  # the file ends in the middle of a packet
+                self._corrupt += 1
+                return
+            try:
+                pictures = packet.decode()
+            except av.error.FFmpegError:
+                self._corrupt += 1
+                continue
+            self._corrupt += sum(picture.is_corrupt for picture in pictures)
+            yield from (picture for picture in pictures if not picture.is_corrupt)
+
+    def _luma(self, picture: Any) -> Picture:
+        name, plane = picture.format.name, picture.planes[0]
+        if (picture.width, picture.height) != (self.width, self.height):
+            raise TrackingError(f"{self.path}: the picture size changes in mid-video; split the file where it does")
+        if name in _LUMA_8:  # rows are padded to line_size: cut the padding off
+            return np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)[: self.height, : self.width]
+        if name in _LUMA_10:
+            words = np.frombuffer(plane, "<u2").reshape(-1, plane.line_size // 2)[: self.height, : self.width]
+            return (words >> _SHIFT_10.get(name, 2)).astype(np.uint8)
+        raise TrackingError(f"{self.path}: pixel format {name} has no luma plane; convert it to H.264 yuv420p")
+
+
+def ahead(frames: Iterator[Frame], depth: int = 6) -> Generator[Frame, None, None]:
+    """Yield from ``frames`` while a thread fetches up to ``depth`` more: decoding and tracking share the time."""
+    waiting: queue.Queue[Frame | BaseException | None] = queue.Queue(depth)
+    stop = threading.Event()
+
+    def put(item: Frame | BaseException | None) -> None:
+        while not stop.is_set():
+            with contextlib.suppress(queue.Full):
+                waiting.put(item, timeout=0.1)
+                return
+
+    def fetch() -> None:
+        try:
+            for frame in frames:
+                put(frame)
+                if stop.is_set():
+                    return
+            put(None)
+        except BaseException as error:  # carried over to the thread that asked
+            put(error)
+
+    thread = threading.Thread(target=fetch, name="decode", daemon=True)
+    thread.start()
+    try:
+        while (item := waiting.get()) is not None:
+            if isinstance(item, BaseException):
+                raise item
+            yield item
+    finally:
+        stop.set()
+        thread.join()
