@@ -44,14 +44,14 @@ def rest_state(straw: StrawParameters, deployed: Collection[int], pressure_pa: f
         part = step / GRAVITY_STEPS
         if not _relax(c._replace(g=part * straw.g_m_per_s2), q, part * pressure_pa):
             raise ModelError(
-                f"configuration {_text(deployed)}: no rest state at {pressure_pa / 1e3:.4g} kPa "
+                f"configuration {_text(deployed)}: no rest state at {pressure_pa / 1e3 + 0.0:.4g} kPa "
                 f"(lost at {100 * part:.0f} % of the load); ask for a lower pressure or another configuration"
             )
         left = np.flatnonzero(np.sign(q[n // 2 - straw.cells : n // 2]) != signs)
         if left.size:
             raise ModelError(
                 f"configuration {_text(deployed)}: cell {left[0] + 1} does not stay as asked at "
-                f"{pressure_pa / 1e3:.4g} kPa; ask for a lower pressure or another configuration"
+                f"{pressure_pa / 1e3 + 0.0:.4g} kPa; ask for a lower pressure or another configuration"
             )
     return q
 

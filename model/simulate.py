@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import ModelError
-from model.integrate import DONE, STEP_TOO_SMALL, State, Table, integrate
+from model.integrate import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS, State, Table, integrate
 from model.kinematics import tip_pose
 from model.parameters import StrawParameters
 from model.rest import rest_state
@@ -137,7 +137,10 @@ class Stepper:
 
 def _check(status: int, time_s: float) -> None:
     if status != DONE:
-        what = "needs steps below a nanosecond" if status == STEP_TOO_SMALL else "is no longer finite"
+        what = {
+            STEP_TOO_SMALL: "needs steps below a nanosecond",
+            TOO_MANY_STEPS: "needs too many steps",
+        }.get(status, "is no longer finite")
         raise ModelError(
             f"simulate: the motion {what} at {time_s:.4g} s; the straw's constants or the pressure are out of range"
         )

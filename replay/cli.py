@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import os
 import sys
 from pathlib import Path
 from typing import NoReturn
@@ -23,7 +24,7 @@ def parser() -> argparse.ArgumentParser:
 
     p = _command(commands, "demo", "the whole loop without hardware: drive, film, track, replay")
     p.add_argument("--out", type=Path, default=Path("demo"), metavar="DIR", help="folder for all it makes (demo)")
-    p.add_argument("--seed", type=int, default=1, help="seed of the noise (1)")
+    p.add_argument("--seed", type=_seed, default=1, help="seed of the noise (1)")
     _json(p)
 
     p = _command(commands, "simulate", "predict what a straw does under a protocol")
@@ -69,6 +70,13 @@ def parser() -> argparse.ArgumentParser:
     return top
 
 
+def _seed(text: str) -> int:
+    value = int(text)
+    if value < 0:
+        raise ValueError
+    return value
+
+
 def _command(
     commands: argparse._SubParsersAction[_Parser], name: str, text: str, module: str | None = None
 ) -> argparse.ArgumentParser:
@@ -99,6 +107,9 @@ def main(argv: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("straw: interrupted; what was finished is kept", file=sys.stderr)
         return 130
+    except BrokenPipeError:  # the reader of our output has gone, as `| head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
 
 
 if __name__ == "__main__":

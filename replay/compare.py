@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from model.parameters import StrawParameters
 from model.simulate import Prediction, simulate
+from replay.driving import driving_pressure
 from replay.errors import ReplayError
 from replay.metrics import Metrics, metrics_of
-from rig.run import PressureLog, Run
+from rig.run import Run
 
 Floats = NDArray[np.float64]
 
@@ -54,7 +55,7 @@ def compare(run: Run, straw: StrawParameters) -> Comparison:
     # The prediction starts at rest, so it starts where the earliest log does.
     start_s = min(float(run.pressure.time_s[0]), float(tip.time_s[0]))
     time_s = tip.time_s if start_s >= tip.time_s[0] else np.concatenate([[start_s], tip.time_s])
-    prediction = simulate(straw, driving_pressure(run), time_s, run.initial_deployed)
+    prediction = simulate(straw, driving_pressure(run.pressure, run.command), time_s, run.initial_deployed)
     signals = {}
     for channel in CHANNELS:
         predicted = getattr(prediction, channel)[-len(tip) :][valid]
@@ -62,24 +63,3 @@ def compare(run: Run, straw: StrawParameters) -> Comparison:
         metrics = metrics_of(tip.time_s[valid], measured, sigma, predicted)
         signals[channel] = Signal(tip.time_s[valid], measured, sigma, predicted, metrics)
     return Comparison(run, straw, prediction, signals)
-
-
-def driving_pressure(run: Run) -> PressureLog:
-    """The measured pressure that drives a prediction, with a knot at each command that fell between two readings.
-
-    Until a command is given the pressure stays as it was last read; a straight line to the reading after it would let
-    the step begin up to a sample early. Only the command's time is used, never its value.
-    """
-    assert run.pressure is not None
-    read = run.pressure
-    if run.command is None:
-        return read
-    given = run.command.time_s[1:][np.diff(run.command.pressure_pa) != 0]
-    after = np.searchsorted(read.time_s, given, side="right")
-    between = (after > 0) & (after < len(read)) & (read.time_s[after - 1] < given)
-    at, given = after[between], given[between]
-    return PressureLog(
-        np.insert(read.time_s, at, given),
-        np.insert(read.pressure_pa, at, read.pressure_pa[at - 1]),
-        np.insert(read.sigma_pa, at, read.sigma_pa[at - 1]),
-    )

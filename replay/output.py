@@ -21,6 +21,14 @@ def write_text(path: Path, text: str) -> None:
         raise ReplayError(f"{path}: cannot be written: {error.strerror}; choose another place") from None
 
 
+def check_new(path: Path) -> None:
+    """Raise ReplayError unless a recording can be made at a path: before the work, not after it."""
+    if path.exists():
+        raise ReplayError(f"{path}: exists and is not overwritten; choose another name or move it away")
+    if not path.parent.is_dir():
+        raise ReplayError(f"{path}: there is no folder {path.parent}; make it or choose another place")
+
+
 def write_json(path: Path, data: Any) -> None:
     """Write data as JSON; what is not a number becomes null."""
     write_text(path, json.dumps(finite(data), indent=1, allow_nan=False) + "\n")

@@ -16,7 +16,7 @@ from model.rest import rest_state
 from replay.commands.replay import straw_from
 from replay.errors import ReplayError
 from replay.gather import read_whole
-from replay.output import write_json
+from replay.output import check_new, write_json
 from replay.progress import progress_bar, say
 from rig.run import Run
 from rig.run_derived import write_tip
@@ -68,8 +68,7 @@ def track_to_file(
     video: Path, camera: Camera, rest: Pose | None, output: Path, filmed: Run | None, start_s: float
 ) -> Track:
     """Track a video and write the tip on the run's clock; without a run, on the wall clock of now."""
-    if output.exists():
-        raise ReplayError(f"{output}: exists and is not overwritten; choose another name or move it away")
+    check_new(output)
     with progress_bar(f"track {video.name}", "frame") as progress:
         tracked = track(video, camera, Board(), rest_pose=rest, start_s=start_s, progress=progress)
     metadata = dict(filmed.metadata) if filmed else {"run_id": video.stem}

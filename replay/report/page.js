@@ -3,7 +3,7 @@
 const runs = JSON.parse(document.getElementById("data").textContent);
 const unpack = (text) => {
   const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
-  return Array.from(new Float32Array(bytes.buffer));
+  return Array.from(new Float32Array(bytes.buffer), (v) => (isFinite(v) ? v : null));
 };
 const color = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
 const fixed = (value, digits) => (value === null || !isFinite(value) ? "–" : value.toFixed(digits));
@@ -28,8 +28,8 @@ runs.forEach((run, i) => {
 
 let charts = [];
 let shown = 0;
-const axis = (size, label) => ({
-  stroke: color("soft"), grid: { stroke: color("line"), width: 1 }, ticks: { stroke: color("line") }, size, label,
+const axis = (size, label, space) => ({
+  space, stroke: color("soft"), grid: { stroke: color("line"), width: 1 }, ticks: { stroke: color("line") }, size, label,
   labelSize: label ? 18 : 0, font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif",
 });
 
@@ -69,7 +69,7 @@ function draw({ title, note, height, data, series, bands, events, span, unit, la
   const chart = new uPlot({
     width: document.getElementById("charts").clientWidth, height,
     scales: { x: { time: false, range: (u, min, max) => (min === max ? span : [min, max]) }, ...scales },
-    axes: [last ? axis(40, "time since the run's zero / s") : { ...axis(6), values: (u, v) => v.map(() => ""), ticks: { show: false } }, axis(62, unit)],
+    axes: [last ? axis(40, "time since the run's zero / s", 50) : { ...axis(6, undefined, 50), values: (u, v) => v.map(() => ""), ticks: { show: false } }, axis(62, unit, unit.startsWith("residual") ? 16 : 30)],
     series: [{ label: "s", value: (u, v) => (v === null ? "" : v.toFixed(4)) }, ...series],
     bands, legend: { show: false }, cursor: { sync: { key: "straw" }, drag: { x: true, y: false }, points: { size: 6 } },
     plugins: [marks(events)], hooks: { setScale: [(u, key) => key === "x" && zoom(u)] },
@@ -103,8 +103,9 @@ function show(i) {
   const common = { events: run.events, span, bands: [], last: false };
   const hidden = { stroke: "transparent", width: 0, points: { show: false } };
   for (const s of signals) {
-    const low = s.measured.map((m, k) => m - 2 * s.sigma[k]);
-    const high = s.measured.map((m, k) => m + 2 * s.sigma[k]);
+    const known = s.sigma.every((v) => v !== null);
+    const low = s.measured.map((m, k) => (known ? m - 2 * s.sigma[k] : null));
+    const high = s.measured.map((m, k) => (known ? m + 2 * s.sigma[k] : null));
     const digits = s.unit === "deg" ? 3 : 4;
     const note = `bias ${fixed(s.bias, digits)}, RMS ${fixed(s.rmse, digits)}, largest ${fixed(s.max, digits)} ${s.unit} at ` +
       `${fixed(s.maxAt, 2)} s · RMS ${fixed(100 * s.nrmse, 1)} % of the range`;
@@ -114,10 +115,12 @@ function show(i) {
       bands: [{ series: [1, 2], fill: color("band") }],
     });
     // The residual's scale never shrinks below 4 sigma, so that noise looks like noise.
-    const inSigmas = s.predicted.map((v, k) => (v - s.measured[k]) / s.sigma[k]);
+    const residual = s.predicted.map((v, k) => (v - s.measured[k]) / (known ? s.sigma[k] : 1));
+    const least = known ? 4 : 0;
     draw({
-      ...common, height: 86, unit: "residual / σ", data: [s.time, inSigmas], series: [line("residual", "predicted", 1)],
-      scales: { y: { range: (u, min, max) => { const r = Math.max(4, 1.05 * Math.max(-min, max)); return [-r, r]; } } },
+      ...common, height: 90, unit: known ? "residual / σ" : `residual / ${s.unit}`, data: [s.time, residual],
+      series: [line("residual", "predicted", 1)],
+      scales: { y: { range: (u, min, max) => { const r = Math.max(least, 1.1 * Math.max(-min, max)); return [-r, r]; } } },
     });
   }
   const pressure = [pressureTime, unpack(p.measured), p.command ? unpack(p.command) : pressureTime.map(() => null), unpack(p.inside)];

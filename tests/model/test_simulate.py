@@ -116,3 +116,10 @@ def test_a_pressure_with_a_hole_is_refused_with_its_time() -> None:
 def test_times_that_do_not_increase_are_refused() -> None:
     with pytest.raises(ModelError, match="increasing"):
         simulate(FOLDING, lambda t: 0 * t, np.array([0.0, 0.0, 1.0]), [])
+
+
+def test_constants_the_equations_cannot_follow_end_in_an_error_not_in_a_hang() -> None:
+    """No damping and no channel: nothing holds a frustum from swinging through its neighbours."""
+    wild = FOLDING.replace(c_zeta_n_s_per_m=0.0, c_phi_n_m_s_per_rad=0.0, r_ch_m=1.0)
+    with pytest.raises(ModelError, match="out of range"):
+        simulate(wild, lambda t: -25e3 * (1 - np.exp(-50 * t)), np.linspace(0, 2, 480), [1, 4])

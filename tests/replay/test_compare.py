@@ -10,7 +10,8 @@ import pytest
 
 from model.parameters import StrawParameters
 from model.simulate import simulate
-from replay.compare import compare, driving_pressure
+from replay.compare import compare
+from replay.driving import driving_pressure
 from replay.errors import ReplayError
 from rig.run import PressureLog, Run
 from tracking.trace import TipTrace
@@ -32,18 +33,35 @@ def run_of(pressure: PressureLog, tip: TipTrace | None, command: PressureLog | N
 
 def test_the_pressure_holds_until_the_command_that_changes_it() -> None:
     """Readings each 10 ms, a step commanded 8 ms after one: 4 of 5 of that gap is before the step."""
-    read = log(np.array([0.0, 0.01, 0.02]), np.array([0.0, 0.0, -1e3]))
+    read = log(np.array([0.0, 0.01, 0.02, 0.03]), np.array([0.0, 0.0, -1e3, -2e3]))
     told = log(np.array([0.0, 0.018]), np.array([0.0, -25e3]), held=True)
-    driving = driving_pressure(run_of(read, None, told))
-    assert driving(np.array([0.015, 0.018])) == pytest.approx([0.0, 0.0])
-    assert driving(np.array([0.019, 0.02])) == pytest.approx([-500.0, -1e3])
-    assert driving.pressure_pa.min() == -1e3  # the commanded value is nowhere
+    driving = driving_pressure(read, told)
+    assert driving(np.array([0.005, 0.015, 0.018])) == pytest.approx([0.0, 0.0, 0.0])
+    assert driving(np.array([0.02, 0.03, 1.0])) == pytest.approx([-1e3, -2e3, -2e3])
+    between = driving(np.linspace(0.018, 0.03, 50))
+    assert np.all(np.diff(between) < 0)
+    assert between.min() > -2.001e3  # the commanded value is nowhere
 
 
-def test_commands_at_readings_or_outside_them_change_nothing() -> None:
+def test_commands_outside_the_readings_change_nothing() -> None:
     read = log(np.array([0.0, 0.01, 0.02]), np.array([0.0, 0.0, -1e3]))
-    told = log(np.array([-1.0, 0.01, 0.5]), np.array([0.0, -25e3, 0.0]), held=True)
-    assert len(driving_pressure(run_of(read, None, told))) == 3
+    told = log(np.array([-1.0, -0.5, 0.5]), np.array([0.0, -25e3, 0.0]), held=True)
+    at = np.linspace(-0.01, 0.03, 41)
+    np.testing.assert_array_equal(driving_pressure(read, told)(at), driving_pressure(read, None)(at))
+
+
+def test_a_settling_controller_read_at_100_hz_is_followed_without_delay() -> None:
+    """Delay of a step = area between curves over its height; straight lines are 0.4 ms late, the sample is 10 ms."""
+    start_s, tau_s, step_pa = 0.103, 0.02, -25e3
+    fine = np.arange(0.0, 0.4, 1e-5)
+    truth = np.where(fine < start_s, 0.0, step_pa * -np.expm1(-(fine - start_s) / tau_s))
+    delays = []
+    for phase_s in [*np.arange(0.0, 0.01, 0.001), start_s % 0.01]:  # the last: a reading just as the step is told
+        at = np.arange(phase_s, 0.4, 0.01)
+        told = log(np.array([0.0, start_s]), np.array([0.0, step_pa]), held=True)
+        driving = driving_pressure(log(at, np.interp(at, fine, truth)), told)
+        delays.append(np.trapezoid(driving(fine) - truth, fine) / -step_pa)
+    assert np.abs(delays).max() < 0.15e-3
 
 
 def recorded(straw: StrawParameters) -> tuple[Run, np.ndarray]:
@@ -63,14 +81,15 @@ def test_a_run_made_by_the_model_leaves_no_residual() -> None:
     signals = compare(run, STRAW).signals
     for signal in signals.values():
         assert signal.metrics.n == valid.sum()
-        assert signal.metrics.rmse < 1e-12
+        # of a motion of 10 mm and 0.3 rad: what a curve through readings each 5 ms leaves at the ramp's two corners
+        assert signal.metrics.nrmse_of_range < 1e-3
 
 
 def test_a_planted_offset_of_the_tip_is_found_as_bias() -> None:
     run, _ = recorded(STRAW)
     assert run.tip is not None
     moved = dataclasses.replace(run, tip=dataclasses.replace(run.tip, x_m=run.tip.x_m - 1e-4))
-    assert compare(moved, STRAW).signals["x_m"].metrics.bias == pytest.approx(1e-4, rel=1e-6)
+    assert compare(moved, STRAW).signals["x_m"].metrics.bias == pytest.approx(1e-4, rel=0.05)
 
 
 def test_another_channel_radius_shows_as_residual() -> None:
