@@ -35,6 +35,9 @@ class Constants(NamedTuple):
     phi_0: float
     m_tip: float
     I_tip: float
+    F_X: float
+    F_Z: float
+    M_Y: float
     loss: float  # rho / (2 pi^2 r_ch^4), equation 2
     S: float  # dV/dzeta of any frustum
     C3: float  # equation 6a
@@ -72,6 +75,9 @@ class StrawParameters:
     rho_kg_per_m3: float = 1000.0
     g_m_per_s2: float = 9.795
     phi_0_rad: float = math.pi / 2
+    F_X_n: float = 0.0
+    F_Z_n: float = 0.0
+    M_Y_n_m: float = 0.0
 
     def __post_init__(self) -> None:
         if not 1 <= self.cells <= MAX_CELLS:
@@ -85,7 +91,7 @@ class StrawParameters:
             self._check(name, np.all(np.asarray(getattr(self, name)) > 0), "above zero")
         for name in ("c_zeta_n_s_per_m", "c_phi_n_m_s_per_rad"):
             self._check(name, np.all(getattr(self, name) >= 0), "zero or above")
-        for name in ("g_m_per_s2", "phi_0_rad"):
+        for name in ("g_m_per_s2", "phi_0_rad", "F_X_n", "F_Z_n", "M_Y_n_m"):
             self._check(name, math.isfinite(getattr(self, name)), "finite")
         self._check("r_o_m", self.r_o_m > self.r_i_m, f"above r_i_m = {self.r_i_m}")
         # |zeta0_even| < zeta0_odd keeps every cell's volume, length and mass positive whichever way it snaps.
@@ -138,6 +144,9 @@ class StrawParameters:
             phi_0=self.phi_0_rad,
             m_tip=self.m_tip_kg,
             I_tip=self.I_tip_kg_m2,
+            F_X=self.F_X_n,
+            F_Z=self.F_Z_n,
+            M_Y=self.M_Y_n_m,
             loss=self.rho_kg_per_m3 / (2 * math.pi**2 * self.r_ch_m**4),
             S=math.pi * (r_o**2 + r_i**2 + r_o * r_i) / 3,
             C3=math.pi * (r_o**2 - 2 * r_i**2 + r_o * r_i) / 3,

@@ -15,6 +15,7 @@ from model.terms.damping import add_damping
 from model.terms.elasticity import add_elasticity
 from model.terms.gravity import add_gravity
 from model.terms.pressure import add_pressure, inside_pressure
+from model.terms.tip_load import add_tip_load
 
 Floats = NDArray[np.float64]
 
@@ -30,6 +31,7 @@ def residual(c: Constants, q: Floats, v: Floats, a: Floats, external_pa: float) 
     add_damping(c, m, load)
     add_gravity(c, s, load)
     add_pressure(c, m, s, external_pa, load)
+    add_tip_load(c, load)
     return project(c, s, load)
 
 

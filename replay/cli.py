@@ -9,6 +9,8 @@ import sys
 from pathlib import Path
 from typing import NoReturn
 
+from replay.errors import USER_ERRORS
+
 
 class _Parser(argparse.ArgumentParser):
     """Says in one line what is wrong with a command line."""
@@ -71,10 +73,9 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _seed(text: str) -> int:
-    value = int(text)
-    if value < 0:
-        raise ValueError
-    return value
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text}: expected a whole number, zero or above")
+    return int(text)
 
 
 def _command(
@@ -96,11 +97,8 @@ def _json(p: argparse.ArgumentParser) -> None:
 def main(argv: list[str] | None = None) -> int:
     """Run one command; 0 ok, 1 the answer is no, 2 bad input in one line, 130 interrupted."""
     args = parser().parse_args(argv)
-    command = importlib.import_module(f"replay.commands.{args.module}")
-    from replay.errors import USER_ERRORS
-
     try:
-        return int(command.run(args))
+        return int(importlib.import_module(f"replay.commands.{args.module}").run(args))
     except USER_ERRORS as error:
         print(f"straw: {' '.join(str(error).split())}", file=sys.stderr)
         return 2

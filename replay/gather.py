@@ -53,10 +53,9 @@ def _shifted(tip: TipTrace, shift_s: float) -> TipTrace:
 
 def _check(run: Run) -> None:
     if run.pressure is None:
-        tracked = " and the run it was tracked from" if run.metadata.get("parent_sha256") else ""
-        raise ReplayError(
-            f"{run.path}: no /pressure/measured, which drives the prediction; give a run that recorded it{tracked}"
-        )
+        tracked = bool(run.metadata.get("parent_sha256"))
+        cure = "give the run it was tracked from as well" if tracked else "give a run that recorded it"
+        raise ReplayError(f"{run.path}: no /pressure/measured, which drives the prediction; {cure}")
     if run.tip is None or not run.tip.valid.any():
         raise ReplayError(f"{run.path}: no valid /tip/state to compare with; track its video, give that file too")
     if run.initial_deployed is None:

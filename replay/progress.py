@@ -8,6 +8,8 @@ from contextlib import contextmanager
 
 from tqdm import tqdm
 
+from model.compiled import compiled_before
+
 Progress = Callable[[int, int], None]
 
 
@@ -26,3 +28,9 @@ def progress_bar(title: str, unit: str = "it") -> Iterator[Progress]:
 def say(text: str) -> None:
     """One line of narration on stderr; stdout is for results."""
     print(text, file=sys.stderr, flush=True)
+
+
+def prepare() -> None:
+    """Tell a person who waits that the model is about to be compiled; nothing where a log is kept."""
+    if sys.stderr.isatty() and not compiled_before():
+        say("compiling the model, once on this machine: about half a minute")

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import math
 from pathlib import Path
 
 from model.parameters import StrawParameters, load_straw
 from replay.compare import Comparison, compare
 from replay.gather import gather
 from replay.output import write_json, write_text
-from replay.progress import progress_bar, say
+from replay.progress import prepare, progress_bar, say
 from replay.report.page import page
 
 
@@ -18,6 +19,7 @@ def run(args: argparse.Namespace) -> int:
     """Compare every run; 0 whatever the misfit, for how good is good enough is not for this command to say."""
     straw = straw_from(args.straw)
     runs = gather(args.runs, partial=args.partial)
+    prepare()
     comparisons = []
     with progress_bar("replay", "run") as progress:
         for i, one in enumerate(runs):
@@ -65,6 +67,7 @@ def table(comparisons: list[Comparison]) -> str:
         x, z, phi = (c.signals[name].metrics for name in ("x_m", "z_m", "phi_rad"))
         chi = max(m.reduced_chi2 for m in (x, z, phi)) ** 0.5
         lines.append(
-            f"{c.run.run_id:<{width}}  {x.rmse * 1e6:9.1f} {z.rmse * 1e6:9.1f} {phi.rmse * 1e3:13.2f} {chi:12.1f}"
+            f"{c.run.run_id:<{width}}  {x.rmse * 1e6:9.1f} {z.rmse * 1e6:9.1f} {phi.rmse * 1e3:13.2f} "
+            f"{f'{chi:.1f}' if math.isfinite(chi) else '-':>12}"
         )
     return "\n".join(lines)

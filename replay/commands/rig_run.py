@@ -10,7 +10,7 @@ from model.parameters import StrawParameters
 from model.simulate import Stepper
 from replay.commands.replay import straw_from
 from replay.output import write_json
-from replay.progress import progress_bar, say
+from replay.progress import prepare, progress_bar
 from rig.controller import make_controller
 from rig.emulate import Emulation, emulator_of
 from rig.protocol import PressureProtocol, load_protocol
@@ -39,7 +39,7 @@ def emulation(straw: StrawParameters, deployed: Collection[int], controller: str
     """An emulated controller with the straw in a configuration behind it, ready to be entered."""
     emulator_of(controller)  # a wrong name is answered before half a minute is spent
     # Time runs from the first moment on, so the model is compiled before.
-    say("preparing the straw (the first time on a machine, the model is compiled: half a minute)")
+    prepare()
     Stepper(straw, deployed).advance(1e-3, 0.0, 0.0)
     return Emulation(Stepper(straw, deployed), controller, *addresses)
 

@@ -13,6 +13,7 @@ from scipy.signal import lfilter
 from model.simulate import Prediction, simulate
 from replay.commands.replay import straw_from
 from replay.output import check_new, write_json
+from replay.progress import prepare
 from rig.protocol import PressureProtocol, load_protocol
 from rig.run_derived import write_prediction
 from tracking.trace import TipTrace
@@ -29,6 +30,7 @@ def run(args: argparse.Namespace) -> int:
     """Simulate the protocol through the controller's nominal response and write the prediction."""
     straw, protocol = straw_from(args.straw), load_protocol(args.protocol)
     check_new(args.output)
+    prepare()
     outlet = outlet_of(protocol)
     time_s = np.arange(0.0, protocol.duration_s, 1 / RATE_HZ)
     p = simulate(straw, outlet, time_s, protocol.initial_deployed)

@@ -17,7 +17,7 @@ from replay.commands.replay import straw_from
 from replay.errors import ReplayError
 from replay.gather import read_whole
 from replay.output import check_new, write_json
-from replay.progress import progress_bar, say
+from replay.progress import prepare, progress_bar, say
 from rig.run import Run
 from rig.run_derived import write_tip
 from tracking.board import Board
@@ -31,6 +31,7 @@ def run(args: argparse.Namespace) -> int:
     """Track the video; say how much of it can be trusted."""
     camera = load_camera(args.camera)
     filmed = read_whole(args.run) if args.run else None
+    prepare()
     rest = rest_of(args.rest, filmed, camera, straw_from(args.straw))
     tracked = track_to_file(args.video, camera, rest, args.output, filmed, args.start)
     if args.json:

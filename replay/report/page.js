@@ -5,6 +5,17 @@ const unpack = (text) => {
   const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
   return Array.from(new Float32Array(bytes.buffer), (v) => (isFinite(v) ? v : null));
 };
+// A stretch without valid samples is a gap in the curves, not a straight line across it.
+const withGaps = (s) => {
+  const steps = s.time.slice(1).map((t, k) => t - s.time[k]);
+  const usual = [...steps].sort((a, b) => a - b)[Math.floor(steps.length / 2)];
+  for (let k = steps.length; k > 0; k--) {
+    if (steps[k - 1] < 2.5 * usual) continue;
+    s.time.splice(k, 0, s.time[k - 1] + usual);
+    for (const name of ["measured", "sigma", "predicted"]) s[name].splice(k, 0, null);
+  }
+  return s;
+};
 const color = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
 const fixed = (value, digits) => (value === null || !isFinite(value) ? "–" : value.toFixed(digits));
 const html = (text) => text.replace(/[&<>"]/g, (c) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;" })[c]);
@@ -30,7 +41,7 @@ let charts = [];
 let shown = 0;
 const axis = (size, label, space) => ({
   space, stroke: color("soft"), grid: { stroke: color("line"), width: 1 }, ticks: { stroke: color("line") }, size, label,
-  labelSize: label ? 18 : 0, font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif",
+  labelSize: label ? 18 : 0, font: "12px system-ui, sans-serif", labelFont: "11px system-ui, sans-serif",
 });
 
 // Event marks: a hairline where the recording says something happened.
@@ -64,15 +75,23 @@ const zoom = (u) => {
 function draw({ title, note, height, data, series, bands, events, span, unit, last, scales }) {
   const box = document.createElement("div");
   box.className = "chart";
-  if (title) box.innerHTML = `<h3>${title}<small>${note}</small></h3>`;
+  if (title) box.innerHTML = `<h3>${title}<small>${note}</small><output></output></h3>`;
+  const readout = box.querySelector("output");
+  // What the curves say under the cursor; the cursor is shared, so every chart answers at once.
+  const read = (u) => {
+    const i = u.cursor.idx;
+    if (!readout) return;
+    const shown = series.map((q, k) => [q, i === null || i === undefined ? null : u.data[k + 1][i]]).filter(([q, v]) => q.width > 0 && v !== null);
+    readout.textContent = shown.length ? `${u.data[0][i].toFixed(4)} s: ` + shown.map(([q, v]) => `${q.label} ${v.toFixed(3)}`).join(", ") : "";
+  };
   document.getElementById("charts").append(box);
   const chart = new uPlot({
     width: document.getElementById("charts").clientWidth, height,
     scales: { x: { time: false, range: (u, min, max) => (min === max ? span : [min, max]) }, ...scales },
     axes: [last ? axis(40, "time since the run's zero / s", 50) : { ...axis(6, undefined, 50), values: (u, v) => v.map(() => ""), ticks: { show: false } }, axis(62, unit, unit.startsWith("residual") ? 16 : 30)],
     series: [{ label: "s", value: (u, v) => (v === null ? "" : v.toFixed(4)) }, ...series],
-    bands, legend: { show: false }, cursor: { sync: { key: "straw" }, drag: { x: true, y: false }, points: { size: 6 } },
-    plugins: [marks(events)], hooks: { setScale: [(u, key) => key === "x" && zoom(u)] },
+    bands, legend: { show: false }, cursor: { y: false, sync: { key: "straw" }, drag: { x: true, y: false }, points: { size: 6 } },
+    plugins: [marks(events)], hooks: { setScale: [(u, key) => key === "x" && zoom(u)], setCursor: [read] },
   }, data, box);
   charts.push(chart);
 }
@@ -96,16 +115,16 @@ function show(i) {
   const line = (label, name, width, dash) => ({ label, stroke: color(name), width, dash, points: { show: false } });
   const signals = Object.values(run.signals).map((s) => {
     const data = { time: unpack(s.time), measured: unpack(s.measured), sigma: unpack(s.sigma), predicted: unpack(s.predicted) };
-    return { ...s, ...data };
+    return { ...s, ...withGaps(data) };
   });
   const ends = [...signals.map((s) => s.time), pressureTime].map((t) => [t[0], t[t.length - 1]]);
   const span = [Math.min(...ends.map((e) => e[0])), Math.max(...ends.map((e) => e[1]))];
   const common = { events: run.events, span, bands: [], last: false };
   const hidden = { stroke: "transparent", width: 0, points: { show: false } };
   for (const s of signals) {
-    const known = s.sigma.every((v) => v !== null);
-    const low = s.measured.map((m, k) => (known ? m - 2 * s.sigma[k] : null));
-    const high = s.measured.map((m, k) => (known ? m + 2 * s.sigma[k] : null));
+    const known = s.chi2 !== null;
+    const low = s.measured.map((m, k) => (known && m !== null ? m - 2 * s.sigma[k] : null));
+    const high = s.measured.map((m, k) => (known && m !== null ? m + 2 * s.sigma[k] : null));
     const digits = s.unit === "deg" ? 3 : 4;
     const note = `bias ${fixed(s.bias, digits)}, RMS ${fixed(s.rmse, digits)}, largest ${fixed(s.max, digits)} ${s.unit} at ` +
       `${fixed(s.maxAt, 2)} s · RMS ${fixed(100 * s.nrmse, 1)} % of the range`;
@@ -115,7 +134,7 @@ function show(i) {
       bands: [{ series: [1, 2], fill: color("band") }],
     });
     // The residual's scale never shrinks below 4 sigma, so that noise looks like noise.
-    const residual = s.predicted.map((v, k) => (v - s.measured[k]) / (known ? s.sigma[k] : 1));
+    const residual = s.predicted.map((v, k) => (v === null ? null : (v - s.measured[k]) / (known ? s.sigma[k] : 1)));
     const least = known ? 4 : 0;
     draw({
       ...common, height: 90, unit: known ? "residual / σ" : `residual / ${s.unit}`, data: [s.time, residual],

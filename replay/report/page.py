@@ -29,7 +29,8 @@ def page(comparisons: list[Comparison]) -> str:
     def part(name: str) -> str:
         return here.joinpath(name).read_text(encoding="utf-8")
 
-    data = json.dumps(finite([_data(c) for c in comparisons]), allow_nan=False).replace("</", "<\\/")
+    # No "<" in the data: a name from a recording must not end the script element it stands in.
+    data = json.dumps(finite([_data(c) for c in comparisons]), allow_nan=False).replace("<", "\\u003c")
     many = len(comparisons)
     title = comparisons[0].run.run_id if many == 1 else f"{many} runs of {_specimens(comparisons)}"
     filled = {
@@ -48,11 +49,16 @@ def page(comparisons: list[Comparison]) -> str:
 
 def sentence(comparisons: list[Comparison]) -> str:
     """What the comparison says, in one sentence."""
-    worst = max(comparisons, key=lambda c: max(s.metrics.reduced_chi2 for s in c.signals.values()))
+    worst = max(comparisons, key=_misfit)
     x, z, phi = (worst.signals[name].metrics.rmse for name in SHOWN)
     which = "the model" if len(comparisons) == 1 else f"the worst run, {worst.run.run_id},"
     off = f"{x * 1e6:.0f} µm in X, {z * 1e6:.0f} µm in Z and {phi * 1e3:.2f} mrad in Φ"
     return f"RMS from model to measurement: {which} is off by {off}."
+
+
+def _misfit(c: Comparison) -> float:
+    """Largest misfit of a run's signals in sigmas, squared; those without a sigma count for nothing."""
+    return max(float(np.nan_to_num(s.metrics.reduced_chi2)) for s in c.signals.values())
 
 
 def _specimens(comparisons: list[Comparison]) -> str:

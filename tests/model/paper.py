@@ -122,10 +122,11 @@ class PaperStraw:
             value -= (self.c_zeta if zeta else self.c_phi) * v[j]
             for n in range(self.N):
                 value -= self.rho * self.g * self.V(q, n) * along(lambda s, n=n: self.body(s, n), q, e)[1]
-            X, Z, _ = along(self.tip, q, e)
+            X, Z, angle = along(self.tip, q, e)
             P = self.tip(q)[2]
             force = pi * self.r_i**2 * p
-            value += force * sin(P) * X + (force * cos(P) - self.m_tip * self.g) * Z
+            value += (self.F_X + force * sin(P)) * X + (self.F_Z + force * cos(P) - self.m_tip * self.g) * Z
+            value += self.M_Y * angle
             out.append(value)
         return out
 

@@ -65,12 +65,15 @@ def test_the_residual_of_the_full_form_is_lagranges_equations_of_the_printed_for
     """Well posed where the accelerations are not: any (q, v, a), against the paper's text at 50 digits."""
     rng = np.random.default_rng(7)
     N = 3
-    straw = StrawParameters(cells=N, form="full", c_zeta_n_s_per_m=31.0, c_phi_n_m_s_per_rad=2e-3, phi_0_rad=1.1)
+    straw = StrawParameters(
+        cells=N, form="full", c_zeta_n_s_per_m=31.0, c_phi_n_m_s_per_rad=2e-3, phi_0_rad=1.1,
+        F_X_n=0.3, F_Z_n=-0.2, M_Y_n_m=0.01,
+    )  # fmt: skip
     paper = PaperStraw(
         N,
         r_i=straw.r_i_m, r_o=straw.r_o_m, E=0.92e9, h=0.508e-3, zeta0_odd=3.78e-3, zeta0_even=-2.28e-3,
         rho=1000.0, g=9.795, phi_0=1.1, m_tip=straw.m_tip_kg, I_tip=straw.I_tip_kg_m2,
-        c_zeta=31.0, c_phi=2e-3, r_ch=straw.r_ch_m,
+        c_zeta=31.0, c_phi=2e-3, r_ch=straw.r_ch_m, F_X=0.3, F_Z=-0.2, M_Y=0.01,
     )  # fmt: skip
     for _ in range(3):
         q = np.concatenate([rng.normal(3.78e-3, 1e-4, N), rng.uniform(-2.3e-3, 2e-3, N), rng.normal(0, 0.1, 2 * N)])
