@@ -23,13 +23,10 @@ def _cache_folder() -> Path:
     return Path(parent) / "straw" / f"numba-{digest.hexdigest()[:16]}"
 
 
-CACHE = _cache_folder()
-setattr(numba.config, "CACHE_DIR", str(CACHE))  # noqa: B010  (numba makes its settings at run time)
+_CACHE = _cache_folder()
+#: Whether this machine has compiled this model already; the first time takes about half a minute.
+COMPILED_BEFORE = _CACHE.exists()  # asked here, as numba makes the folder when the first function is declared
+setattr(numba.config, "CACHE_DIR", str(_CACHE))  # noqa: B010  (numba makes its settings at run time)
 
 #: Compile a function of the model: ``@compiled`` instead of ``@njit``. Division by zero gives inf as in NumPy.
 compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
-
-
-def compiled_before() -> bool:
-    """Whether this machine has compiled this model already; the first time takes about half a minute."""
-    return CACHE.exists()

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from tqdm import tqdm
 
-from model.compiled import compiled_before
+from model.compiled import COMPILED_BEFORE
 
 Progress = Callable[[int, int], None]
 
@@ -16,7 +17,15 @@ Progress = Callable[[int, int], None]
 @contextmanager
 def progress_bar(title: str, unit: str = "it") -> Iterator[Progress]:
     """A bar to be called with (done, total); it closes with the block, also on an error."""
-    with tqdm(desc=title, unit=f" {unit}", leave=True, disable=not sys.stderr.isatty(), smoothing=0.1) as bar:
+    room = shutil.get_terminal_size()  # tqdm draws nothing on a terminal that does not tell its size
+    with tqdm(
+        desc=title,
+        unit=f" {unit}",
+        disable=not sys.stderr.isatty(),
+        smoothing=0.1,
+        ncols=min(room.columns, 100),
+        nrows=room.lines,
+    ) as bar:
 
         def update(done: int, total: int) -> None:
             bar.total = total
@@ -32,5 +41,5 @@ def say(text: str) -> None:
 
 def prepare() -> None:
     """Tell a person who waits that the model is about to be compiled; nothing where a log is kept."""
-    if sys.stderr.isatty() and not compiled_before():
+    if sys.stderr.isatty() and not COMPILED_BEFORE:
         say("compiling the model, once on this machine: about half a minute")

@@ -19,12 +19,15 @@ class Plant(Protocol):
         """What the controller's own sensor shows."""
 
 
+REMEMBERED = 10_000  # commands, at the least
+
+
 class PressurePlant:
     """First-order response dP/dt = rate (P_set - P), with the sensor that watches it.
 
     ``rate_per_s`` 50 reaches 97 % of a step after 70 ms, as the paper measured. ``min_pa``, ``max_pa`` are the supply:
     a command beyond them is answered by them. The reading adds white noise ``noise_pa`` and rounds to
-    ``resolution_pa``; equal seeds give equal noise. Past commands are kept, so the pressure of any past time can be
+    ``resolution_pa``; equal seeds give equal noise. The last commands are kept, so the pressure of a past time can be
     asked: a slow straw model behind it never makes the wire wait.
     """
 
@@ -48,6 +51,8 @@ class PressurePlant:
 
     def command(self, time_s: float, pressure_pa: float) -> None:
         """Aim at a pressure (Pa) from ``time_s`` on; times must not decrease."""
+        if len(self._segments) > 2 * REMEMBERED:
+            del self._segments[:REMEMBERED]
         self._segments.append((time_s, self.pressure(time_s), min(max(pressure_pa, self.min_pa), self.max_pa)))
 
     def pressure(self, time_s: float) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
@@ -60,14 +61,18 @@ class TwinHistory:
 
 
 class Twin:
-    """Moves ``stepper`` in real time under the pressure of ``plant``, and remembers every millisecond.
+    """Moves ``stepper`` in real time under the pressure of ``plant``; remembers the last ``remember_s`` seconds.
 
     Give ``twin.now`` to the wire as its clock: wire, plant and straw then share one time, zero at construction. The
     straw runs a tick behind and catches up when late, so a slow model never delays an answer on the wire.
     """
 
     def __init__(
-        self, stepper: StrawStepper, plant: PressurePlant, clock: Callable[[], float] = time.monotonic
+        self,
+        stepper: StrawStepper,
+        plant: PressurePlant,
+        clock: Callable[[], float] = time.monotonic,
+        remember_s: float = 300.0,
     ) -> None:
         self.stepper = stepper
         self.plant = plant
@@ -77,7 +82,8 @@ class Twin:
         self._clock = clock
         self._zero = clock() - stepper.time_s
         self.zero_wall_ns = time.time_ns() - round(stepper.time_s * 1e9)
-        self._rows: list[tuple[float, ...]] = []
+        # An emulator may be left on for days: what it remembers must not grow with them.
+        self._rows: deque[tuple[float, ...]] = deque(maxlen=round(remember_s / STEP_S))
         self._remember(pressure_pa)
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
@@ -118,7 +124,7 @@ class Twin:
 
     @property
     def history(self) -> TwinHistory:
-        """Everything so far, one row a millisecond."""
+        """What is remembered, one row a millisecond."""
         columns = np.array(self._rows, dtype=np.float64).T
         return TwinHistory(self.zero_wall_ns, *columns)
 

@@ -7,6 +7,7 @@ import select
 import socket
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from functools import partial
 from types import TracebackType
@@ -31,7 +32,7 @@ class Wire:
     """Serves one client at a time from a daemon thread until ``close``; ``url`` is what ``rig.line.Line`` opens.
 
     ``address`` is ``"pty"`` (POSIX) or ``"[socket://]host:port"`` with port 0 for any. ``clock`` gives the device its
-    time in seconds. ``received`` keeps every request line with its time, so that a test can prove what was sent.
+    time in seconds. ``received`` keeps the last request lines with their times, so that a test can prove what was sent.
     """
 
     def __init__(
@@ -45,7 +46,7 @@ class Wire:
         self.device = device
         self.clock = clock
         self.latency_s = latency_s
-        self.received: list[tuple[float, bytes]] = []
+        self.received: deque[tuple[float, bytes]] = deque(maxlen=100_000)
         self._open = True
         if address == "pty":
             self.url, serve = self._listen_pty()

@@ -1,4 +1,4 @@
-"""straw rig emulate: a controller on the wire with the straw behind it, until Ctrl-C."""
+"""straw rig emulate: a controller on the wire with the straw behind it, until Ctrl-C or SIGTERM."""
 
 from __future__ import annotations
 
@@ -8,19 +8,18 @@ import time
 from replay.commands.replay import straw_from
 from replay.commands.rig_run import emulation
 from replay.errors import ReplayError
+from rig.interrupts import Interrupts
 
 
 def run(args: argparse.Namespace) -> int:
     """Serve, and print where."""
     straw, deployed = straw_from(args.straw), cells_of(args.deployed)
-    with emulation(straw, deployed, args.controller, args.listen) as emulated:
+    with Interrupts() as interrupts, emulation(straw, deployed, args.controller, args.listen) as emulated:
         print(f"{args.controller} with a straw of {straw.cells} cells at {emulated.url}; Ctrl-C ends it", flush=True)
-        try:
-            while True:
-                time.sleep(0.2)
-        except KeyboardInterrupt:
-            x_m, z_m, _ = emulated.twin.stepper.tip
-            print(f"\nended; the tip stood at X {x_m * 1e3:.2f} mm, Z {z_m * 1e3:.2f} mm")
+        while interrupts.pending is None:
+            time.sleep(0.1)
+        x_m, z_m, _ = emulated.twin.stepper.tip
+    print(f"ended; the tip stood at X {x_m * 1e3:.2f} mm, Z {z_m * 1e3:.2f} mm")
     return 0
 
 

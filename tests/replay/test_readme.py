@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
@@ -31,29 +32,36 @@ def place(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterato
     (folder / "rig").mkdir()
     shutil.copytree(repository / "rig" / "protocols", folder / "rig" / "protocols")
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-    served: list[subprocess.Popen[str]] = []
-    for command in commands(repository):
-        if "pytest" in command:
-            continue  # that is us
-        assert command.startswith("straw "), f"README runs {command!r}, which this test does not know"
-        argv = command.removesuffix(" &").split()
-        where = shutil.which(argv[0], path=path)
-        assert where, "straw is not installed beside this Python"
-        if command.endswith(" &"):
-            server = subprocess.Popen([where, *argv[1:]], cwd=folder, stdout=subprocess.PIPE, text=True)
-            served.append(server)
-            assert server.stdout is not None
-            assert "socket://127.0.0.1:" in server.stdout.readline()
-            continue
-        done = subprocess.run([where, *argv[1:]], cwd=folder, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, f"{command}: {done.stderr}"
-        assert "Traceback" not in done.stderr
-        (folder / f"{argv[1]}.out").write_text(done.stdout, encoding="utf-8")
-    yield folder
-    for server in served:
+    with contextlib.ExitStack() as servers:
+        for command in commands(repository):
+            if "pytest" in command:
+                continue  # that is us
+            assert command.startswith("straw "), f"README runs {command!r}, which this test does not know"
+            argv = command.removesuffix(" &").split()
+            where = shutil.which(argv[0], path=path)
+            assert where, "straw is not installed beside this Python"
+            if command.endswith(" &"):
+                server = subprocess.Popen([where, *argv[1:]], cwd=folder, stdout=subprocess.PIPE, text=True)
+                servers.callback(end, server)
+                assert server.stdout is not None
+                assert "socket://127.0.0.1:" in server.stdout.readline()
+                continue
+            done = subprocess.run([where, *argv[1:]], cwd=folder, capture_output=True, text=True, check=False)
+            assert done.returncode == 0, f"{command}: {done.stderr}"
+            assert "Traceback" not in done.stderr
+            (folder / f"{argv[1]}.out").write_text(done.stdout, encoding="utf-8")
+        yield folder
+
+
+def end(server: subprocess.Popen[str]) -> None:
+    """Ctrl-C ends a command that serves, with exit 0; whatever happens it is gone afterwards."""
+    try:
         server.send_signal(signal.SIGINT)
-        server.communicate(timeout=20)
+        said, _ = server.communicate(timeout=20)
         assert server.returncode == 0
+        assert "ended" in said
+    finally:
+        server.kill()
 
 
 def test_the_demo_tracks_nearly_every_frame_near_the_painted_truth(place: Path) -> None:

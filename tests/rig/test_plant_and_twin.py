@@ -133,3 +133,21 @@ def test_one_emulated_controller_answers_on_a_pty_and_on_tcp_at_once() -> None:
         time.sleep(0.2)  # ten time constants of the plant
         (seen,) = by_tcp.read()
         assert seen.pressure_pa == pytest.approx(5e3, abs=300)
+
+
+def test_an_emulator_left_on_remembers_only_its_last_minutes() -> None:
+    straw = Stepper(StrawParameters(), [])
+    twin = Twin(straw, PressurePlant(), clock=lambda: 0.0, remember_s=0.05)
+    twin.advance_to(0.2)
+    assert len(twin.history.time_s) == 50
+    assert twin.history.time_s[-1] == pytest.approx(0.2, abs=2e-3)
+
+
+def test_a_plant_told_without_end_keeps_the_recent_past_exact() -> None:
+    plant, short = PressurePlant(), PressurePlant()
+    for k in range(50_000):
+        plant.command(k * 0.01, 1e3 * (k % 7))
+    for k in range(49_990, 50_000):
+        short.command(k * 0.01, 1e3 * (k % 7))
+    # after ten time constants the beginning is forgotten: exp(-50 * 0.09) of at most 6 kPa
+    assert plant.pressure(499.99) == pytest.approx(short.pressure(499.99), abs=6e3 * math.exp(-4.5))
