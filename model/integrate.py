@@ -76,6 +76,20 @@ def pressure_in(table: Table, time_s: float) -> float:
 
 
 @compiled
+def slope(
+    c: Constants, q: Floats, v: Floats, a: Floats, external_pa: float, moved: Floats, j: int, step: float
+) -> Floats:
+    """Minus the derivative of the residual by ``moved[j]``, where ``moved`` is q or v itself; central difference."""
+    held = moved[j]
+    moved[j] = held + step
+    up = residual(c, q, v, a, external_pa)
+    moved[j] = held - step
+    down = residual(c, q, v, a, external_pa)
+    moved[j] = held
+    return (down - up) / (2 * step)
+
+
+@compiled
 def linearise(c: Constants, q: Floats, v: Floats, a: Floats, external_pa: float) -> tuple[Floats, Floats, Floats]:
     """Mass, damping and stiffness matrices (M, C, K) of the residual about a motion.
 
@@ -87,20 +101,8 @@ def linearise(c: Constants, q: Floats, v: Floats, a: Floats, external_pa: float)
     q, v = q.copy(), v.copy()
     for j in range(n):
         zeta = j < n // 2
-        step = 1e-8 if zeta else 1e-6
-        held = q[j]
-        q[j] = held + step
-        up = residual(c, q, v, a, external_pa)
-        q[j] = held - step
-        stiffness[:, j] = (residual(c, q, v, a, external_pa) - up) / (2 * step)
-        q[j] = held
-        step = 1e-6 if zeta else 1e-4
-        held = v[j]
-        v[j] = held + step
-        up = residual(c, q, v, a, external_pa)
-        v[j] = held - step
-        damping[:, j] = (residual(c, q, v, a, external_pa) - up) / (2 * step)
-        v[j] = held
+        stiffness[:, j] = slope(c, q, v, a, external_pa, q, j, 1e-8 if zeta else 1e-6)
+        damping[:, j] = slope(c, q, v, a, external_pa, v, j, 1e-6 if zeta else 1e-4)
     return M, damping, stiffness
 
 
@@ -210,7 +212,8 @@ def integrate(
             counts[1] += 1
             if fresh:
                 state.clock[1] = h / 4
-            known = False
+            else:
+                known = False
             if h < SMALLEST_STEP_S:
                 return STEP_TOO_SMALL
             continue

@@ -192,8 +192,10 @@ def straw_from_toml(text: str, name: str = "straw file") -> StrawParameters:
         raise ModelError(f"{name}: {error}") from None
 
 
-def load_straw(path: Path) -> StrawParameters:
-    """The straw in a TOML file; ModelError where it cannot be read or is not a straw."""
+def load_straw(path: Path | None) -> StrawParameters:
+    """The straw in a TOML file, the paper's for None; ModelError where it cannot be read or is not a straw."""
+    if path is None:
+        return StrawParameters()
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

@@ -18,7 +18,7 @@ def driving_pressure(measured: PressureLog, command: PressureLog | None) -> Call
     """Measured pressure (Pa) as a function of seconds since the run's zero; constant outside the log.
 
     Between readings runs a monotone cubic, which has no overshoot of its own: straight lines would make a controller
-    that settles with time constant tau late by h^2 / (12 tau), half a millisecond at 100 Hz. At a command the curve
+    that settles with time constant tau late by h^2 / (12 tau), 0.4 ms of 20 ms at 100 Hz. At a command the curve
     starts anew from the last reading, for until it is told the controller holds. Only the command's time is used,
     never its value.
     """

@@ -32,10 +32,14 @@ def gather(paths: Sequence[Path], *, partial: bool = False) -> list[Run]:
     read = [read_whole(path, partial=partial) for path in paths]
     by_sha = {run.sha256: run for run in read}
     joined: set[str] = set()
+    tracked: set[str] = set()
     for run in read:
         parent = by_sha.get(run.metadata.get("parent_sha256", ""))
         if parent is None or run.tip is None:
             continue
+        if parent.sha256 in tracked:
+            raise ReplayError(f"{run.path}: a second track of {parent.path}; give one of them at a time")
+        tracked.add(parent.sha256)
         shift_s = (run.zero_time_ns - parent.zero_time_ns) / 1e9
         by_sha[parent.sha256] = dataclasses.replace(
             by_sha[parent.sha256], tip=_shifted(run.tip, shift_s), lost=(*by_sha[parent.sha256].lost, *run.lost)

@@ -66,6 +66,17 @@ class PressureProtocol:
         at = np.concatenate([[True], np.diff(self.time_s) == 0.0])
         return np.asarray(self.time_s[at & (before != self.pressure_pa)])
 
+    @property
+    def metadata(self) -> dict[str, str]:
+        """What the protocol says of a run, as the keys of the record ``straw.run``."""
+        return {
+            "specimen": self.specimen,
+            "initial_deployed": ",".join(map(str, self.initial_deployed)),
+            "cycle": str(self.cycle),
+            "channel": str(self.channel),
+            "protocol": self.name,
+        }
+
     def check_limits(self, limits: PressureLimits) -> None:
         """Raise RigError, naming time and pressure, unless every point of the table is within ``limits``."""
         for t, p in zip(self.time_s, self.pressure_pa, strict=True):

@@ -13,6 +13,7 @@ from rig.errors import RigError
 from tracking.trace import TipTrace
 
 Floats = NDArray[np.float64]
+CELLS = 9  # of the paper's straw, where nobody says otherwise
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from rig.errors import RigError
 from rig.mcap_scan import scan
-from rig.run import Event, Predicted, PressureLog, Run
+from rig.run import CELLS, Event, Predicted, PressureLog, Run
 from rig.run_decode import EXTRA, Row, decode
 from rig.schema import PREDICTION, schema_of
 from tracking.trace import TipTrace
 
-CELLS = 9  # of the paper's straw
 FAR_S = 3600.0  # a zero further than this from the first message is worth a word
 
 

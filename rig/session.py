@@ -11,6 +11,7 @@ from rig.controller import Command, Controller, Reading
 from rig.errors import LinkLostError, RigError
 from rig.interrupts import Interrupts
 from rig.protocol import PressureProtocol
+from rig.run import CELLS
 from rig.run_write import RunWriter
 
 ARM_S = 0.2  # between writing the file's head, which names the run's zero, and the start
@@ -88,12 +89,8 @@ class _Session:
             path,
             {
                 "run_id": path.stem,
-                "specimen": protocol.specimen,
-                "initial_deployed": ",".join(map(str, protocol.initial_deployed)),
-                "cycle": str(protocol.cycle),
-                "cells": "9",
-                "channel": str(protocol.channel),
-                "protocol": protocol.name,
+                "cells": str(CELLS),
+                **protocol.metadata,
                 "rate_hz": f"{rate_hz:g}",
                 **controller.snapshot(),
                 **metadata,
@@ -139,13 +136,13 @@ class _Session:
             if controller.rounded(wanted_pa) != told_pa:
                 command = controller.set_pressure(protocol.channel, wanted_pa)
                 told_pa = command.pressure_pa
-                self.log_command(command)
+                self.log("/pressure/command", command)
                 if steps and steps[0] <= now_s:
                     steps = [step_s for step_s in steps if step_s > now_s]
                     self.event("step", f"to {told_pa:g} Pa", command.wall_ns)
             try:
                 for reading in controller.read():
-                    self.log_reading(reading)
+                    self.log("/pressure/measured", reading, sigma_pa=reading.sigma_pa, raw=reading.raw)
                     if reading.channel == protocol.channel:
                         measured_pa = reading.pressure_pa
                 misses = 0
@@ -201,24 +198,13 @@ class _Session:
     def event(self, kind: str, text: str, wall_ns: int | None = None) -> None:
         self.writer.event(kind, text, self.controller.clock.wall_ns() if wall_ns is None else wall_ns)
 
-    def log_command(self, command: Command) -> None:
+    def log(self, topic: str, what: Command | Reading, **more: float | bytes) -> None:
         self.writer.add(
-            "/pressure/command",
-            command.wall_ns,
-            pressure_pa=command.pressure_pa,
-            channel=command.channel,
-            monotonic_ns=command.monotonic_ns,
-            half_width_ns=command.half_width_ns,
-        )
-
-    def log_reading(self, reading: Reading) -> None:
-        self.writer.add(
-            "/pressure/measured",
-            reading.wall_ns,
-            pressure_pa=reading.pressure_pa,
-            sigma_pa=reading.sigma_pa,
-            channel=reading.channel,
-            monotonic_ns=reading.monotonic_ns,
-            half_width_ns=reading.half_width_ns,
-            raw=reading.raw,
+            topic,
+            what.wall_ns,
+            pressure_pa=what.pressure_pa,
+            channel=what.channel,
+            monotonic_ns=what.monotonic_ns,
+            half_width_ns=what.half_width_ns,
+            **more,
         )

@@ -79,12 +79,12 @@ class Twin:
         # One step before the clock starts: a compiled model compiles now, not while somebody waits for an answer.
         pressure_pa = plant.pressure(stepper.time_s)
         stepper.advance(stepper.time_s + STEP_S, pressure_pa, pressure_pa)
-        self._clock = clock
-        self._zero = clock() - stepper.time_s
-        self.zero_wall_ns = time.time_ns() - round(stepper.time_s * 1e9)
         # An emulator may be left on for days: what it remembers must not grow with them.
         self._rows: deque[tuple[float, ...]] = deque(maxlen=round(remember_s / STEP_S))
         self._remember(pressure_pa)
+        self._clock = clock
+        self._zero = clock() - stepper.time_s
+        self.zero_wall_ns = time.time_ns() - round(stepper.time_s * 1e9)
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self._failure: BaseException | None = None

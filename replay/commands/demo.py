@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import math
 import os
-import shutil
 from dataclasses import dataclass
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -37,7 +36,8 @@ Floats = NDArray[np.float64]
 LENS = "gopro_hero6_wide_1080p240"
 DISTANCE_M = 0.212
 OBLIQUITY_RAD = math.radians(25)
-MARKER = ".straw-demo"  # a folder with this file is the demo's to clear
+MARKER = ".straw-demo"  # a folder with this file is one that the demo may use again
+MADE = ("run.mcap", "camera.json", "video.mp4", "tip.mcap", "replay.html", "demo.json")
 
 
 @dataclass(frozen=True)
@@ -76,9 +76,8 @@ def run(args: argparse.Namespace) -> int:
     (run_with_tip,) = gather([out / "run.mcap", out / "tip.mcap"])
     comparison = compare(run_with_tip, straw)
     write_text(out / "replay.html", page([comparison]))
-    write_json(out / "demo.json", as_data(errors, comparison))
-    if args.json:
-        write_json(args.json, as_data(errors, comparison))
+    for path in filter(None, (out / "demo.json", args.json)):
+        write_json(path, as_data(errors, comparison))
     print(
         f"recorded  {len(recorded.pressure or ())} pressure readings, {len(recorded.events)} events: {out / 'run.mcap'}"
     )
@@ -89,14 +88,15 @@ def run(args: argparse.Namespace) -> int:
 
 
 def clear_folder(out: Path) -> Path:
-    """An empty folder of the demo's own; ReplayError rather than touch anything else."""
+    """The demo's folder without an earlier demo's files; ReplayError rather than touch a folder that is not one."""
     try:
-        if out.is_dir() and any(out.iterdir()):
-            if not (out / MARKER).exists():
-                raise ReplayError(f"{out}: is not empty and not an earlier demo; choose another folder with --out")
-            shutil.rmtree(out)
+        if out.is_dir() and any(out.iterdir()) and not (out / MARKER).exists():
+            raise ReplayError(f"{out}: is not empty and not an earlier demo; choose another folder with --out")
         out.mkdir(parents=True, exist_ok=True)
-        (out / MARKER).write_text("made by straw demo, which may delete this folder\n", encoding="utf-8")
+        for name in MADE:  # and nothing else: somebody may keep a recording of their own here by now
+            (out / name).unlink(missing_ok=True)
+            (out / f"{name}.part").unlink(missing_ok=True)  # of one that was killed
+        (out / MARKER).write_text(f"straw demo makes anew: {', '.join(MADE)}\n", encoding="utf-8")
     except OSError as error:
         raise ReplayError(f"{out}: cannot be the demo's folder: {error.strerror}; choose another with --out") from None
     return out

@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
-from pathlib import Path
 
-from model.parameters import StrawParameters, load_straw
+from model.parameters import load_straw
 from replay.compare import Comparison, compare
 from replay.gather import gather
 from replay.output import write_json, write_text
@@ -17,7 +16,7 @@ from replay.report.page import page
 
 def run(args: argparse.Namespace) -> int:
     """Compare every run; 0 whatever the misfit, for how good is good enough is not for this command to say."""
-    straw = straw_from(args.straw)
+    straw = load_straw(args.straw)
     runs = gather(args.runs, partial=args.partial)
     prepare()
     comparisons = []
@@ -34,11 +33,6 @@ def run(args: argparse.Namespace) -> int:
             say(f"{one.run_id}: {sentence}")
     print(f"\nlook at {args.report}")
     return 0
-
-
-def straw_from(path: Path | None) -> StrawParameters:
-    """The straw of a file, or the paper's specimen."""
-    return StrawParameters() if path is None else load_straw(path)
 
 
 def as_data(comparisons: list[Comparison]) -> dict[str, object]:

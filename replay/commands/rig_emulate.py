@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import time
 
-from replay.commands.replay import straw_from
+from model.parameters import load_straw
 from replay.commands.rig_run import emulation
 from replay.errors import ReplayError
 from rig.interrupts import Interrupts
@@ -13,7 +13,7 @@ from rig.interrupts import Interrupts
 
 def run(args: argparse.Namespace) -> int:
     """Serve, and print where."""
-    straw, deployed = straw_from(args.straw), cells_of(args.deployed)
+    straw, deployed = load_straw(args.straw), cells_of(args.deployed)
     with Interrupts() as interrupts, emulation(straw, deployed, args.controller, args.listen) as emulated:
         print(f"{args.controller} with a straw of {straw.cells} cells at {emulated.url}; Ctrl-C ends it", flush=True)
         while interrupts.pending is None:

@@ -6,9 +6,8 @@ import argparse
 from collections.abc import Collection
 from pathlib import Path
 
-from model.parameters import StrawParameters
+from model.parameters import StrawParameters, load_straw
 from model.simulate import Stepper
-from replay.commands.replay import straw_from
 from replay.output import write_json
 from replay.progress import prepare, progress_bar
 from rig.controller import make_controller
@@ -20,7 +19,7 @@ from rig.session import Outcome, run_protocol
 def run(args: argparse.Namespace) -> int:
     """Run the protocol and say what was recorded."""
     protocol = load_protocol(args.protocol)
-    straw = straw_from(args.straw)
+    straw = load_straw(args.straw)
     if args.emulate:
         with emulation(straw, protocol.initial_deployed, args.controller) as emulated:
             outcome = drive(args.controller, emulated.url, protocol, args.output, straw.cells, args.rate)
@@ -38,9 +37,7 @@ def run(args: argparse.Namespace) -> int:
 def emulation(straw: StrawParameters, deployed: Collection[int], controller: str, *addresses: str) -> Emulation:
     """An emulated controller with the straw in a configuration behind it, ready to be entered."""
     emulator_of(controller)  # a wrong name is answered before half a minute is spent
-    # Time runs from the first moment on, so the model is compiled before.
     prepare()
-    Stepper(straw, deployed).advance(1e-3, 0.0, 0.0)
     return Emulation(Stepper(straw, deployed), controller, *addresses)
 
 

@@ -8,12 +8,12 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
+from model.parameters import load_straw
 from model.simulate import Prediction, simulate
-from replay.commands.replay import straw_from
 from replay.output import check_new, write_json
 from replay.progress import prepare
+from rig.plant import PressurePlant
 from rig.protocol import PressureProtocol, load_protocol
 from rig.run_derived import write_prediction
 from tracking.trace import TipTrace
@@ -21,14 +21,13 @@ from tracking.trace import TipTrace
 Floats = NDArray[np.float64]
 
 RATE_HZ = 240.0
-SETTLING_PER_S = 50.0  # the paper's controller: p_ss (1 - exp(-50 t))
 #: Predictions of a protocol nobody ran stand at this moment: a message at time 0 breaks Foxglove.
 NOMINAL_ZERO_NS = 1_000_000_000
 
 
 def run(args: argparse.Namespace) -> int:
     """Simulate the protocol through the controller's nominal response and write the prediction."""
-    straw, protocol = straw_from(args.straw), load_protocol(args.protocol)
+    straw, protocol = load_straw(args.straw), load_protocol(args.protocol)
     check_new(args.output)
     prepare()
     outlet = outlet_of(protocol)
@@ -36,12 +35,9 @@ def run(args: argparse.Namespace) -> int:
     p = simulate(straw, outlet, time_s, protocol.initial_deployed)
     metadata = {
         "run_id": protocol.name,
-        "specimen": protocol.specimen,
-        "initial_deployed": ",".join(map(str, protocol.initial_deployed)),
-        "cycle": str(protocol.cycle),
+        **protocol.metadata,
         "cells": str(straw.cells),
         "straw": straw.to_toml(),
-        "protocol": protocol.text,
     }
     since_zero_s = time_s - protocol.zero_s
     write_prediction(
@@ -65,12 +61,16 @@ def run(args: argparse.Namespace) -> int:
 
 
 def outlet_of(protocol: PressureProtocol) -> Callable[[Floats], Floats]:
-    """Pressure at the controller's outlet (Pa, of seconds) when it follows a protocol with its nominal settling."""
-    step_s = 1e-3
-    grid = np.arange(0.0, protocol.duration_s + step_s, step_s)
-    gain = -math.expm1(-SETTLING_PER_S * step_s)  # exact for a command held over each millisecond
-    followed = np.asarray(lfilter([0.0, gain], [1.0, gain - 1.0], protocol(grid)), dtype=np.float64)
-    return lambda time_s: np.asarray(np.interp(time_s, grid, followed))
+    """Pressure at the outlet (Pa, of seconds) of the controller that the emulator has, told each millisecond."""
+    plant = PressurePlant()
+    grid = np.arange(0.0, protocol.duration_s + 1e-3, 1e-3)
+    told_pa, outlet_pa = 0.0, []
+    for time_s, wanted_pa in zip(grid.tolist(), protocol(grid).tolist(), strict=True):
+        if wanted_pa != told_pa:
+            plant.command(time_s, wanted_pa)
+            told_pa = wanted_pa
+        outlet_pa.append(plant.pressure(time_s))
+    return lambda time_s: np.asarray(np.interp(time_s, grid, outlet_pa))
 
 
 def trace_of(p: Prediction, time_s: Floats) -> TipTrace:

@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from model.kinematics import tip_pose
-from model.parameters import StrawParameters
+from model.parameters import StrawParameters, load_straw
 from model.rest import rest_state
-from replay.commands.replay import straw_from
 from replay.errors import ReplayError
 from replay.gather import read_whole
 from replay.output import check_new, write_json
@@ -32,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
     camera = load_camera(args.camera)
     filmed = read_whole(args.run) if args.run else None
     prepare()
-    rest = rest_of(args.rest, filmed, camera, straw_from(args.straw))
+    rest = rest_of(args.rest, filmed, camera, load_straw(args.straw))
     tracked = track_to_file(args.video, camera, rest, args.output, filmed, args.start)
     if args.json:
         write_json(args.json, as_data(tracked, args.output))
@@ -74,6 +73,8 @@ def track_to_file(
         tracked = track(video, camera, Board(), rest_pose=rest, start_s=start_s, progress=progress)
     metadata = dict(filmed.metadata) if filmed else {"run_id": video.stem}
     metadata |= {"video": video.name, "decode": str(tracked.decode), "clock": f"first frame given at {start_s:g} s"}
+    if not filmed:
+        say(f"{video.name}: without --run nothing says when it was filmed; its times count from now")
     zero_ns = filmed.zero_time_ns if filmed else time.time_ns()
     write_tip(output, tracked.trace, metadata, filmed.sha256 if filmed else "", zero_ns)
     if tracked.invalid:

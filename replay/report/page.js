@@ -81,8 +81,8 @@ function draw({ title, note, height, data, series, bands, events, span, unit, la
   const read = (u) => {
     const i = u.cursor.idx;
     if (!readout) return;
-    const shown = series.map((q, k) => [q, i === null || i === undefined ? null : u.data[k + 1][i]]).filter(([q, v]) => q.width > 0 && v !== null);
-    readout.textContent = shown.length ? `${u.data[0][i].toFixed(4)} s: ` + shown.map(([q, v]) => `${q.label} ${v.toFixed(3)}`).join(", ") : "";
+    const here = series.map((q, k) => [q, i === null || i === undefined ? null : u.data[k + 1][i]]).filter(([q, v]) => q.width > 0 && v !== null);
+    readout.textContent = here.length ? `${u.data[0][i].toFixed(4)} s: ` + here.map(([q, v]) => `${q.label} ${v.toFixed(3)}`).join(", ") : "";
   };
   document.getElementById("charts").append(box);
   const chart = new uPlot({

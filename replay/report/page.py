@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import json
+import re
 from importlib.resources import files
 from typing import Any
 
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from replay.compare import Comparison
 from replay.output import finite
 
-#: How each channel is shown: title, unit, factor from SI, decimals.
+#: How each channel is shown: title, unit, factor from SI.
 SHOWN = {
     "x_m": ("X", "mm", 1e3),
     "z_m": ("Z", "mm", 1e3),
@@ -41,10 +42,8 @@ def page(comparisons: list[Comparison]) -> str:
         "data": data,
         "script": part("page.js"),
     }
-    text = part("page.html")
-    for name, value in filled.items():
-        text = text.replace("{{" + name + "}}", value)
-    return text
+    # One pass: braces in a recording's name stay a name.
+    return re.sub(r"\{\{(\w+)\}\}", lambda place: filled[place[1]], part("page.html"))
 
 
 def sentence(comparisons: list[Comparison]) -> str:

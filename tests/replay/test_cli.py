@@ -224,3 +224,13 @@ def test_a_command_line_that_is_not_one_is_one_line_too(argv: list[str], capsys:
         main(argv)
     assert stop.value.code == 2
     assert len(capsys.readouterr().err.strip().splitlines()) == 1
+
+
+def test_a_demo_made_anew_leaves_what_it_did_not_make(tmp_path: Path) -> None:
+    from replay.commands.demo import MADE, clear_folder
+
+    folder = clear_folder(tmp_path / "demo")
+    for name in (*MADE, "tip.mcap.part", "mine.mcap"):
+        (folder / name).touch()
+    clear_folder(folder)
+    assert sorted(p.name for p in folder.iterdir()) == [".straw-demo", "mine.mcap"]

@@ -67,3 +67,8 @@ def test_the_page_of_many_runs_names_the_worst() -> None:
     text = page([compared(), compared(run_id="the bad one", tip=off)])
     assert "2 runs" in text
     assert "the worst run, the bad one, is off by" in text
+
+
+def test_braces_in_a_name_stay_a_name() -> None:
+    (run,) = data_in(page([compared(run_id="{{script}}")]))
+    assert run["id"] == "{{script}}"

@@ -1,0 +1,48 @@
+"""Recordings are joined to what was derived from them, or it is said why not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from replay.errors import ReplayError
+from replay.gather import gather
+from rig.run_derived import write_tip
+from rig.run_read import read_run
+from tests.replay.test_cli import recording
+from tracking.trace import TipTrace
+
+
+def tracked(raw: Path, path: Path, later_s: float = 0.0) -> Path:
+    """A track of a run, its file's zero ``later_s`` after the run's."""
+    run = read_run(raw)
+    n = 50
+    time_s, same = np.arange(n) / 240, np.full(n, 1e-5)
+    trace = TipTrace(time_s, same, same, same, same, same, same, np.ones(n, bool), np.arange(n))
+    write_tip(path, trace, run.metadata, run.sha256, run.zero_time_ns + round(later_s * 1e9))
+    return path
+
+
+def test_a_track_is_laid_beside_the_pressure_of_its_run_on_the_absolute_clock(tmp_path: Path) -> None:
+    recording(tmp_path / "raw.mcap", tip=False)
+    tip = tracked(tmp_path / "raw.mcap", tmp_path / "tip.mcap", later_s=0.25)
+    for order in ([tmp_path / "raw.mcap", tip], [tip, tmp_path / "raw.mcap"]):
+        (run,) = gather(order)
+        assert run.pressure is not None
+        assert run.tip is not None
+        assert run.tip.time_s[0] == pytest.approx(0.25, abs=1e-9)
+
+
+def test_two_tracks_of_one_run_are_not_chosen_between(tmp_path: Path) -> None:
+    recording(tmp_path / "raw.mcap", tip=False)
+    tips = [tracked(tmp_path / "raw.mcap", tmp_path / name) for name in ("a.mcap", "b.mcap")]
+    with pytest.raises(ReplayError, match=r"b\.mcap: a second track of .*raw\.mcap"):
+        gather([tmp_path / "raw.mcap", *tips])
+
+
+def test_a_track_alone_asks_for_its_run(tmp_path: Path) -> None:
+    recording(tmp_path / "raw.mcap", tip=False)
+    with pytest.raises(ReplayError, match="the run it was tracked from"):
+        gather([tracked(tmp_path / "raw.mcap", tmp_path / "tip.mcap")])
