@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.compiled import compiled
+from model.constants import Constants
 from model.kinematics import Chain
 from model.load import Load
-from model.parameters import Constants
 
 Floats = NDArray[np.float64]
 
@@ -33,14 +33,13 @@ def add_inertia(c: Constants, s: Chain, load: Load) -> None:
 
 
 @compiled
-def mass_matrix(c: Constants, s: Chain) -> Floats:
-    """M(q), shape (coordinates, coordinates).
+def mass_matrix(c: Constants, s: Chain, M: Floats) -> None:
+    """M(q), into M (coordinates, coordinates).
 
     All bodies beyond cell j move with two inner coordinates i and j as one rigid body would, so only their summed
     mass, first and second moments are needed: composite bodies, cost N squared.
     """
     n, k = c.cells, c.active
-    M = np.empty((2 * k * n, 2 * k * n))
     m, sx, sz = s.mass[n], s.mass[n] * s.position[n, 0], s.mass[n] * s.position[n, 1]
     second = s.inertia[n] + sx * s.position[n, 0] + sz * s.position[n, 1]
     # columns of cell j: velocity of the composite body beyond j is (tx, tz) + R(C) turn; of body j it is own
@@ -91,4 +90,3 @@ def mass_matrix(c: Constants, s: Chain) -> Floats:
         sx += mj * x
         sz += mj * z
         second += Ij + mj * (x**2 + z**2)
-    return M

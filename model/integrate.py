@@ -1,9 +1,9 @@
-"""Integrates the straw in second-order form: L-stable SDIRK of order 4(3) on the residual, never on M^-1.
+"""Integrates the straw in second-order form: an L-stable SDIRK method on the residual, never on M^-1.
 
-Tableau: Hairer & Wanner, Solving Ordinary Differential Equations II, table IV.6.5 (gamma = 1/4, stiffly accurate).
-Each stage solves residual(q, v, a, t) = 0 by a simplified Newton whose matrix M / (h gamma)^2 + C / (h gamma) + K has
+Each stage solves forces_left(q, v, a) = 0 by a simplified Newton whose matrix M / (h gamma)^2 + C / (h gamma) + K has
 one row a coordinate, half of what the first-order form needs. Working on the residual matters in the full form:
 there M is singular (each cell's fluid is one rigid body with three velocities but has four coordinates).
+States of first order (what the frusta remember, the way in) are solved for within a stage and need no rows.
 Error control looks at q, which the camera sees; kHz modes below the tolerance are damped, not resolved.
 """
 
@@ -15,34 +15,30 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from model.channel import STATES, channel_at_rest, channel_of, inside_pressure
 from model.compiled import compiled
+from model.constants import Constants
+from model.frusta import MEMORIES, add_tangent
 from model.inertia import mass_matrix
-from model.kinematics import chain_of, motion_of
+from model.kinematics import place, spread
 from model.linear import factor, substitute
-from model.parameters import Constants
-from model.straw import residual
+from model.scheme import COEFFICIENTS, ERROR, GAMMA, GUESS, ORDER_BELOW, STAGES, TIMES
+from model.straw import forces_left, room_for, volume_rate
+from model.terms.pressure import pressure_per_pa
 
 Floats = NDArray[np.float64]
-
-GAMMA = 0.25
-STAGES = 5
-A = np.array(
-    [
-        [1 / 4, 0, 0, 0, 0],
-        [1 / 2, 1 / 4, 0, 0, 0],
-        [17 / 50, -1 / 25, 1 / 4, 0, 0],
-        [371 / 1360, -137 / 2720, 15 / 544, 1 / 4, 0],
-        [25 / 24, -49 / 48, 125 / 16, -85 / 12, 1 / 4],
-    ]
-)
-C = A.sum(axis=1)
-ERROR = A[4] - np.array([59 / 48, -17 / 96, 225 / 32, -85 / 12, 0])
 
 DONE, STEP_TOO_SMALL, NOT_FINITE, TOO_MANY_STEPS = 0, 1, 2, 3
 SMALLEST_STEP_S = 1e-9
 #: Steps a simulated second may take; the liveliest validation run takes 700.
 MOST_STEPS_PER_S = 30_000
 NEWTON_LIMIT = 8
+#: Newton stops when what is missing is this small in units of the tolerance; snaps amplify what is left.
+NEWTON_SHARE = 1e-3
+#: How much of Newton's rate of convergence is still believed a stage later.
+RATE_FADES = 0.3
+#: An angle's tolerance is the length's over this: about what turns it into a displacement of the tip, with a margin.
+LEVER_M = 0.2
 
 
 class Table(NamedTuple):
@@ -54,12 +50,27 @@ class Table(NamedTuple):
 
 
 class State(NamedTuple):
-    """Where an integration stands: arrays (coordinates,); clock = [time_s, next step_s]."""
+    """Where an integration stands."""
 
-    q: Floats
+    q: Floats  # (coordinates,)
     v: Floats
     a: Floats
-    clock: Floats
+    memory: Floats  # (cells, 2, MEMORIES, 2), see model.frusta
+    way_in: Floats  # (STATES,), see model.channel
+    clock: Floats  # time_s, next step_s, pressure inside_pa
+
+
+@compiled
+def at_rest(c: Constants, q: Floats, time_s: float, external_pa: float, first_step_s: float) -> State:
+    """The state of a straw that rests at q."""
+    return State(
+        q.copy(),
+        np.zeros_like(q),
+        np.zeros_like(q),
+        np.zeros((c.cells, 2, MEMORIES, 2)),
+        channel_at_rest(c, external_pa),
+        np.array([time_s, first_step_s, external_pa]),
+    )
 
 
 @compiled
@@ -73,37 +84,6 @@ def pressure_in(table: Table, time_s: float) -> float:
         return float(table.pressure_pa[last])
     i = int(x)
     return float(table.pressure_pa[i] + (x - i) * (table.pressure_pa[i + 1] - table.pressure_pa[i]))
-
-
-@compiled
-def slope(
-    c: Constants, q: Floats, v: Floats, a: Floats, external_pa: float, moved: Floats, j: int, step: float
-) -> Floats:
-    """Minus the derivative of the residual by ``moved[j]``, where ``moved`` is q or v itself; central difference."""
-    held = moved[j]
-    moved[j] = held + step
-    up = residual(c, q, v, a, external_pa)
-    moved[j] = held - step
-    down = residual(c, q, v, a, external_pa)
-    moved[j] = held
-    return (down - up) / (2 * step)
-
-
-@compiled
-def linearise(c: Constants, q: Floats, v: Floats, a: Floats, external_pa: float) -> tuple[Floats, Floats, Floats]:
-    """Mass, damping and stiffness matrices (M, C, K) of the residual about a motion.
-
-    C and K by central differences: their error costs Newton iterations, never accuracy.
-    """
-    n = len(q)
-    M = mass_matrix(c, chain_of(c, motion_of(c, q, v, a)))
-    damping, stiffness = np.empty((n, n)), np.empty((n, n))
-    q, v = q.copy(), v.copy()
-    for j in range(n):
-        zeta = j < n // 2
-        stiffness[:, j] = slope(c, q, v, a, external_pa, q, j, 1e-8 if zeta else 1e-6)
-        damping[:, j] = slope(c, q, v, a, external_pa, v, j, 1e-6 if zeta else 1e-4)
-    return M, damping, stiffness
 
 
 @compiled
@@ -127,77 +107,111 @@ def integrate(
     max_step_s: float,
     out_q: Floats,
     out_v: Floats,
+    out_pa: Floats,
     counts: NDArray[np.int64],
 ) -> int:
     """Advance ``state`` in place to ``end_s``, filling out_q, out_v (outputs, coordinates) at ``output_s``.
 
-    Outputs inside a step come from the cubic through q and v at both of its ends. ``counts`` grows by steps taken,
-    steps rejected, linearisations and residuals. Returns DONE, or the reason for stopping early.
+    Outputs inside a step come from the cubic through q and v at both of its ends; out_pa (outputs,), the pressure
+    inside, from the line. ``counts`` grows by steps taken, steps rejected, Newton matrices and residuals.
+    Returns DONE, or the reason for stopping early.
     """
     n = len(state.q)
-    tolerance_rad = tolerance_m / c.r_i
-    q, v, a = state.q, state.v, state.a
-    stage_v, stage_a = np.empty((STAGES, n)), np.empty((STAGES, n))
-    filled = 0
-    while filled < len(output_s) and output_s[filled] <= state.clock[0]:
-        out_q[filled], out_v[filled] = q, v
-        filled += 1
-    M = damping = stiffness = W = np.empty((n, n))
+    tolerance_rad = tolerance_m / LEVER_M
+    q, v, a, clock = state.q, state.v, state.a, state.clock
+    way, room = channel_of(c), room_for(c)
+    stage_v, stage_a = np.zeros((STAGES, n)), np.zeros((STAGES, n))
+    stage_memory = np.zeros((STAGES, *state.memory.shape))
+    stage_way_in = np.zeros((STAGES, STATES))
+    known_memory, memory = state.memory.copy(), state.memory.copy()
+    known_way_in, way_in = state.way_in.copy(), state.way_in.copy()
+    remembers = c.remembers
+    q_i, v_i, a_i = q.copy(), v.copy(), a.copy()
+    left, dq, push, error_q, error_v = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    M, W, K = np.empty((n, n)), np.empty((n, n)), np.zeros((c.cells, 2, 2, 2))
     order = np.empty(n, np.int64)
-    fresh, known, factored_h = False, False, 0.0
-    most_steps = 1000 + int(MOST_STEPS_PER_S * (end_s - state.clock[0]))
+    filled = 0
+    while filled < len(output_s) and output_s[filled] <= clock[0]:
+        out_q[filled], out_v[filled], out_pa[filled] = q, v, clock[2]
+        filled += 1
+    most_steps = 1000 + int(MOST_STEPS_PER_S * (end_s - clock[0]))
     tried = 0
-    while state.clock[0] < end_s:
+    while clock[0] < end_s:
         tried += 1
         if tried > most_steps:
             return TOO_MANY_STEPS
-        time_s = state.clock[0]
+        time_s = clock[0]
         # land exactly on the end, without a sliver of a last step
-        h = min(state.clock[1], max_step_s)
-        left = end_s - time_s
-        if h >= left * (1 - 1e-9):
-            h = left
-        elif h > left / 2:
-            h = left / 2
-        if not known:
-            M, damping, stiffness = linearise(c, q, v, a, pressure_in(table, time_s))
-            counts[2] += 1
-            counts[3] += 4 * n
-            fresh, known, factored_h = True, True, 0.0
+        h = min(clock[1], max_step_s)
+        remaining = end_s - time_s
+        if h >= remaining * (1 - 1e-9):
+            h = remaining
+        elif h > remaining / 2:
+            h = remaining / 2
         hg = h * GAMMA
-        if factored_h != h:
-            W = M / hg**2 + damping / hg + stiffness
-            order = factor(W)
-            factored_h = h
 
-        slowest = 0.0
+        # Newton's matrix; gyroscopic forces and the turning of loads are left out, as they are small beside M / hg^2
+        spread(c, q, v, a, room.motion)
+        place(c, room.motion, room.chain)
+        mass_matrix(c, room.chain, M)
+        pressure_per_pa(c, room.chain, push)
+        way_in[:] = state.way_in
+        _, slope = inside_pressure(way, state.way_in, hg, pressure_in(table, time_s), volume_rate(c, v), way_in)
+        if way.gas_m3 == 0:  # then the straw moves all of the fluid in the channel, whose inertia is its own
+            slope += way.inertance / hg
+            for i in range(n):
+                for j in range(n // 2):
+                    M[i, j] += push[i] * way.inertance * c.S
+        for i in range(n):
+            for j in range(n):
+                W[i, j] = M[i, j] / hg**2
+            for j in range(n // 2):
+                W[i, j] -= push[i] * slope * c.S / hg
+        add_tangent(c, room.motion, state.memory, memory, hg, W, K)
+        factor(W, order)
+        counts[2] += 1
+
         converged = True
-        guess = a.copy()
-        q_i, v_i = q, v
+        inside_pa = 0.0
+        rate = 1.0
         for i in range(STAGES):
-            v_known, q_known = v.copy(), q.copy()
+            for m in range(n):
+                known_q, known_v = q[m], v[m]
+                for j in range(i):
+                    known_v += h * COEFFICIENTS[i, j] * stage_a[j, m]
+                    known_q += h * COEFFICIENTS[i, j] * stage_v[j, m]
+                guess = GUESS[i, 0] * a[m]
+                for j in range(i):
+                    guess += GUESS[i, j + 1] * stage_a[j, m]
+                a_i[m] = guess
+                v_i[m] = known_v + hg * guess
+                q_i[m] = known_q + hg * v_i[m]
+            known_way_in[:] = state.way_in
             for j in range(i):
-                v_known += h * A[i, j] * stage_a[j]
-                q_known += h * A[i, j] * stage_v[j]
-            a_i = guess.copy()
-            v_i = v_known + hg * a_i
-            q_i = q_known + hg * v_i
-            external_pa = pressure_in(table, time_s + C[i] * h)
+                known_way_in += h * COEFFICIENTS[i, j] * stage_way_in[j]
+            if remembers:
+                known_memory[:] = state.memory
+                for j in range(i):
+                    known_memory += h * COEFFICIENTS[i, j] * stage_memory[j]
+            external_pa = pressure_in(table, time_s + TIMES[i] * h)
             before = np.inf
             converged = False
             for iteration in range(NEWTON_LIMIT):
-                dq = substitute(W, order, residual(c, q_i, v_i, a_i, external_pa))
+                inside_pa, _ = inside_pressure(way, known_way_in, hg, external_pa, volume_rate(c, v_i), way_in)
+                forces_left(c, q_i, v_i, a_i, inside_pa, known_memory, memory, hg, room, left)
+                substitute(W, order, left, dq)
                 counts[3] += 1
                 change = size(dq, tolerance_m, tolerance_rad)
                 if not np.isfinite(change):
                     break
-                q_i = q_i + dq
-                v_i = v_i + dq / hg
-                a_i = a_i + dq / hg**2
-                rate = change / before if iteration > 0 else 0.0
-                slowest = max(slowest, rate)
+                for j in range(n):
+                    q_i[j] += dq[j]
+                    v_i[j] += dq[j] / hg
+                    a_i[j] += dq[j] / hg**2
+                if iteration > 0:
+                    rate = max(change / before, RATE_FADES * rate)
                 # what is still missing after this iteration is about change * rate / (1 - rate)
-                if change < 1e-3 or (iteration > 0 and rate < 0.9 and change * rate / (1 - rate) < 1e-3):
+                if rate < 0.9 and change * rate / (1 - rate) < NEWTON_SHARE:
                     converged = True
                     break
                 if rate > 2:
@@ -206,37 +220,49 @@ def integrate(
             if not converged:
                 break
             stage_v[i], stage_a[i] = v_i, a_i
-            guess = a_i
+            for j in range(STATES):
+                stage_way_in[i, j] = (way_in[j] - known_way_in[j]) / hg
+            if remembers:
+                stage_memory[i] = (memory - known_memory) / hg
 
         if not converged:
             counts[1] += 1
-            if fresh:
-                state.clock[1] = h / 4
-            else:
-                known = False
+            clock[1] = h / 4
             if h < SMALLEST_STEP_S:
                 return STEP_TOO_SMALL
             continue
 
-        error_q, error_v = np.zeros(n), np.zeros(n)
+        error_q[:], error_v[:] = 0.0, 0.0
         for j in range(STAGES):
             error_q += h * ERROR[j] * stage_v[j]
             error_v += h * ERROR[j] * stage_a[j]
-        # (1 - h gamma J)^-1 error: the embedded formula alone would see stiff modes that the method damps
-        error_q += substitute(W, order, M @ error_v - hg * (stiffness @ error_q)) / hg
+        # (1 - hg J)^-1 error: the embedded formula alone would see stiff modes that the method damps
+        for i in range(n):
+            total = 0.0
+            for j in range(n):
+                total += M[i, j] * error_v[j]
+            left[i] = total / hg
+        for i in range(c.cells):
+            for j in range(2 - c.active, 2):
+                z, p = (j - 2 + c.active) * c.cells + i, (j - 2 + 2 * c.active) * c.cells + i
+                left[z] -= K[i, j, 0, 0] * error_q[z] + K[i, j, 0, 1] * error_q[p]
+                left[p] -= K[i, j, 1, 0] * error_q[z] + K[i, j, 1, 1] * error_q[p]
+        substitute(W, order, left, dq)
+        error_q += dq
         error = size(error_q, tolerance_m, tolerance_rad)
         if not np.isfinite(error):
             return NOT_FINITE
-        state.clock[1] = h * min(3.0, max(0.2, 0.85 * (error + 1e-12) ** -0.25))
+        clock[1] = h * min(3.0, max(0.2, 0.85 * (error + 1e-12) ** (-1 / (ORDER_BELOW + 1))))
         if error > 1:
             counts[1] += 1
             if h < SMALLEST_STEP_S:
                 return STEP_TOO_SMALL
             continue
         counts[0] += 1
-        new_s = end_s if h == left else time_s + h
+        new_s = end_s if h == remaining else time_s + h
         while filled < len(output_s) and output_s[filled] <= new_s:
             x = (output_s[filled] - time_s) / h
+            out_pa[filled] = clock[2] + x * (inside_pa - clock[2])
             for j in range(n):
                 d = q_i[j] - q[j]
                 out_q[filled, j] = q[j] + x * (
@@ -246,8 +272,7 @@ def integrate(
                     2 * (3 * d / h - 2 * v[j] - v_i[j]) + 3 * x * (v[j] + v_i[j] - 2 * d / h)
                 )
             filled += 1
-        q[:], v[:], a[:] = q_i, v_i, stage_a[STAGES - 1]
-        state.clock[0] = new_s
-        fresh = False
-        known = slowest < 0.2
+        q[:], v[:], a[:] = q_i, v_i, a_i
+        state.memory[:], state.way_in[:] = memory, way_in
+        clock[0], clock[2] = new_s, inside_pa
     return DONE

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.compiled import compiled
-from model.parameters import Constants
+from model.constants import Constants
 
 Floats = NDArray[np.float64]
 
@@ -55,45 +55,43 @@ class Chain(NamedTuple):
 
 
 @compiled
-def motion_of(c: Constants, q: Floats, v: Floats, a: Floats) -> Motion:
+def still_motion(c: Constants) -> Motion:
+    """Room for a motion: every frustum at its unloaded height, at rest."""
+    n = c.cells
+    return Motion(
+        c.zeta0.copy(), np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2))
+    )
+
+
+@compiled
+def spread(c: Constants, q: Floats, v: Floats, a: Floats, m: Motion) -> None:
     """Spread generalised coordinates over all frusta; rigid odd frusta stay at their unloaded shape.
 
     Order of q: zeta odd[N], zeta even[N], phi odd[N], phi even[N] in the full form; zeta even[N], phi even[N] in the
     truncated form.
     """
     n, k = c.cells, c.active
-    m = Motion(
-        np.empty((n, 2)), np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2))
-    )
-    for i in range(n):
-        m.zeta[i, 0] = c.zeta0[i, 0]
-        for j in range(k):
-            frustum, z, f = j + 2 - k, j * n + i, (k + j) * n + i
-            m.zeta[i, frustum] = q[z]
-            m.phi[i, frustum] = q[f]
-            m.d_zeta[i, frustum] = v[z]
-            m.d_phi[i, frustum] = v[f]
-            m.dd_zeta[i, frustum] = a[z]
-            m.dd_phi[i, frustum] = a[f]
+    for j in range(k):
+        frustum = j + 2 - k
+        for i in range(n):
+            z, f = j * n + i, (k + j) * n + i
+            m.zeta[i, frustum], m.d_zeta[i, frustum], m.dd_zeta[i, frustum] = q[z], v[z], a[z]
+            m.phi[i, frustum], m.d_phi[i, frustum], m.dd_phi[i, frustum] = q[f], v[f], a[f]
+
+
+@compiled
+def motion_of(c: Constants, q: Floats, v: Floats, a: Floats) -> Motion:
+    """The motion of all frusta that coordinates, rates and accelerations describe."""
+    m = still_motion(c)
+    spread(c, q, v, a, m)
     return m
 
 
 @compiled
-def chain_of(c: Constants, m: Motion) -> Chain:
-    """Positions, velocities, accelerations and inertias of all bodies for the given motion."""
-    n = c.cells
-    r_i, r_o = c.r_i, c.r_o
-    shape = 8 * (r_o**2 + r_i**2 + r_o * r_i)
-    # x_bar = -x1 (phi_1 + phi_2) / L;  z_bar = z1 (zeta_2 - zeta_1) + z2 (phi_2^2 - phi_1^2) / L, with L the length;
-    # the paper's (zeta_2^2 - zeta_1^2) / L is divided out.
-    x1 = r_o * r_i / 4
-    z1 = 2 * (r_o**2 + 3 * r_i**2 + 2 * r_o * r_i) / shape
-    z2 = r_o * r_i**2 * (r_o + 2 * r_i) / shape
-    i1 = math.pi * c.rho * (r_o**2 + 6 * r_i**2 + 3 * r_o * r_i) / 30
-    i2 = math.pi * c.rho * r_i**2 * (r_o**2 + r_i**2 + 3 * r_o * r_i) / 20
-    i3 = math.pi * c.rho * (r_o**5 - r_i**5) / (20 * (r_o - r_i))
-
-    s = Chain(
+def empty_chain(cells: int) -> Chain:
+    """Room for a chain; joint 0 is the origin for good."""
+    n = cells
+    return Chain(
         np.zeros((n + 1, 2)),
         np.empty((n, 2)),
         np.empty(2),
@@ -110,6 +108,31 @@ def chain_of(c: Constants, m: Motion) -> Chain:
         np.empty(n + 1),
         np.empty((n, 4, 3)),
     )
+
+
+@compiled
+def chain_of(c: Constants, m: Motion) -> Chain:
+    """The chain a motion makes."""
+    s = empty_chain(c.cells)
+    place(c, m, s)
+    return s
+
+
+@compiled
+def place(c: Constants, m: Motion, s: Chain) -> None:
+    """Fill in positions, velocities, accelerations and inertias of all bodies for the given motion."""
+    n = c.cells
+    r_i, r_o = c.r_i, c.r_o
+    shape = 8 * (r_o**2 + r_i**2 + r_o * r_i)
+    # x_bar = -x1 (phi_1 + phi_2) / L;  z_bar = z1 (zeta_2 - zeta_1) + z2 (phi_2^2 - phi_1^2) / L, with L the length;
+    # the paper's (zeta_2^2 - zeta_1^2) / L is divided out.
+    x1 = r_o * r_i / 4
+    z1 = 2 * (r_o**2 + 3 * r_i**2 + 2 * r_o * r_i) / shape
+    z2 = r_o * r_i**2 * (r_o + 2 * r_i) / shape
+    i1 = math.pi * c.rho * (r_o**2 + 6 * r_i**2 + 3 * r_o * r_i) / 30
+    i2 = math.pi * c.rho * r_i**2 * (r_o**2 + r_i**2 + 3 * r_o * r_i) / 20
+    i3 = math.pi * c.rho * (r_o**5 - r_i**5) / (20 * (r_o - r_i))
+
     angle, spin, d_spin = c.phi_0, 0.0, 0.0
     vx = vz = ax = az = 0.0
     for i in range(n):
@@ -204,7 +227,6 @@ def chain_of(c: Constants, m: Motion) -> Chain:
     s.acceleration[n, 0], s.acceleration[n, 1] = ax, az
     s.spin[n], s.d_spin[n] = spin, d_spin
     s.mass[n], s.inertia[n] = c.m_tip, c.I_tip
-    return s
 
 
 @compiled

@@ -11,10 +11,11 @@ Floats = NDArray[np.float64]
 
 
 @compiled
-def factor(W: Floats) -> NDArray[np.int64]:
-    """LU factors of W in place, with partial pivoting; the order of the rows is returned."""
+def factor(W: Floats, order: NDArray[np.int64]) -> None:
+    """LU factors of W in place, with partial pivoting; the order of the rows goes into ``order``."""
     n = len(W)
-    order = np.arange(n)
+    for k in range(n):
+        order[k] = k
     for k in range(n):
         pivot = k
         for i in range(k + 1, n):
@@ -30,14 +31,12 @@ def factor(W: Floats) -> NDArray[np.int64]:
             if f != 0.0:
                 for j in range(k + 1, n):
                     W[i, j] -= f * W[k, j]
-    return order
 
 
 @compiled
-def substitute(LU: Floats, order: NDArray[np.int64], b: Floats) -> Floats:
-    """Solution x of W x = b from the factors of W."""
+def substitute(LU: Floats, order: NDArray[np.int64], b: Floats, x: Floats) -> None:
+    """Solution x of W x = b from the factors of W; x is another array than b."""
     n = len(b)
-    x = np.empty(n)
     for i in range(n):
         total = b[order[i]]
         for j in range(i):
@@ -48,4 +47,3 @@ def substitute(LU: Floats, order: NDArray[np.int64], b: Floats) -> Floats:
         for j in range(i + 1, n):
             total -= LU[i, j] * x[j]
         x[i] = total / LU[i, i]
-    return x

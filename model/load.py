@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.compiled import compiled
+from model.constants import Constants
 from model.kinematics import Chain
-from model.parameters import Constants
 
 Floats = NDArray[np.float64]
 
@@ -29,14 +29,21 @@ def no_load(cells: int) -> Load:
 
 
 @compiled
-def project(c: Constants, s: Chain, load: Load) -> Floats:
-    """Generalised force (coordinates,) that does the same virtual work as the load.
+def unload(load: Load) -> None:
+    """Take all loads off."""
+    load.cell[:] = 0.0
+    load.force[:] = 0.0
+    load.torque[:] = 0.0
+
+
+@compiled
+def project(c: Constants, s: Chain, load: Load, out: Floats) -> None:
+    """Generalised force that does the same virtual work as the load, into out (coordinates,).
 
     Runs from the tip to the base and carries the sum of the outer bodies' forces, torques and moments about the
     origin, so the cost grows with N, not with N squared.
     """
     n, k = c.cells, c.active
-    out = np.empty(2 * k * n)
     fx, fz = load.force[n, 0], load.force[n, 1]
     moment = load.torque[n] + fx * s.position[n, 1] - fz * s.position[n, 0]  # F . R(C)
     for i in range(n - 1, -1, -1):
@@ -56,4 +63,3 @@ def project(c: Constants, s: Chain, load: Load) -> Floats:
         fx += bx
         fz += bz
         moment += torque + bx * s.position[i, 1] - bz * s.position[i, 0]
-    return out

@@ -7,12 +7,14 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from model.constants import Constants
 from model.errors import ModelError
+from model.terms import COLUMNS, TERMS, WIDTH
 
 Floats = NDArray[np.float64]
 
@@ -21,31 +23,6 @@ FORMS = ("truncated", "full")
 
 #: Constants each frustum has a value of its own for: array (cells, 2), [n, 0] the odd and [n, 1] the even frustum.
 PER_FRUSTUM = ("zeta0_m", "h_m", "E_pa", "c_zeta_n_s_per_m", "c_phi_n_m_s_per_rad")
-
-
-class Constants(NamedTuple):
-    """The constants as the compiled equations take them; names and equation numbers are the paper's."""
-
-    cells: int
-    active: int  # frusta of a cell that move: 2 in the full form, 1 (the even one) in the truncated form
-    r_i: float
-    r_o: float
-    rho: float
-    g: float
-    phi_0: float
-    m_tip: float
-    I_tip: float
-    F_X: float
-    F_Z: float
-    M_Y: float
-    loss: float  # rho / (2 pi^2 r_ch^4), equation 2
-    S: float  # dV/dzeta of any frustum
-    C3: float  # equation 6a
-    zeta0: Floats  # (cells, 2)
-    C1: Floats  # (cells, 2), equation 6
-    C2: Floats  # (cells, 2), equation 6
-    c_zeta: Floats  # (cells, 2), equation 4
-    c_phi: Floats  # (cells, 2), equation 4
 
 
 @dataclass(frozen=True)
@@ -78,6 +55,8 @@ class StrawParameters:
     F_X_n: float = 0.0
     F_Z_n: float = 0.0
     M_Y_n_m: float = 0.0
+    cycle: float = 0.0
+    terms: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not 1 <= self.cells <= MAX_CELLS:
@@ -93,6 +72,8 @@ class StrawParameters:
             self._check(name, np.all(getattr(self, name) >= 0), "zero or above")
         for name in ("g_m_per_s2", "phi_0_rad", "F_X_n", "F_Z_n", "M_Y_n_m"):
             self._check(name, math.isfinite(getattr(self, name)), "finite")
+        self._check("cycle", self.cycle >= 0, "zero or above")
+        object.__setattr__(self, "terms", self._known_terms())
         self._check("r_o_m", self.r_o_m > self.r_i_m, f"above r_i_m = {self.r_i_m}")
         # |zeta0_even| < zeta0_odd keeps every cell's volume, length and mass positive whichever way it snaps.
         odd, even = self.zeta0_m[:, 0], self.zeta0_m[:, 1]
@@ -115,6 +96,46 @@ class StrawParameters:
         if not (good and np.all(np.isfinite(value))):
             shown = value.flat[0] if value.size and np.all(value == value.flat[0]) else value.tolist()
             raise ModelError(f"straw: {name} = {shown}, expected {expected}")
+
+    def _known_terms(self) -> Mapping[str, Mapping[str, Any]]:
+        """The terms checked against `model.terms`, as plain numbers and lists."""
+        checked: dict[str, dict[str, Any]] = {}
+        for name, given in self.terms.items():
+            if name not in TERMS:
+                raise ModelError(f"straw: unknown term {name!r}; known: {', '.join(TERMS)}")
+            if not isinstance(given, Mapping):
+                raise ModelError(f"straw: terms.{name} = {given!r}, expected constants by name")
+            known = {constant.name: constant for constant in TERMS[name].constants}
+            checked[name] = {}
+            for key, value in given.items():
+                where = f"terms.{name}.{key}"
+                if key not in known:
+                    raise ModelError(f"straw: unknown constant {where}; known: {', '.join(known)}")
+                numbers = self._per_frustum_of_term(where, value, TERMS[name].kind)
+                if known[key].low >= 0 and key in TERMS[name].strengths:
+                    good, expected = np.all(numbers >= 0), "zero or above"
+                else:
+                    good, expected = np.all((numbers > 0) | (known[key].low <= 0)), "above zero"
+                if not (good and np.all(np.isfinite(numbers))):
+                    raise ModelError(f"straw: {where} = {value!r}, expected {expected}")
+                checked[name][key] = np.asarray(value, dtype=np.float64).tolist()
+        return checked
+
+    def _per_frustum_of_term(self, where: str, value: Any, kind: str) -> Floats:
+        try:
+            given = np.asarray(value, dtype=np.float64)
+            if given.shape == (self.cells,):
+                given = given[:, np.newaxis]
+            if given.ndim and kind in ("body", "flow"):
+                raise ValueError
+            return np.broadcast_to(given, (self.cells, 2)) if given.ndim != 1 else np.broadcast_to(given, -1)
+        except (TypeError, ValueError):
+            wanted = "a number" if kind in ("body", "flow") else f"a number, {self.cells} numbers or {self.cells} pairs"
+            raise ModelError(f"straw: {where} = {value!r}, expected {wanted}") from None
+
+    def with_term(self, name: str, **constants: Any) -> Self:
+        """The same straw with some constants of a term changed, the term's other constants kept."""
+        return replace(self, terms={**self.terms, name: {**self.terms.get(name, {}), **constants}})
 
     def replace(self, **changes: Any) -> Self:
         """The same straw with some constants changed; constants alike in all cells spread over new ``cells``."""
@@ -155,13 +176,37 @@ class StrawParameters:
             C2=math.pi * E * h**3 * log / (12 * width**2),
             c_zeta=self.c_zeta_n_s_per_m,
             c_phi=self.c_phi_n_m_s_per_rad,
+            cycle=self.cycle,
+            plain=not (self._has("frustum") or self._has("memory")),
+            remembers=self._has("memory"),
+            terms=self._packed_terms(),
         )
+
+    def _has(self, kind: str) -> bool:
+        """Whether a term of that kind has a strength other than zero."""
+        return any(
+            np.any(np.asarray(self.terms[name].get(strength, 0.0)) != 0)
+            for name in self.terms
+            if TERMS[name].kind == kind
+            for strength in TERMS[name].strengths
+        )
+
+    def _packed_terms(self) -> Floats:
+        """Constants of all terms side by side, (cells, 2, WIDTH); defaults, strengths zero, where none are given."""
+        packed = np.empty((self.cells, 2, WIDTH))
+        for name, term in TERMS.items():
+            for column, constant in enumerate(term.constants, COLUMNS[name][0]):
+                value = self.terms.get(name, {}).get(constant.name, constant.default)
+                packed[:, :, column] = self._per_frustum_of_term(constant.name, value, term.kind)
+        return packed
 
     def to_toml(self) -> str:
         """The straw as the text of a straw file; `straw_from_toml` reads it back exactly."""
         lines = []
         for f in fields(self):
             value = getattr(self, f.name)
+            if isinstance(value, Mapping):
+                continue
             if isinstance(value, str):
                 lines.append(f'{f.name} = "{value}"')
             elif isinstance(value, np.ndarray):
@@ -169,6 +214,8 @@ class StrawParameters:
                 lines.append(f"{f.name} = {(value[0] if same else value).tolist()!r}")
             else:
                 lines.append(f"{f.name} = {value!r}")
+        for name, constants in self.terms.items():
+            lines += ["", f"[terms.{name}]"] + [f"{key} = {value!r}" for key, value in constants.items()]
         return "\n".join(lines) + "\n"
 
 
@@ -182,10 +229,11 @@ def straw_from_toml(text: str, name: str = "straw file") -> StrawParameters:
     for key, value in table.items():
         if key not in known:
             raise ModelError(f"{name}: unknown key {key!r}; known: {', '.join(known)}")
-        wanted = {"cells": int, "form": str}.get(key, list if key in PER_FRUSTUM else float)
+        wanted = {"cells": int, "form": str, "terms": dict}.get(key, list if key in PER_FRUSTUM else float)
         accepted = {list: (list, int, float), float: (int, float)}.get(wanted, (wanted,))
         if isinstance(value, bool) or not isinstance(value, accepted):
-            raise ModelError(f"{name}: {key} = {value!r}, expected {'a number' if wanted is not str else 'a text'}")
+            expected = "a text" if wanted is str else "tables [terms.NAME]" if wanted is dict else "a number"
+            raise ModelError(f"{name}: {key} = {value!r}, expected {expected}")
     try:
         return StrawParameters(**table)
     except ModelError as error:

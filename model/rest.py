@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.compiled import compiled
+from model.constants import Constants
 from model.errors import ModelError
-from model.integrate import linearise
 from model.linear import factor, substitute
-from model.parameters import Constants, StrawParameters
+from model.parameters import StrawParameters
 from model.straw import residual
 
 Floats = NDArray[np.float64]
@@ -74,14 +74,31 @@ def _unloaded_deployed(straw: StrawParameters, i: int) -> float:
 
 
 @compiled
+def stiffness_at(c: Constants, q: Floats, external_pa: float) -> Floats:
+    """Minus the derivative of the static force by q, (coordinates, coordinates); central differences."""
+    n = len(q)
+    still, moved, K = np.zeros(n), q.copy(), np.empty((n, n))
+    for j in range(n):
+        step = 1e-8 if j < n // 2 else 1e-6
+        moved[j] = q[j] + step
+        up = residual(c, moved, still, still, external_pa)
+        moved[j] = q[j] - step
+        K[:, j] = (residual(c, moved, still, still, external_pa) - up) / (2 * step)
+        moved[j] = q[j]
+    return K
+
+
+@compiled
 def _relax(c: Constants, q: Floats, pressure_pa: float) -> bool:
     """Newton's method for a state of rest, from q, in place; False where it does not converge."""
     still = np.zeros_like(q)
     half = len(q) // 2
+    order, dq = np.empty(len(q), np.int64), np.empty(len(q))
     for _ in range(NEWTON_LIMIT):
         force = residual(c, q, still, still, pressure_pa)
-        _, _, K = linearise(c, q, still, still, pressure_pa)
-        dq = substitute(K, factor(K), force)
+        K = stiffness_at(c, q, pressure_pa)
+        factor(K, order)
+        substitute(K, order, force, dq)
         # keep a step well inside a branch: states lie millimetres and tenths of a radian apart
         largest = max(np.abs(dq[:half]).max() / 2e-4, np.abs(dq[half:]).max() / 2e-2)
         if not np.isfinite(largest):

@@ -9,16 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import ModelError
-from model.integrate import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS, State, Table, integrate
+from model.integrate import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS, Table, at_rest, integrate
 from model.kinematics import tip_pose
 from model.parameters import StrawParameters
 from model.rest import rest_state
-from model.straw import pressure_at, volume_at
+from model.straw import seen, volume_at
 
 Floats = NDArray[np.float64]
 
-#: Accuracy of one step in zeta; phi's is this over r_i. Chosen against the reference runs, see tests/model.
-TOLERANCE_M = 2e-7
+#: Accuracy of one step in zeta. Chosen against the reference runs, see tests/benchmarks/speed.py.
+TOLERANCE_M = 1e-6
 MAX_STEP_S = 0.02
 FIRST_STEP_S = 1e-4
 PRESSURE_GRID_S = 2.5e-4
@@ -68,23 +68,22 @@ def simulate(
     table = Table(start, (end - start) / (points - 1), pressure_pa)
     c = straw.constants()
     q = rest_state(straw, deployed, float(pressure_pa[0]))
-    state = State(q, np.zeros_like(q), np.zeros_like(q), np.array([start, FIRST_STEP_S]))
-    out_q, out_v = np.empty((len(time_s), len(q))), np.empty((len(time_s), len(q)))
+    state = at_rest(c, q, start, float(pressure_pa[0]), FIRST_STEP_S)
+    out_q, out_v, out_pa = np.empty((len(time_s), len(q))), np.empty((len(time_s), len(q))), np.empty(len(time_s))
     counts = np.zeros(4, np.int64)
-    _check(
-        integrate(c, state, table, time_s, end, tolerance_m, MAX_STEP_S, out_q, out_v, counts), float(state.clock[0])
-    )
+    status = integrate(c, state, table, time_s, end, tolerance_m, MAX_STEP_S, out_q, out_v, out_pa, counts)
+    _check(status, float(state.clock[0]))
     external = np.interp(time_s, grid, pressure_pa)
-    tip = np.array([tip_pose(c, row) for row in out_q])
+    x_m, z_m, phi_rad, volume_m3 = seen(c, out_q)
     zeta, phi = _per_frustum(straw, out_q)
     return Prediction(
         time_s=time_s,
-        x_m=tip[:, 0],
-        z_m=tip[:, 1],
-        phi_rad=tip[:, 2],
+        x_m=x_m,
+        z_m=z_m,
+        phi_rad=phi_rad,
         external_pa=external,
-        pressure_pa=np.array([pressure_at(c, *row) for row in zip(out_q, out_v, external, strict=True)]),
-        volume_m3=np.array([volume_at(c, row) for row in out_q]),
+        pressure_pa=out_pa,
+        volume_m3=volume_m3,
         zeta_m=zeta,
         frustum_phi_rad=phi,
         steps=int(counts[0]),
@@ -97,9 +96,8 @@ class Stepper:
     def __init__(self, straw: StrawParameters, deployed: Collection[int], time_s: float = 0.0) -> None:
         self._c = straw.constants()
         q = rest_state(straw, deployed)
-        self._state = State(q, np.zeros_like(q), np.zeros_like(q), np.array([time_s, FIRST_STEP_S]))
-        self._none = np.empty(0), np.empty((0, len(q))), np.empty((0, len(q)))
-        self._external_pa = 0.0
+        self._state = at_rest(self._c, q, time_s, 0.0, FIRST_STEP_S)
+        self._none = np.empty((0, len(q)))
 
     def advance(self, time_s: float, pressure_start_pa: float, pressure_end_pa: float) -> None:
         """Move on to ``time_s`` under an external pressure that changes linearly meanwhile; the GIL is released."""
@@ -107,12 +105,21 @@ class Stepper:
         if not time_s > now:
             raise ModelError(f"twin: cannot go back from {now:.6g} s to {time_s:.6g} s")
         table = Table(now, time_s - now, np.array([pressure_start_pa, pressure_end_pa]))
-        times, out_q, out_v = self._none
+        nothing, counts = np.empty(0), np.zeros(4, np.int64)
         status = integrate(
-            self._c, self._state, table, times, time_s, TOLERANCE_M, MAX_STEP_S, out_q, out_v, np.zeros(4, np.int64)
+            self._c,
+            self._state,
+            table,
+            nothing,
+            time_s,
+            TOLERANCE_M,
+            MAX_STEP_S,
+            self._none,
+            self._none,
+            nothing,
+            counts,
         )
         _check(status, self.time_s)
-        self._external_pa = pressure_end_pa
 
     @property
     def time_s(self) -> float:
@@ -132,7 +139,7 @@ class Stepper:
     @property
     def pressure_pa(self) -> float:
         """Pressure inside the straw, Pa."""
-        return pressure_at(self._c, self._state.q, self._state.v, self._external_pa)
+        return float(self._state.clock[2])
 
 
 def _check(status: int, time_s: float) -> None:

@@ -2,44 +2,137 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from model.channel import channel_of
 from model.compiled import compiled
+from model.constants import Constants
+from model.frusta import MEMORIES, add_frusta, frusta_energy
 from model.inertia import add_inertia, mass_matrix
-from model.kinematics import chain_of, motion_of
+from model.kinematics import Chain, Motion, chain_of, empty_chain, motion_of, place, spread, still_motion, tip_pose
 from model.linear import factor, substitute
-from model.load import no_load, project
-from model.parameters import Constants
-from model.terms.damping import add_damping
-from model.terms.elasticity import add_elasticity
+from model.load import Load, no_load, project, unload
+from model.terms import COLUMNS, TERMS
 from model.terms.gravity import add_gravity
-from model.terms.pressure import add_pressure, inside_pressure
+from model.terms.pressure import add_pressure, pressure_per_pa
 from model.terms.tip_load import add_tip_load
 
 Floats = NDArray[np.float64]
 
 
+def _body_terms() -> Any:
+    """One compiled function adding all terms that act on the bodies along the straw (see `model.frusta`)."""
+    inline = numba.njit(nogil=True, error_model="numpy")
+
+    @inline
+    def total(c: Constants, k: Floats, s: Chain, load: Load) -> None:
+        pass
+
+    def plus(first: Callable[..., Any], force: Callable[..., Any], start: int, end: int) -> Any:
+        @inline
+        def both(c: Constants, k: Floats, s: Chain, load: Load) -> None:
+            first(c, k, s, load)
+            force(c, k[start:end], s, load)
+
+        return both
+
+    for name, term in TERMS.items():
+        if term.kind == "body":
+            total = plus(total, term.force, *COLUMNS[name])
+    return total
+
+
+_add_body_terms = _body_terms()
+
+
+class Room(NamedTuple):
+    """Scratch of one evaluation, made once and used again and again."""
+
+    motion: Motion
+    chain: Chain
+    load: Load
+
+
+@compiled
+def room_for(c: Constants) -> Room:
+    """Scratch for a straw."""
+    return Room(still_motion(c), empty_chain(c.cells), no_load(c.cells))
+
+
+@compiled
+def volume_rate(c: Constants, v: Floats) -> float:
+    """Rate of the volume inside, m^3/s."""
+    total = 0.0
+    for i in range(len(v) // 2):
+        total += v[i]
+    return c.S * total
+
+
+@compiled
+def forces_left(
+    c: Constants,
+    q: Floats,
+    v: Floats,
+    a: Floats,
+    inside_pa: float,
+    known: Floats,
+    now: Floats,
+    step_s: float,
+    room: Room,
+    out: Floats,
+) -> None:
+    """Hamilton's principle for motion (q, v, a): generalised force left over, into out; zero where a is right.
+
+    ``known``, ``now``: what the frusta remember before and after an implicit step (see `model.frusta`).
+    """
+    m, s, load = room.motion, room.chain, room.load
+    spread(c, q, v, a, m)
+    place(c, m, s)
+    unload(load)
+    add_inertia(c, s, load)
+    add_frusta(c, m, known, now, step_s, load)
+    add_gravity(c, s, load)
+    add_pressure(c, s, inside_pa, load)
+    add_tip_load(c, load)
+    _add_body_terms(c, c.terms[0, 0], s, load)
+    project(c, s, load, out)
+
+
 @compiled
 def residual(c: Constants, q: Floats, v: Floats, a: Floats, external_pa: float) -> Floats:
-    """Hamilton's principle for motion (q, v, a): generalised force left over, zero where a is the acceleration."""
-    m = motion_of(c, q, v, a)
-    s = chain_of(c, m)
-    load = no_load(c.cells)
-    add_inertia(c, s, load)
-    add_elasticity(c, m, load)
-    add_damping(c, m, load)
-    add_gravity(c, s, load)
-    add_pressure(c, m, s, external_pa, load)
-    add_tip_load(c, load)
-    return project(c, s, load)
+    """Generalised force left over (coordinates,) for a straw that remembers nothing, without lag or gas in the line."""
+    w = channel_of(c)
+    flow = volume_rate(c, v)
+    inside_pa = external_pa - w.loss * flow * abs(flow) - w.resistance * flow - w.inertance * volume_rate(c, a)
+    memory = np.zeros((c.cells, 2, MEMORIES, 2))
+    out = np.empty_like(q)
+    forces_left(c, q, v, a, inside_pa, memory, memory, 0.0, room_for(c), out)
+    return out
+
+
+@compiled
+def pressure_at(c: Constants, q: Floats, v: Floats, external_pa: float) -> float:
+    """Pressure inside, Pa (equation 2 and the laminar loss), of a straw without lag, gas or inertia on the way in."""
+    w, flow = channel_of(c), volume_rate(c, v)
+    return float(external_pa - w.loss * flow * abs(flow) - w.resistance * flow)
 
 
 @compiled
 def mass_at(c: Constants, q: Floats) -> Floats:
-    """Mass matrix at q, shape (coordinates, coordinates)."""
+    """Mass matrix at q, shape (coordinates, coordinates), with the inertia of the fluid in the channel."""
     still = np.zeros_like(q)
-    return mass_matrix(c, chain_of(c, motion_of(c, q, still, still)))
+    n = len(q)
+    M, push = np.empty((n, n)), np.empty(n)
+    s = chain_of(c, motion_of(c, q, still, still))
+    mass_matrix(c, s, M)
+    pressure_per_pa(c, s, push)
+    M[:, : n // 2] += channel_of(c).inertance * c.S * push.reshape(n, 1)
+    return M
 
 
 @compiled
@@ -50,22 +143,29 @@ def acceleration(c: Constants, q: Floats, v: Floats, external_pa: float) -> Floa
     coordinates, so M has rank 3 (N + 1) at most, below 4 N from N = 4 on: inertia alone does not say how the
     coordinates accelerate, and what comes back is rounding error. `model.integrate` never divides by M.
     """
-    M = mass_at(c, q)
-    return substitute(M, factor(M), residual(c, q, v, np.zeros_like(q), external_pa))
-
-
-@compiled
-def pressure_at(c: Constants, q: Floats, v: Floats, external_pa: float) -> float:
-    """Pressure inside the straw, Pa."""
-    return inside_pressure(c, motion_of(c, q, v, v), external_pa)
+    M, order, a = mass_at(c, q), np.empty(len(q), np.int64), np.empty_like(q)
+    factor(M, order)
+    substitute(M, order, residual(c, q, v, np.zeros_like(q), external_pa), a)
+    return a
 
 
 @compiled
 def volume_at(c: Constants, q: Floats) -> float:
     """Volume of the fluid inside the straw, m^3."""
-    still = np.zeros_like(q)
-    m = motion_of(c, q, still, still)
-    return float(c.S * (m.zeta[:, 0].sum() + m.zeta[:, 1].sum()))
+    height = 0.0
+    for i in range(c.cells):
+        height += q[i] + (q[c.cells + i] if c.active == 2 else c.zeta0[i, 0])
+    return float(c.S * height)
+
+
+@compiled
+def seen(c: Constants, q: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Tip X, Z (m), Phi (rad) and volume (m^3), each (n,), of states q (n, coordinates)."""
+    x_m, z_m, phi_rad, volume_m3 = np.empty(len(q)), np.empty(len(q)), np.empty(len(q)), np.empty(len(q))
+    for i in range(len(q)):
+        x_m[i], z_m[i], phi_rad[i] = tip_pose(c, q[i])
+        volume_m3[i] = volume_at(c, q[i])
+    return x_m, z_m, phi_rad, volume_m3
 
 
 @compiled
@@ -75,4 +175,16 @@ def kinetic_energy_at(c: Constants, q: Floats, v: Floats) -> float:
     energy = 0.0
     for i in range(c.cells + 1):
         energy += s.mass[i] * (s.velocity[i, 0] ** 2 + s.velocity[i, 1] ** 2) / 2 + s.inertia[i] * s.spin[i] ** 2 / 2
+    return energy
+
+
+@compiled
+def potential_energy_at(c: Constants, q: Floats) -> float:
+    """Energy stored in the frusta and in height above the base, J (equation 5)."""
+    still = np.zeros_like(q)
+    m = motion_of(c, q, still, still)
+    s = chain_of(c, m)
+    energy = frusta_energy(c, m)
+    for i in range(c.cells + 1):
+        energy += s.mass[i] * c.g * s.position[i, 1]
     return energy

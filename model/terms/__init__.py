@@ -1,1 +1,31 @@
-"""Physics, one term a file: formula and source in the docstring, one compiled function that adds to the Load."""
+"""Physics, one term a file. A file with a ``TERM`` is part of the model, of straw files and of `straw diagnose`."""
+
+from __future__ import annotations
+
+import pkgutil
+from importlib import import_module
+
+from model.term import Term
+
+
+def _discover() -> dict[str, Term]:
+    modules = (import_module(f"{__name__}.{m.name}") for m in sorted(pkgutil.iter_modules(__path__)))
+    found = [module.TERM for module in modules if hasattr(module, "TERM")]
+    return {term.name: term for term in found}
+
+
+#: Every term the base model lacks, by its name.
+TERMS: dict[str, Term] = _discover()
+
+
+def _columns() -> dict[str, tuple[int, int]]:
+    columns, at = {}, 0
+    for name, term in TERMS.items():
+        columns[name] = (at, at + len(term.constants))
+        at += len(term.constants)
+    return columns
+
+
+#: Where each term's constants lie in a row of ``Constants.terms``.
+COLUMNS: dict[str, tuple[int, int]] = _columns()
+WIDTH = sum(len(term.constants) for term in TERMS.values())

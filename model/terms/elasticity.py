@@ -7,17 +7,20 @@ M = r_i^2 phi [C1 (12 zeta^2 - 4 zeta_0^2 + 3 r_i^2 phi^2) + C2]
 from __future__ import annotations
 
 from model.compiled import compiled
-from model.kinematics import Motion
-from model.load import Load
-from model.parameters import Constants
 
 
 @compiled
-def add_elasticity(c: Constants, m: Motion, load: Load) -> None:
-    """Add -F to each zeta and -M to each phi."""
-    r2 = c.r_i**2
-    for i in range(c.cells):
-        for k in range(2):
-            zeta, phi, zeta0, C1, C2 = m.zeta[i, k], m.phi[i, k], c.zeta0[i, k], c.C1[i, k], c.C2[i, k]
-            load.cell[i, k] -= 4 * C1 * zeta * (2 * zeta**2 - 2 * zeta0**2 + 3 * r2 * phi**2) + 2 * C2 * (zeta - zeta0)
-            load.cell[i, 2 + k] -= r2 * phi * (C1 * (12 * zeta**2 - 4 * zeta0**2 + 3 * r2 * phi**2) + C2)
+def elastic_force(zeta: float, phi: float, zeta0: float, C1: float, C2: float, r_i: float) -> tuple[float, float]:
+    """-F on zeta (N) and -M on phi (N m)."""
+    zeta2, z02, rphi2 = zeta**2, zeta0**2, (r_i * phi) ** 2
+    force = 4 * C1 * zeta * (2 * zeta2 - 2 * z02 + 3 * rphi2) + 2 * C2 * (zeta - zeta0)
+    moment = r_i**2 * phi * (C1 * (12 * zeta2 - 4 * z02 + 3 * rphi2) + C2)
+    return -force, -moment
+
+
+@compiled
+def elastic_energy(zeta: float, phi: float, zeta0: float, C1: float, C2: float, r_i: float) -> float:
+    """Energy (J) that F and M derive from, zero at the unloaded shape."""
+    zeta2, z02, rphi2 = zeta**2, zeta0**2, (r_i * phi) ** 2
+    energy = C1 * (2 * (zeta2 - z02) ** 2 + rphi2 * (6 * zeta2 - 2 * z02) + 0.75 * rphi2**2)
+    return float(energy + C2 * ((zeta - zeta0) ** 2 + rphi2 / 2))

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from model.compiled import compiled
+from model.constants import Constants
 from model.kinematics import Chain
 from model.load import Load
-from model.parameters import Constants
 
 
 @compiled

@@ -1,31 +1,38 @@
-"""The fluid's pressure: Bernoulli loss in the channel (2), on each frustum (6a), on the sealed end (5).
-
-p = p_external - rho / (2 pi^2 r_ch^4) V'|V'|;   C3 p on every zeta;   pi r_i^2 p along the tip axis, a follower force.
-"""
+"""The fluid's pressure at work: C3 p on every zeta (6a), pi r_i^2 p along the tip axis, a follower force (5)."""
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from model.compiled import compiled
-from model.kinematics import Chain, Motion
+from model.constants import Constants
+from model.kinematics import Chain
 from model.load import Load
-from model.parameters import Constants
+
+Floats = NDArray[np.float64]
 
 
 @compiled
-def inside_pressure(c: Constants, m: Motion, external_pa: float) -> float:
-    """Uniform pressure inside the straw, Pa (equation 2)."""
-    flow = float(c.S * (m.d_zeta[:, 0].sum() + m.d_zeta[:, 1].sum()))
-    return external_pa - c.loss * flow * abs(flow)
-
-
-@compiled
-def add_pressure(c: Constants, m: Motion, s: Chain, external_pa: float, load: Load) -> None:
+def add_pressure(c: Constants, s: Chain, inside_pa: float, load: Load) -> None:
     """Add the pressure's force on the frusta and on the sealed end."""
-    p = inside_pressure(c, m, external_pa)
     for i in range(c.cells):
-        load.cell[i, 0] += c.C3 * p
-        load.cell[i, 1] += c.C3 * p
-    load.force[c.cells, 0] += math.pi * c.r_i**2 * p * s.tip_axis[0]
-    load.force[c.cells, 1] += math.pi * c.r_i**2 * p * s.tip_axis[1]
+        load.cell[i, 0] += c.C3 * inside_pa
+        load.cell[i, 1] += c.C3 * inside_pa
+    load.force[c.cells, 0] += math.pi * c.r_i**2 * inside_pa * s.tip_axis[0]
+    load.force[c.cells, 1] += math.pi * c.r_i**2 * inside_pa * s.tip_axis[1]
+
+
+@compiled
+def pressure_per_pa(c: Constants, s: Chain, out: Floats) -> None:
+    """Generalised force of one pascal inside, into out (coordinates,)."""
+    n, k = c.cells, c.active
+    end = math.pi * c.r_i**2
+    fx, fz = end * s.tip_axis[0], end * s.tip_axis[1]
+    for i in range(n):
+        for j in range(k):
+            joint = s.joint[i + j + 2 - k]
+            out[j * n + i] = c.C3 + fx * s.u[i, 0] + fz * s.u[i, 1]
+            out[(k + j) * n + i] = fx * (s.joint[n, 1] - joint[1]) - fz * (s.joint[n, 0] - joint[0])

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from model.compiled import compiled
+from model.constants import Constants
 from model.load import Load
-from model.parameters import Constants
 
 
 @compiled

@@ -1,0 +1,96 @@
+"""The way in: from the controller's pressure through line and channel to the pressure inside the straw.
+
+Base model (equation 2):      p_in = p_c - K Q|Q|,  K = rho / (2 pi^2 r_ch^4),  Q = V' the rate of the straw's volume.
+With what it leaves out:      I Q' = p_r - p_in - R Q - K Q|Q|      fluid_inertia, poiseuille_loss
+                              p_r' = (p_c - p_r) / tau - Q / C      line_lag (p_r = p_c without)
+                              v' = V' - Q,  p_in = p_0 (V_g/v - 1)  trapped_gas (Q = V' without)
+Within an implicit step the whole way is one equation for Q, so the straw only sees a pressure and its slope by V'.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.compiled import compiled
+from model.constants import Constants
+from model.terms import COLUMNS
+
+Floats = NDArray[np.float64]
+
+AMBIENT_PA = 101_325.0
+INERTANCE = COLUMNS["fluid_inertia"][0]
+RESISTANCE = COLUMNS["poiseuille_loss"][0]
+LAG, LINE_AIR = COLUMNS["line_lag"][0], COLUMNS["line_lag"][0] + 1
+GAS = COLUMNS["trapped_gas"][0]
+
+#: States of the way in: pressure of the reservoir (Pa), flow through the channel (m^3/s), gas inside (m^3).
+STATES = 3
+NEWTON_LIMIT = 30
+
+
+class Channel(NamedTuple):
+    """What resists the flow; the ones the base model lacks are zero in it."""
+
+    loss: float  # K, Pa s^2/m^6
+    resistance: float  # R, Pa s/m^3
+    inertance: float  # I, kg/m^4
+    lag_s: float  # tau
+    line_pa_per_m3: float  # 1 / C
+    gas_m3: float  # V_g
+
+
+@compiled
+def channel_of(c: Constants) -> Channel:
+    """The straw's channel and line."""
+    k = c.terms[0, 0]
+    return Channel(c.loss, k[RESISTANCE], k[INERTANCE], k[LAG], AMBIENT_PA / k[LINE_AIR], k[GAS])
+
+
+@compiled
+def channel_at_rest(c: Constants, external_pa: float) -> Floats:
+    """States of the way in when nothing flows."""
+    return np.array([external_pa, 0.0, c.terms[0, 0, GAS] / (1 + external_pa / AMBIENT_PA)])
+
+
+@compiled
+def inside_pressure(
+    w: Channel, known: Floats, step_s: float, external_pa: float, rate_m3_per_s: float, now: Floats
+) -> tuple[float, float]:
+    """Pressure inside (Pa) and its slope by the volume's rate, after an implicit step.
+
+    ``known`` are the states a step of ``step_s`` starts from (state = known + step_s state'); ``now`` gets those it
+    ends with.
+    """
+    source, fall = external_pa, 0.0  # p_r = source - fall Q
+    if w.lag_s > 0:
+        source = (known[0] + step_s / w.lag_s * external_pa) / (1 + step_s / w.lag_s)
+        fall = step_s * w.line_pa_per_m3 / (1 + step_s / w.lag_s)
+    inertia = w.inertance / step_s if w.inertance > 0 else 0.0
+    linear = fall + w.resistance + inertia
+    source += inertia * known[1]
+    if w.gas_m3 > 0:
+        flow = now[1]
+        for _ in range(NEWTON_LIMIT):
+            gas = known[2] + step_s * (rate_m3_per_s - flow)
+            gas = max(gas, 1e-3 * w.gas_m3)
+            inside = AMBIENT_PA * (w.gas_m3 / gas - 1)
+            spring = step_s * (inside + AMBIENT_PA) / gas
+            wrong = linear * flow + w.loss * flow * abs(flow) + inside - source
+            change = wrong / (linear + 2 * w.loss * abs(flow) + spring)
+            flow -= change
+            if abs(change) <= 1e-12 * (abs(flow) + 1e-9):
+                break
+        resists = linear + 2 * w.loss * abs(flow)
+        now[1] = flow
+        now[2] = known[2] + step_s * (rate_m3_per_s - flow)
+        slope = -spring * resists / (spring + resists)
+    else:
+        flow = rate_m3_per_s
+        inside = source - linear * flow - w.loss * flow * abs(flow)
+        slope = -linear - 2 * w.loss * abs(flow)
+        now[1], now[2] = flow, 0.0
+    now[0] = (source - inertia * known[1]) - fall * flow
+    return inside, slope

@@ -1,0 +1,174 @@
+"""All frustum terms summed: force on each frustum's zeta and phi, and how it changes with its own motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from model.compiled import compiled
+from model.constants import Constants
+from model.kinematics import Motion
+from model.load import Load
+from model.term import Frustum
+from model.terms import COLUMNS, TERMS
+from model.terms.damping import damping_force
+from model.terms.elasticity import elastic_energy, elastic_force
+
+Floats = NDArray[np.float64]
+
+#: Terms whose force is a state: a straw remembers (cells, 2, MEMORIES, 2) forces on zeta and phi.
+MEMORY_TERMS = [name for name, term in TERMS.items() if term.kind == "memory"]
+MEMORIES = len(MEMORY_TERMS)
+
+# Compiled into their callers, which are cached: a chain of closures cannot be cached by itself.
+_inline = numba.njit(nogil=True, error_model="numpy")
+
+
+def _sum_of(kind: str) -> Any:
+    """One compiled function (f, k) -> (force, moment) adding all memoryless terms of a kind."""
+
+    @_inline
+    def total(f: Frustum, k: Floats) -> tuple[float, float]:
+        return 0.0, 0.0
+
+    def plus(first: Callable[..., Any], force: Callable[..., Any], start: int, end: int) -> Any:
+        @_inline
+        def both(f: Frustum, k: Floats) -> tuple[float, float]:
+            one, other = first(f, k), force(f, k[start:end])
+            return one[0] + other[0], one[1] + other[1]
+
+        return both
+
+    for name, term in TERMS.items():
+        if term.kind == kind:
+            total = plus(total, term.force, *COLUMNS[name])
+    return total
+
+
+def _energy_of(kind: str) -> Any:
+    """One compiled function (f, k) -> J adding the energies of all terms of a kind that have one."""
+
+    @_inline
+    def total(f: Frustum, k: Floats) -> float:
+        return 0.0
+
+    def plus(first: Callable[..., Any], energy: Callable[..., Any], start: int, end: int) -> Any:
+        @_inline
+        def both(f: Frustum, k: Floats) -> float:
+            return float(first(f, k) + energy(f, k[start:end]))
+
+        return both
+
+    for name, term in TERMS.items():
+        if term.kind == kind and term.energy is not None:
+            total = plus(total, term.energy, *COLUMNS[name])
+    return total
+
+
+def _memory_of() -> Any:
+    """One compiled function summing the terms with memory; ``now`` gets what each remembers after the step."""
+
+    @_inline
+    def total(f: Frustum, k: Floats, known: Floats, now: Floats, step_s: float) -> tuple[float, float]:
+        return 0.0, 0.0
+
+    def plus(first: Callable[..., Any], force: Callable[..., Any], start: int, end: int, at: int) -> Any:
+        @_inline
+        def both(f: Frustum, k: Floats, known: Floats, now: Floats, step_s: float) -> tuple[float, float]:
+            one = first(f, k, known, now, step_s)
+            if k[start] == 0:
+                return one
+            now[at, 0], now[at, 1] = force(f, k[start:end], known[at, 0], known[at, 1], step_s)
+            return float(one[0] - now[at, 0]), float(one[1] - now[at, 1])
+
+        return both
+
+    for at, name in enumerate(MEMORY_TERMS):
+        total = plus(total, TERMS[name].force, *COLUMNS[name], at)
+    return total
+
+
+_memoryless = _sum_of("frustum")
+_with_memory = _memory_of()
+_stored = _energy_of("frustum")
+
+
+@compiled
+def frustum_at(
+    c: Constants, m: Motion, i: int, j: int, dz: float = 0.0, df: float = 0.0, dv: float = 0.0, dw: float = 0.0
+) -> Frustum:
+    """Frustum j (0 odd, 1 even) of cell i + 1 at a moment, its zeta, phi and their rates moved by the last four."""
+    return Frustum(
+        m.zeta[i, j] + dz,
+        m.phi[i, j] + df,
+        m.d_zeta[i, j] + dv,
+        m.d_phi[i, j] + dw,
+        c.zeta0[i, j],
+        c.C1[i, j],
+        c.C2[i, j],
+        c.c_zeta[i, j],
+        c.c_phi[i, j],
+        c.r_i,
+        c.r_o,
+        c.cycle,
+    )
+
+
+@compiled
+def _force(plain: bool, f: Frustum, k: Floats, known: Floats, now: Floats, step_s: float) -> tuple[float, float]:
+    elastic, damping = elastic_force(f.zeta, f.phi, f.zeta0, f.C1, f.C2, f.r_i), damping_force(f)
+    if plain:
+        return elastic[0] + damping[0], elastic[1] + damping[1]
+    more, memory = _memoryless(f, k), _with_memory(f, k, known, now, step_s)
+    return elastic[0] + damping[0] + more[0] + memory[0], elastic[1] + damping[1] + more[1] + memory[1]
+
+
+@compiled
+def add_frusta(c: Constants, m: Motion, known: Floats, now: Floats, step_s: float, load: Load) -> None:
+    """Add all frustum terms after an implicit step (see `model.term`); a step of zero leaves memories alone."""
+    for i in range(c.cells):
+        for j in range(2 - c.active, 2):
+            force, moment = _force(c.plain, frustum_at(c, m, i, j), c.terms[i, j], known[i, j], now[i, j], step_s)
+            load.cell[i, j] += force
+            load.cell[i, 2 + j] += moment
+
+
+@compiled
+def frusta_energy(c: Constants, m: Motion) -> float:
+    """Energy stored in the frusta by the terms that derive from one, J."""
+    total = 0.0
+    for i in range(c.cells):
+        for j in range(2 - c.active, 2):
+            f = frustum_at(c, m, i, j)
+            total += elastic_energy(f.zeta, f.phi, f.zeta0, f.C1, f.C2, f.r_i) + _stored(f, c.terms[i, j])
+    return total
+
+
+@compiled
+def add_tangent(c: Constants, m: Motion, known: Floats, now: Floats, step_s: float, W: Floats, K: Floats) -> None:
+    """Add minus the derivative of the frusta's forces by each frustum's displacement in a step to the matrix W.
+
+    A displacement d within the step changes the rate by d / step_s. K (cells, 2, 2, 2) gets the part at held rates.
+    Forward differences: an error here costs Newton iterations, never accuracy.
+    """
+    n, k = c.cells, c.active
+    dz, df = 1e-8, 1e-6
+    for i in range(n):
+        for j in range(2 - k, 2):
+            row, past, scratch = c.terms[i, j], known[i, j], now[i, j]
+            z, p = (j - 2 + k) * n + i, (j - 2 + 2 * k) * n + i
+            force, moment = _force(c.plain, frustum_at(c, m, i, j), row, past, scratch, step_s)
+            up, turn = _force(c.plain, frustum_at(c, m, i, j, dz), row, past, scratch, step_s)
+            K[i, j, 0, 0], K[i, j, 1, 0] = (force - up) / dz, (moment - turn) / dz
+            up, turn = _force(c.plain, frustum_at(c, m, i, j, 0.0, df), row, past, scratch, step_s)
+            K[i, j, 0, 1], K[i, j, 1, 1] = (force - up) / df, (moment - turn) / df
+            up, turn = _force(c.plain, frustum_at(c, m, i, j, 0.0, 0.0, dz / step_s), row, past, scratch, step_s)
+            W[z, z] += K[i, j, 0, 0] + (force - up) / dz
+            W[p, z] += K[i, j, 1, 0] + (moment - turn) / dz
+            up, turn = _force(c.plain, frustum_at(c, m, i, j, 0.0, 0.0, 0.0, df / step_s), row, past, scratch, step_s)
+            W[z, p] += K[i, j, 0, 1] + (force - up) / df
+            W[p, p] += K[i, j, 1, 1] + (moment - turn) / df

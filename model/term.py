@@ -1,0 +1,69 @@
+"""What a term of the physics is: a name, its law and source, its constants, and the compiled function that acts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+class Frustum(NamedTuple):
+    """One frustum at one moment, as a frustum term sees it; SI."""
+
+    zeta: float  # height, m
+    phi: float  # bending angle, rad
+    d_zeta: float  # m/s
+    d_phi: float  # rad/s
+    zeta0: float  # unloaded height, m
+    C1: float  # equation 6
+    C2: float  # equation 6
+    c_zeta: float  # equation 4
+    c_phi: float  # equation 4
+    r_i: float  # m
+    r_o: float  # m
+    cycle: float  # how often the specimen was cycled before this run
+
+
+@dataclass(frozen=True)
+class Constant:
+    """One constant of a term. Its value may differ from frustum to frustum; ``low`` to ``high`` is plausible."""
+
+    name: str  # with its unit, as in a straw file
+    unit: str
+    default: float  # zero for a strength
+    low: float
+    high: float
+    about: str
+
+
+@dataclass(frozen=True)
+class Term:
+    """A law added to the straw. With all its strengths zero it changes nothing.
+
+    ``kind`` says where it acts:
+
+    * ``frustum``: ``force(f: Frustum, k) -> (N, N m)`` on zeta and phi of each frustum; ``energy(f, k)`` in J where
+      the force derives from one, else it must not add energy;
+    * ``memory``: the force on zeta and phi is itself a state. ``force(f, k, zeta_n, phi_n_m, step_s)`` takes the
+      values known before an implicit step (q = known + step_s q') and returns those after it, minus the force;
+    * ``body``: ``force(c, k, chain, load)`` adds to the bodies along the straw;
+    * ``flow``: constants of the way from the controller to the inside of the straw; `model.channel` takes them.
+    """
+
+    name: str  # the cause's name in the contract
+    kind: str
+    law: str
+    source: str
+    strengths: tuple[str, ...]
+    constants: tuple[Constant, ...]
+    force: Any = None
+    energy: Any = None
+
+    def __post_init__(self) -> None:
+        names = [c.name for c in self.constants]
+        assert set(self.strengths) <= set(names), f"{self.name}: a strength is not among its constants"
+        assert all(c.default == 0 for c in self.constants if c.name in self.strengths), f"{self.name}: not zero"
