@@ -100,7 +100,10 @@ def snap_of(
     return snap
 
 
-def snap_pair(straw: StrawParameters, cell: int, *, held: bool = False) -> tuple[Snap, Snap]:
+def snap_pair(
+    straw: StrawParameters, cell: int, *, held: bool = False, limit_pa: float = LIMIT_PA
+) -> tuple[Snap, Snap]:
     """Snaps (down, up) of a cell as section 3.1 measures them: alone deployed, and alone folded."""
     others = [other for other in range(1, straw.cells + 1) if other != cell]
-    return snap_of(straw, [cell], cell, held=held), snap_of(straw, others, cell, held=held)
+    down, up = (snap_of(straw, deployed, cell, held=held, limit_pa=limit_pa) for deployed in ([cell], others))
+    return down, up
