@@ -23,7 +23,8 @@ Floats = NDArray[np.float64]
 LONGEST_STEP, FIRST_STEP, SHORTEST_STEP = 0.05, 0.02, 1e-7
 #: A load of 1 counts as this much way; pressures as a multiple of 100 kPa.
 LOAD_WAY, PRESSURE_WAY_PA = 0.2, 100e3
-NEWTON_LIMIT, CLOSE = 8, 1e-11
+#: Newton squares its error: a step of 1e-6 leaves 1e-12.
+NEWTON_LIMIT, CLOSE = 8, 1e-6
 
 
 @dataclass(frozen=True)
@@ -93,30 +94,26 @@ class Branch:
                 return y
         return None
 
-    def tangent(self, y: Floats, along: Floats) -> Floats:
-        """Unit tangent of the branch at a point, in the sense of ``along``."""
-        t = np.linalg.solve(np.vstack([self.jacobian(y), along]), np.append(np.zeros(len(self.free)), 1.0))
-        return np.asarray(t / np.linalg.norm(t))
 
-    def softest(self, y: Floats) -> float:
-        """Smallest real part of the stiffness' eigenvalues at a point, N m."""
-        return float(np.linalg.eigvals(-self.jacobian(y)[:, :-1]).real.min())
+def _tangent(J: Floats, along: Floats) -> Floats:
+    """Unit tangent of the branch where its jacobian is J, in the sense of ``along``."""
+    t = np.linalg.solve(np.vstack([J, along]), np.append(np.zeros(len(J)), 1.0))
+    return np.asarray(t / np.linalg.norm(t))
 
-    def share(self, y: Floats) -> Floats:
-        """How much each cell moves, (cells,), in the softest mode at a point; sums to 1."""
-        values, modes = np.linalg.eig(-self.jacobian(y)[:, :-1])
-        weight = np.zeros(self.cells)
-        np.add.at(weight, self.free % self.cells, np.abs(modes[:, values.real.argmin()]) ** 2)
-        return np.asarray(weight / weight.sum())
+
+def _softest(J: Floats) -> float:
+    """Smallest real part of the stiffness' eigenvalues where the branch's jacobian is J, N m."""
+    return float(np.linalg.eigvals(-J[:, :-1]).real.min())
 
 
 def follow(branch: Branch) -> Followed:
     """Follow a branch from load 0 to load 1, or to the point where its state loses stability."""
     y = np.zeros(len(branch.free) + 1)
     up = np.eye(len(y))[-1]
-    if branch.softest(y) <= 0:
-        return Followed(branch.start, 0.0, branch.share(y))
-    direction, step = branch.tangent(y, up), FIRST_STEP
+    J = branch.jacobian(y)
+    if _softest(J) <= 0:
+        return _ended(branch, y)
+    direction, step = _tangent(J, up), FIRST_STEP
     while True:
         guess = y + step * direction
         arrives = guess[-1] >= branch.way
@@ -126,16 +123,15 @@ def follow(branch: Branch) -> Followed:
         if new is None:
             step /= 4
             if step < SHORTEST_STEP:
-                return Followed(*branch.place(y)[:2], branch.share(y))
+                return _ended(branch, y)
             continue
-        softest = branch.softest(new)
-        if softest <= 0:
-            lost = _lost(branch, y, direction, float((new - y) @ direction))
-            return Followed(*branch.place(lost)[:2], branch.share(lost))
+        J = branch.jacobian(new)
+        if _softest(J) <= 0:
+            return _ended(branch, _lost(branch, y, direction, float((new - y) @ direction)))
         if arrives:
             return Followed(branch.place(new)[0], 1.0, None)
         bend = float(np.linalg.norm(new - guess)) / step
-        y, direction = new, branch.tangent(new, direction)
+        y, direction = new, _tangent(J, direction)
         step = min(LONGEST_STEP, step * (2 if bend < 0.02 else 1 if bend < 0.1 else 0.5))
 
 
@@ -146,4 +142,15 @@ def _lost(branch: Branch, y: Floats, direction: Floats, far: float) -> Floats:
         found = branch.correct(y + step * direction, direction, LONGEST_STEP)
         return y if found is None else found
 
-    return point(brentq(lambda step: branch.softest(point(step)), 0.0, far, xtol=1e-8, rtol=1e-8))
+    def softest(step: float) -> float:
+        return _softest(branch.jacobian(point(step)))
+
+    return point(brentq(softest, 0.0, far, xtol=1e-7, rtol=1e-7))
+
+
+def _ended(branch: Branch, y: Floats) -> Followed:
+    """What gives way at a point: each cell's part in the softest mode."""
+    values, modes = np.linalg.eig(-branch.jacobian(y)[:, :-1])
+    weight = np.zeros(branch.cells)
+    np.add.at(weight, branch.free % branch.cells, np.abs(modes[:, values.real.argmin()]) ** 2)
+    return Followed(*branch.place(y)[:2], weight / weight.sum())
