@@ -81,6 +81,11 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--whole-straw", action="store_true", help="let the other cells move with the pressure, too")
     _identified(p)
 
+    p = _command(commands, "paper", "the paper's numbers beside the model's, and its figures drawn anew")
+    p.add_argument("--out", type=Path, default=Path("paper"), metavar="DIR", help="folder for the figures (paper)")
+    p.add_argument("--filling", type=Path, metavar="TABLE.csv", help="filling tests (the shipped synthetic sample)")
+    _json(p)
+
     p = _command(commands, "replay", "lay recordings over the model's prediction, with metrics and a page to look at")
     p.add_argument("runs", type=Path, nargs="+", metavar="RUN.mcap", help="runs, and tracks derived from them")
     _straw(p)

@@ -25,7 +25,7 @@ def test_help_loads_none_of_the_heavy_libraries() -> None:
     """That is what keeps the answer under 0.3 s, on any machine."""
     code = (
         "import sys; from replay.cli import parser; parser().format_help(); "
-        "print(*{'numpy', 'scipy', 'cv2', 'numba', 'av', 'mcap', 'serial', 'google'} & set(sys.modules))"
+        "print(*{'numpy', 'scipy', 'cv2', 'numba', 'av', 'mcap', 'serial', 'google', 'matplotlib'} & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
