@@ -49,7 +49,7 @@ class Readings:
                 f"geometry: snap pressures {self.fold_pressure_pa / 1e3:g} and {self.deploy_pressure_pa / 1e3:g} kPa; "
                 "expected fold < 0 < deploy"
             )
-        if not min(self.length_resolution_m, self.pressure_resolution_pa) >= 0:
+        if not (self.length_resolution_m >= 0 and self.pressure_resolution_pa >= 0):
             raise ModelError("geometry: a resolution is below zero; give the step of the scale that was read")
 
     @property
