@@ -21,6 +21,8 @@ Floats = NDArray[np.float64]
 
 #: Longest step, in units of (zeta / r_i, phi, load); states of a cell lie 0.1 to 0.3 apart.
 LONGEST_STEP, FIRST_STEP, SHORTEST_STEP = 0.05, 0.02, 1e-7
+#: A snap takes 20 steps; a branch that asks for more than this leads nowhere.
+MOST_STEPS = 5000
 #: A load of 1 counts as this much way; pressures as a multiple of 100 kPa.
 LOAD_WAY, PRESSURE_WAY_PA = 0.2, 100e3
 #: Newton squares its error: a step of 1e-6 leaves 1e-12.
@@ -48,22 +50,21 @@ class Branch:
         start: Floats,
         pressure_pa: float,
         *,
-        from_pa: float = 0.0,
         held_start: bool = False,
         free: NDArray[np.intp] | None = None,
     ) -> None:
-        self.c, self.cells, self.pressure_pa, self.from_pa = straw.constants(), straw.cells, pressure_pa, from_pa
+        self.c, self.cells, self.pressure_pa = straw.constants(), straw.cells, pressure_pa
         self.start = start.copy()
         self.free = np.arange(len(start)) if free is None else free
         self.scale = length_scale(straw)[self.free]
-        self.leftover = rest_force(self.c, self.start, from_pa) if held_start else np.zeros_like(start)
-        self.way = max(LOAD_WAY if held_start else 0.0, abs(pressure_pa - from_pa) / PRESSURE_WAY_PA, 1e-6)
+        self.leftover = rest_force(self.c, self.start, 0.0) if held_start else np.zeros_like(start)
+        self.way = max(LOAD_WAY if held_start else 0.0, abs(pressure_pa) / PRESSURE_WAY_PA, 1e-6)
 
     def place(self, y: Floats) -> tuple[Floats, float, float]:
         """Coordinates, load s and pressure at a point."""
         q, s = self.start.copy(), float(y[-1]) / self.way
         q[self.free] += y[:-1] * self.scale
-        return q, s, self.from_pa + s * (self.pressure_pa - self.from_pa)
+        return q, s, s * self.pressure_pa
 
     def force(self, y: Floats) -> Floats:
         """What is out of balance at a point, N m."""
@@ -74,7 +75,7 @@ class Branch:
         """Derivative of ``force``, shape (free, free + 1); the first part is minus the scaled stiffness."""
         q, _, p = self.place(y)
         K = stiffness_matrix(self.c, q, p)[np.ix_(self.free, self.free)] * self.scale * self.scale[:, None]
-        by_load = pressure_force(self.c, q, p) * (self.pressure_pa - self.from_pa) + self.leftover
+        by_load = pressure_force(self.c, q, p) * self.pressure_pa + self.leftover
         return np.column_stack([-K, by_load[self.free] * self.scale / self.way])
 
     def correct(self, guess: Floats, direction: Floats, reach: float) -> Floats | None:
@@ -114,7 +115,7 @@ def follow(branch: Branch) -> Followed:
     if _softest(J) <= 0:
         return _ended(branch, y)
     direction, step = _tangent(J, up), FIRST_STEP
-    while True:
+    for _ in range(MOST_STEPS):
         guess = y + step * direction
         arrives = guess[-1] >= branch.way
         if arrives:  # land on the whole load: the plane across the load's axis
@@ -133,6 +134,7 @@ def follow(branch: Branch) -> Followed:
         bend = float(np.linalg.norm(new - guess)) / step
         y, direction = new, _tangent(J, direction)
         step = min(LONGEST_STEP, step * (2 if bend < 0.02 else 1 if bend < 0.1 else 0.5))
+    return _ended(branch, y)
 
 
 def _lost(branch: Branch, y: Floats, direction: Floats, far: float) -> Floats:

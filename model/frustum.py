@@ -48,11 +48,11 @@ class Frustum:
     area_m2: float
 
     @classmethod
-    def of(cls, straw: StrawParameters, cell: int = 1, *, odd: bool = False, sealed: bool = False) -> Self:
-        """The even (active) or the odd frustum of a cell, alone or carrying the pull of the straw's sealed end."""
+    def of(cls, straw: StrawParameters, cell: int = 1, *, sealed: bool = False) -> Self:
+        """The even (active) frustum of a cell, alone or carrying the pull of the straw's sealed end."""
         if not 1 <= cell <= straw.cells:
             raise ModelError(f"frustum: cell {cell} is not in a straw of {straw.cells} cells")
-        c, place = straw.constants(), (cell - 1, 0 if odd else 1)
+        c, place = straw.constants(), (cell - 1, 1)
         area_m2 = float(c.S if sealed else c.C3)
         return cls(float(c.C1[place]), float(c.C2[place]), float(c.r_i), float(c.zeta0[place]), area_m2)
 
