@@ -81,7 +81,7 @@ def _memory_of() -> Any:
         def both(f: Frustum, k: Floats, known: Floats, now: Floats, step_s: float) -> tuple[float, float]:
             one = first(f, k, known, now, step_s)
             if k[start] == 0:
-                return one
+                return float(one[0]), float(one[1])
             now[at, 0], now[at, 1] = force(f, k[start:end], known[at, 0], known[at, 1], step_s)
             return float(one[0] - now[at, 0]), float(one[1] - now[at, 1])
 

@@ -63,6 +63,29 @@ def parser() -> argparse.ArgumentParser:
     _straw(p, "the straw whose rest pose places the camera")
     _json(p)
 
+    identify = commands.add_parser("identify", help="constants of a straw from measurements")
+    kinds = identify.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    p = _command(kinds, "filling", "the channel's radius from a table of filling tests", module="identify")
+    p.add_argument("table", type=Path, metavar="TABLE.csv", help="volume_m3, pressure_difference_pa, filling_time_s")
+    _identified(p)
+    p = _command(kinds, "geometry", "zeta_01, zeta_02, h, E from lengths and snap pressures", module="identify")
+    for name, text in (
+        ("folded-length-mm", "length of a folded cell"),
+        ("deployed-length-mm", "length of a deployed cell"),
+        ("fold-pressure-kpa", "gauge pressure at which cell 1 folds, all others folded"),
+        ("deploy-pressure-kpa", "gauge pressure at which cell 1 deploys, all others deployed"),
+    ):
+        p.add_argument(f"--{name}", type=float, required=True, metavar="VALUE", help=text)
+    p.add_argument("--length-resolution-mm", type=float, default=0.01, metavar="MM", help="of the caliper (0.01)")
+    p.add_argument("--pressure-step-kpa", type=float, default=0.5, metavar="KPA", help="steps it was raised in (0.5)")
+    p.add_argument("--whole-straw", action="store_true", help="let the other cells move with the pressure, too")
+    _identified(p)
+
+    p = _command(commands, "paper", "the paper's numbers beside the model's, and its figures drawn anew")
+    p.add_argument("--out", type=Path, default=Path("paper"), metavar="DIR", help="folder for the figures (paper)")
+    p.add_argument("--filling", type=Path, metavar="TABLE.csv", help="filling tests (the shipped synthetic sample)")
+    _json(p)
+
     p = _command(commands, "replay", "lay recordings over the model's prediction, with metrics and a page to look at")
     p.add_argument("runs", type=Path, nargs="+", metavar="RUN.mcap", help="runs, and tracks derived from them")
     _straw(p)
@@ -88,6 +111,13 @@ def _command(
 
 def _straw(p: argparse.ArgumentParser, text: str = "the straw") -> None:
     p.add_argument("--straw", type=Path, metavar="S.toml", help=f"{text}: constants that differ from the paper's")
+
+
+def _identified(p: argparse.ArgumentParser) -> None:
+    p.add_argument("-o", "--output", type=Path, metavar="OUT.toml", help="the straw with what was found")
+    _straw(p, "what is known otherwise")
+    _json(p)
+    p.set_defaults(kind=p.prog.split()[-1])
 
 
 def _json(p: argparse.ArgumentParser) -> None:

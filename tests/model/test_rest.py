@@ -8,6 +8,7 @@ import pytest
 from model.errors import ModelError
 from model.parameters import StrawParameters
 from model.rest import rest_state
+from model.stiffness import stability
 from model.straw import residual
 
 STRAW = StrawParameters()
@@ -47,3 +48,37 @@ def test_a_configuration_that_cannot_rest_names_itself_and_the_load() -> None:
 def test_a_cell_the_straw_does_not_have_is_named() -> None:
     with pytest.raises(ModelError, match="cell 12 is not in a straw of 9 cells"):
         rest_state(STRAW, [1, 12])
+
+
+@pytest.mark.parametrize("form", ["truncated", "full"])
+def test_each_cell_may_also_rest_bent_to_either_side(form: str) -> None:
+    straw = STRAW.replace(form=form)
+    q = rest_state(straw, [2], 1e3, {1: 1, 5: -1})
+    left = residual(straw.constants(), q, 0 * q, 0 * q, 1e3)
+    assert np.abs(left).max() < 1e-7
+    phi = q[-9:]
+    assert phi[0] > 0.15
+    assert phi[4] < -0.15
+    assert np.abs(np.delete(phi, [0, 4])).max() < 0.05
+    assert stability(straw, q, 1e3)[0].real > 0
+
+
+def test_a_straw_too_long_to_carry_itself_names_the_cell_that_gives_way() -> None:
+    with pytest.raises(ModelError, match=r"cells 1-30 deployed: no rest state at 0 kPa: cell 1 gives way"):
+        rest_state(STRAW.replace(cells=30), range(1, 31))
+
+
+@pytest.mark.parametrize(
+    ("deployed", "bent", "words"),
+    [([1], {1: 1}, "both deployed and bent"), ([], {3: 2}, "cell 3 bent 2"), ([], {10: 1}, "cell 10 is not in")],
+)
+def test_a_configuration_that_is_none_is_refused(deployed: list[int], bent: dict[int, int], words: str) -> None:
+    with pytest.raises(ModelError, match=words):
+        rest_state(STRAW, deployed, 0.0, bent)
+
+
+def test_a_cell_without_the_state_asked_for_is_named() -> None:
+    h_m = np.tile([0.508e-3, 0.508e-3], (9, 1))
+    h_m[3, 1] = 5e-3
+    with pytest.raises(ModelError, match="cell 4 has no deployed state"):
+        rest_state(STRAW.replace(h_m=h_m), [1, 4])

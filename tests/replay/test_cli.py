@@ -25,7 +25,7 @@ def test_help_loads_none_of_the_heavy_libraries() -> None:
     """That is what keeps the answer under 0.3 s, on any machine."""
     code = (
         "import sys; from replay.cli import parser; parser().format_help(); "
-        "print(*{'numpy', 'scipy', 'cv2', 'numba', 'av', 'mcap', 'serial', 'google'} & set(sys.modules))"
+        "print(*{'numpy', 'scipy', 'cv2', 'numba', 'av', 'mcap', 'serial', 'google', 'matplotlib'} & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
@@ -234,3 +234,27 @@ def test_a_demo_made_anew_leaves_what_it_did_not_make(tmp_path: Path) -> None:
         (folder / name).touch()
     clear_folder(folder)
     assert sorted(p.name for p in folder.iterdir()) == [".straw-demo", "mine.mcap"]
+
+
+def test_filling_tests_and_readings_become_a_straw_that_simulates(
+    good: Path, repository: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = repository / "model" / "samples" / "filling.csv"
+    lengths = ("--folded-length-mm", "1.5", "--deployed-length-mm", "5.8")
+    pressures = ("--fold-pressure-kpa", "-13.5", "--deploy-pressure-kpa", "22.5")
+    channel, straw = str(good / "channel.toml"), str(good / "straw.toml")
+    assert main(["identify", "filling", str(table), "-o", channel]) == 0
+    assert main(["identify", "geometry", *lengths, *pressures, "--straw", channel, "-o", straw]) == 0
+    said = capsys.readouterr().out
+    assert "r_ch = 0.5196 mm" in said
+    assert "0.9200 ± 0.0114 GPa" in said
+    assert main(["simulate", "--straw", straw, "--protocol", str(good / "p.toml"), "-o", str(good / "p.mcap")]) == 0
+    assert "straw.toml" in refused(capsys, "identify", "filling", table, "-o", straw)
+
+
+@pytest.mark.parametrize("make", [no_file, a_directory, an_empty_file, rubbish])
+def test_a_bad_table_of_filling_tests_is_named(
+    good: Path, make: Callable[[Path, str], Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    bad = make(good, ".csv")
+    assert bad.name in refused(capsys, "identify", "filling", bad, "-o", good / "straw.toml")

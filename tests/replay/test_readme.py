@@ -27,10 +27,11 @@ def commands(repository: Path) -> list[str]:
 
 @pytest.fixture(scope="module")
 def place(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A folder with the protocols README names, in which all of README's commands have been run in order."""
+    """A folder with the files README names, in which all of README's commands have been run in order."""
     folder = tmp_path_factory.mktemp("readme")
     (folder / "rig").mkdir()
     shutil.copytree(repository / "rig" / "protocols", folder / "rig" / "protocols")
+    shutil.copytree(repository / "model" / "samples", folder / "model" / "samples")
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     with contextlib.ExitStack() as servers:
         for command in commands(repository):

@@ -1,0 +1,1 @@
+"""The paper once more: its validation runs, numbers and figures, recomputed by the model."""

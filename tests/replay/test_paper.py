@@ -1,0 +1,70 @@
+"""straw paper: the model gives the paper's numbers, and the figures show what they say."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from model.kinematics import tip_pose
+from model.parameters import StrawParameters
+from model.rest import rest_state
+from replay.cli import main
+from replay.paper.shapes import outline_m
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    folder = tmp_path_factory.mktemp("paper")
+    assert main(["paper", "--out", str(folder / "figures"), "--json", str(folder / "numbers.json")]) == 0
+    return folder, json.loads((folder / "numbers.json").read_text())
+
+
+def test_every_number_of_the_paper_comes_out_within_its_rounding(made: tuple[Path, dict[str, Any]]) -> None:
+    rows = [row for row in made[1]["numbers"] if row["source"] != "check"]
+    assert len(rows) > 30
+    assert [row["name"] for row in rows if not row["agrees"]] == []
+
+
+def test_what_differs_from_a_check_says_why(made: tuple[Path, dict[str, Any]]) -> None:
+    assert all(row["note"] for row in made[1]["numbers"] if not row["agrees"])
+
+
+def test_each_figure_is_a_picture_with_something_on_it_and_a_drawing_with_text(
+    made: tuple[Path, dict[str, Any]],
+) -> None:
+    names = [Path(name) for name in made[1]["figures"]]
+    assert {path.stem.split("-")[0] for path in names} == {"fig3", "fig4", "fig5", "fig6", "fig7", "figS1"}
+    for path in names:
+        if path.suffix == ".png":
+            picture = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+            assert picture is not None
+            assert np.mean(picture < 250) > 0.02
+        else:
+            assert "</svg>" in path.read_text(encoding="utf-8")
+    assert not list((made[0] / "figures").glob("*.part"))
+
+
+@pytest.mark.parametrize("bent", [{}, {2: 1, 5: -1}])
+def test_the_drawn_straw_ends_where_its_tip_is(bent: dict[int, int]) -> None:
+    straw = StrawParameters()
+    q = rest_state(straw, [1, 4], 0.0, bent)
+    upper, lower = outline_m(straw, q)
+    x, z, angle = tip_pose(straw.constants(), q)
+    np.testing.assert_allclose((upper[-1] + lower[-1]) / 2, (x, z), atol=1e-12)
+    # the face is across the tip axis (sin Phi, cos Phi) and 2 r_i wide
+    across = upper[-1] - lower[-1]
+    assert across @ (np.sin(angle), np.cos(angle)) == pytest.approx(0, abs=1e-12)
+    assert np.hypot(*across) == pytest.approx(2 * straw.r_i_m)
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "file").touch()
+    assert main(["paper", "--out", str(tmp_path / "file")]) == 2
+    said = capsys.readouterr().err.strip()
+    assert said.count("\n") == 0
+    assert "file" in said
