@@ -49,7 +49,8 @@ class Term:
     * ``frustum``: ``force(f: Frustum, k) -> (N, N m)`` on zeta and phi of each frustum; ``energy(f, k)`` in J where
       the force derives from one, else it must not add energy;
     * ``memory``: the force on zeta and phi is itself a state. ``force(f, k, zeta_n, phi_n_m, step_s)`` takes the
-      values known before an implicit step (q = known + step_s q') and returns those after it, minus the force;
+      values known before an implicit step (q = known + step_s q') and returns those after it, minus the force.
+      Its first constant is its strength;
     * ``body``: ``force(c, k, chain, load)`` adds to the bodies along the straw;
     * ``flow``: constants of the way from the controller to the inside of the straw; `model.channel` takes them.
     """

@@ -86,6 +86,9 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--filling", type=Path, metavar="TABLE.csv", help="filling tests (the shipped synthetic sample)")
     _json(p)
 
+    p = _command(commands, "terms", "the laws that can be added to a straw, and what each does to the paper's two runs")
+    _json(p)
+
     p = _command(commands, "replay", "lay recordings over the model's prediction, with metrics and a page to look at")
     p.add_argument("runs", type=Path, nargs="+", metavar="RUN.mcap", help="runs, and tracks derived from them")
     _straw(p)

@@ -27,12 +27,12 @@ def _force(c: Constants, k: Floats, s: Chain, load: Load) -> None:
 TERM = Term(
     name="ambient_drag",
     kind="body",
-    law="F = -c_d rho_a/2 A |v| v, A = 2 r_o L of a cell and the board's at the tip",
+    law="F = -c_d rho_f/2 A |v| v, A = 2 r_o L of a cell and the board's at the tip",
     source="quadratic drag (Hoerner); cylinder and plate across the wind c_d about 1.2",
     strengths=("c_d",),
     constants=(
         Constant("c_d", "1", 0.0, 0.3, 5.0, "drag coefficient"),
-        Constant("air_kg_per_m3", "kg/m^3", 1.2, 1.0, 1000.0, "density of what surrounds the straw"),
+        Constant("fluid_kg_per_m3", "kg/m^3", 1.2, 1.0, 1000.0, "density of what surrounds the straw"),
         Constant("board_m2", "m^2", 6e-3, 0.0, 2e-2, "area of the board at the tip"),
     ),
     force=_force,
