@@ -81,6 +81,13 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--whole-straw", action="store_true", help="let the other cells move with the pressure, too")
     _identified(p)
 
+    p = _command(kinds, "runs", "c_zeta, c_phi and r_ch from recordings, all jointly", module="identify")
+    p.add_argument("runs", type=Path, nargs="+", metavar="RUN.mcap", help="runs, and tracks derived from them")
+    p.add_argument(
+        "--each", action="store_true", help="each run by itself first: constants that differ tell of physics"
+    )
+    _identified(p)
+
     p = _command(commands, "paper", "the paper's numbers beside the model's, and its figures drawn anew")
     p.add_argument("--out", type=Path, default=Path("paper"), metavar="DIR", help="folder for the figures (paper)")
     p.add_argument("--filling", type=Path, metavar="TABLE.csv", help="filling tests (the shipped synthetic sample)")

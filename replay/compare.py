@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.parameters import StrawParameters
-from model.simulate import Prediction, simulate
+from model.simulate import TOLERANCE_M, Prediction, simulate
 from replay.driving import driving_pressure
 from replay.errors import ReplayError
 from replay.metrics import Metrics, metrics_of
@@ -40,22 +40,30 @@ class Comparison:
     signals: dict[str, Signal]
 
 
-def compare(run: Run, straw: StrawParameters) -> Comparison:
-    """Predict a gathered run from its measured pressure and recorded configuration, and compare the tip.
+def predict(run: Run, straw: StrawParameters, *, tolerance_m: float = TOLERANCE_M) -> Prediction:
+    """What a straw does under a gathered run's measured pressure, at the tip's samples (n,), from where it started.
 
-    The recording's measured pressure drives the model, never the command. Raises ReplayError where straw and run do
-    not belong together, ModelError where the model cannot follow.
+    The recording's measured pressure drives the model, never the command; the specimen is as worn as the run says.
+    Raises ReplayError where straw and run do not belong together, ModelError where the model cannot follow.
     """
     assert run.pressure is not None
     assert run.tip is not None
     assert run.initial_deployed is not None
     if run.cells != straw.cells:
         raise ReplayError(f"{run.path}: recorded on {run.cells} cells, the straw has {straw.cells}; give its file")
-    tip, valid = run.tip, run.tip.valid
     # The prediction starts at rest, so it starts where the earliest log does.
-    start_s = min(float(run.pressure.time_s[0]), float(tip.time_s[0]))
-    time_s = tip.time_s if start_s >= tip.time_s[0] else np.concatenate([[start_s], tip.time_s])
-    prediction = simulate(straw, driving_pressure(run.pressure, run.command), time_s, run.initial_deployed)
+    start_s = min(float(run.pressure.time_s[0]), float(run.tip.time_s[0]))
+    time_s = run.tip.time_s if start_s >= run.tip.time_s[0] else np.concatenate([[start_s], run.tip.time_s])
+    worn = straw.replace(cycle=float(run.cycle))
+    pressure = driving_pressure(run.pressure, run.command)
+    return simulate(worn, pressure, time_s, run.initial_deployed, tolerance_m=tolerance_m)
+
+
+def compare(run: Run, straw: StrawParameters) -> Comparison:
+    """Predict a gathered run and compare the tip; raises what `predict` raises."""
+    prediction = predict(run, straw)
+    assert run.tip is not None
+    tip, valid = run.tip, run.tip.valid
     signals = {}
     for channel in CHANNELS:
         predicted = getattr(prediction, channel)[-len(tip) :][valid]

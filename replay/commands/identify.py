@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 from dataclasses import asdict
 from typing import Any
 
@@ -12,7 +13,13 @@ from model.filling import channel_radius, read_filling_tests
 from model.geometry import Readings, identify_geometry
 from model.parameters import StrawParameters, load_straw
 from replay.output import check_new, write_json, write_text
-from replay.progress import prepare
+from replay.progress import prepare, progress_bar
+
+#: Where the search of damping and channel radius starts: all combinations; the paper's span 0.1 to 620, 0.7 to 3e-3,
+#: 0.315 to 0.43 mm.
+C_ZETA_STARTS, C_PHI_STARTS, R_CH_STARTS = (1.0, 10.0, 100.0, 600.0), (1e-3, 3e-3), (0.33e-3, 0.42e-3, 0.52e-3)
+#: Reduced chi-square above which the straw is said not to explain the runs.
+POOR_CHI2 = 2.0
 
 
 def run(args: argparse.Namespace) -> int:
@@ -20,7 +27,7 @@ def run(args: argparse.Namespace) -> int:
     known = load_straw(args.straw)
     if args.output:
         check_new(args.output)
-    straw, result = {"filling": _filling, "geometry": _geometry}[args.kind](args, known)
+    straw, result = {"filling": _filling, "geometry": _geometry, "runs": _runs}[args.kind](args, known)
     if args.output:
         write_text(args.output, straw.to_toml())
         print(f"the straw with what was found is in {args.output}")
@@ -65,3 +72,46 @@ def _geometry(args: argparse.Namespace, known: StrawParameters) -> tuple[StrawPa
         print(f"{name:<8}{value:>9.{digits}f} ± {sigma:.{digits}f} {unit}")
     result = {name: value for name, value in vars(found).items() if name != "straw"}
     return found.straw, {**result, "readings": asdict(readings), "whole_straw": args.whole_straw}
+
+
+def _runs(args: argparse.Namespace, known: StrawParameters) -> tuple[StrawParameters, dict[str, Any]]:
+    from replay.fit import fit
+    from replay.gather import gather
+
+    runs = gather(args.runs)
+    prepare()
+    names = ("c_zeta_n_s_per_m", "c_phi_n_m_s_per_rad", "r_ch_m")
+    ranges = (C_ZETA_STARTS, C_PHI_STARTS, R_CH_STARTS)
+    starts = [np.array(start) for start in itertools.product(*ranges)]
+    groups = [[run] for run in runs] if args.each and len(runs) > 1 else []
+    print(f"{'runs':<20} {'c_zeta / N s/m':>24} {'c_phi / mN m s/rad':>24} {'r_ch / mm':>26} {'chi2':>8}")
+    found = []
+    for group in [*groups, runs]:
+        label = f"all {len(runs)} jointly" if len(group) > 1 else group[0].run_id
+        with progress_bar(label, "stage") as update:
+            found.append(fit(group, known, names, starts=starts, progress=update))
+        low, high = found[-1].interval.T
+        cells = (
+            f"{v * scale:.{digits}f} ({a * scale:.{digits}f} to {b * scale:.{digits}f})"
+            for v, a, b, scale, digits in zip(found[-1].value, low, high, (1, 1e3, 1e3), (2, 3, 4), strict=True)
+        )
+        print(f"{label:<20} " + "{:>24} {:>24} {:>26}".format(*cells) + f" {found[-1].reduced_chi2:>8.2f}")
+    joint = found[-1]
+    if joint.reduced_chi2 > POOR_CHI2:
+        print("the straw does not explain these runs to their noise; the intervals say nothing about what is left out")
+    if joint.failures:
+        print(f"{joint.failures} simulations could not follow and were counted as bad fits")
+    fits = [
+        {
+            "runs": f.runs,
+            "constants": {
+                n: {"value": v, "low": a, "high": b}
+                for n, v, (a, b) in zip(f.names, f.value.tolist(), f.interval.tolist(), strict=True)
+            },
+            "reduced_chi2": f.reduced_chi2,
+            "rms": f.rms,
+            "failures": f.failures,
+        }
+        for f in found
+    ]
+    return joint.straw, {"joint": fits[-1], "each": fits[:-1]}

@@ -1,0 +1,345 @@
+"""Fits constants of the straw to recordings, all runs at once: from blurred to sharp, with intervals.
+
+A run that snaps makes point-wise least squares a landscape of plateaus and cliffs: a snap 30 ms late is a large error
+whatever its cause, and the way down is as narrow as the snap is short. Blurring the difference in time widens the
+valley to the blur. Several starts go down that way on a few runs that differ most; the best is finished on all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+from scipy.optimize import least_squares
+
+from model.errors import ModelError
+from model.parameters import StrawParameters
+from replay.compare import CHANNELS, predict
+from replay.errors import ReplayError
+from rig.run import Run
+
+Floats = NDArray[np.float64]
+Progress = Callable[[int, int], None]
+
+#: Stages of the search and of the finish: blur, s, and how many sigmas a derivative's step moves the runs. Wide steps
+#: first, as small ones feel how the ring-down after one snap shifts the next; small ones last, as valleys are narrow.
+SEARCH = ((0.3, 10.0), (0.08, 3.0), (0.02, 1.0))
+FINISH = ((0.02, 1.0), (0.0, 1.0))
+#: Steps of derivatives of logarithms: first guess and bounds.
+FIRST_STEP, SMALLEST_STEP, LARGEST_STEP = 5e-3, 1e-4, 0.1
+#: Starts that are followed down, and runs they are followed on.
+FOLLOWED_STARTS, SEARCHED_RUNS = 2, 3
+MOST_EVALUATIONS = 15
+#: Accuracy of simulations while searching; what it leaves in the tip is below a camera's noise.
+SEARCH_TOLERANCE_M = 2e-6
+#: Residuals within this long count as one piece of evidence.
+BLOCK_S = 0.5
+#: Draws of the gauge's noise.
+GAUGE_DRAWS = 12
+#: Noise where a recording does not state it: m, m, rad.
+UNSTATED = {"x_m": 30e-6, "z_m": 30e-6, "phi_rad": 2e-3}
+#: Differences beyond this many sigmas count with their size, not their square.
+ROBUST_SIGMAS = 5.0
+#: Simulations that fail count as this many sigmas everywhere.
+FAILED_SIGMAS = 1e3
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Constants that fit, natural logarithms' covariance, and how well; arrays (constants,) and (n, n)."""
+
+    names: tuple[str, ...]
+    value: Floats
+    log_covariance: Floats
+    straw: StrawParameters
+    reduced_chi2: float
+    rms: dict[str, float]  # by channel, m or rad
+    runs: tuple[str, ...]
+    failures: int  # simulations that could not follow, each counted as a bad fit
+
+    @property
+    def interval(self) -> Floats:
+        """95 % intervals, (constants, 2)."""
+        half = 1.96 * np.sqrt(np.diag(self.log_covariance))
+        return np.stack([self.value * np.exp(-half), self.value * np.exp(half)], axis=1)
+
+
+def with_values(straw: StrawParameters, names: Sequence[str], values: Floats) -> StrawParameters:
+    """The straw with constants set, the same in every cell; ``term.constant`` names one of a term."""
+    for name, value in zip(names, values, strict=True):
+        if "." in name:
+            term, constant = name.split(".")
+            straw = straw.with_term(term, **{constant: float(value)})
+        else:
+            straw = straw.replace(**{name: float(value)})
+    return straw
+
+
+def value_of(straw: StrawParameters, name: str) -> float:
+    """The even frusta's mean of a constant of the straw."""
+    value = np.asarray(getattr(straw, name), dtype=np.float64)
+    return float(value[:, 1].mean() if value.ndim == 2 else value)
+
+
+class _Problem:
+    """Weighted differences of all runs as a function of the constants' logarithms."""
+
+    def __init__(self, runs: Sequence[Run], straw: StrawParameters, names: Sequence[str], pool: Executor) -> None:
+        self.runs, self.straw, self.names, self.pool = list(runs), straw, tuple(names), pool
+        self.failures = 0
+        self.steps = np.full(len(names), FIRST_STEP)
+
+    def one(self, run: Run, log_values: Floats, seed: int | None = None) -> Floats | None:
+        """Differences in sigmas, (channels, n), without blur; None where the model cannot follow.
+
+        With a seed the gauge's noise is added to its readings once more.
+        """
+        if seed is not None:
+            run = _reread(run, seed)
+        assert run.tip is not None
+        try:
+            straw = with_values(self.straw, self.names, np.exp(log_values))
+            seen = predict(run, straw, tolerance_m=SEARCH_TOLERANCE_M)
+        except ModelError:
+            return None
+        tip, valid = run.tip, run.tip.valid
+        rows = []
+        for channel in CHANNELS:
+            sigma = getattr(tip, f"sigma_{channel}")[valid]
+            sigma = np.where(np.isfinite(sigma), sigma, UNSTATED[channel])
+            rows.append((getattr(seen, channel)[-len(tip) :][valid] - getattr(tip, channel)[valid]) / sigma)
+        return np.array(rows)
+
+    def many(self, points: Sequence[Floats]) -> list[list[Floats]]:
+        """Differences of every run at every point, spread over the pool."""
+        jobs = [[self.pool.submit(self.one, run, point) for run in self.runs] for point in points]
+        out = []
+        for row in jobs:
+            found = [job.result() for job in row]
+            self.failures += sum(one is None for one in found)
+            out.append(
+                [
+                    np.full((len(CHANNELS), _samples(run)), FAILED_SIGMAS) if one is None else one
+                    for run, one in zip(self.runs, found, strict=True)
+                ]
+            )
+        return out
+
+    def slopes(self, at: Floats, blur_s: float, sigmas: float) -> Floats:
+        """Central differences of the blurred differences, (all samples, constants).
+
+        Each constant's step is such that it moves the runs by so many sigmas: less drowns in the solver's tolerance,
+        more leaves the valley.
+        """
+        out = np.empty((0, 0))
+        for _ in range(2):
+            moved = [
+                at + sign * step * row
+                for row, step in zip(np.eye(len(at)), self.steps, strict=True)
+                for sign in (1, -1)
+            ]
+            ends = [self.blurred(rows, blur_s) for rows in self.many(moved)]
+            pairs = zip(ends[::2], ends[1::2], self.steps, strict=True)
+            out = np.stack([(up - down) / (2 * step) for up, down, step in pairs], axis=1)
+            effect = np.sqrt(np.mean(out**2, axis=0)) * self.steps
+            before = self.steps
+            self.steps = np.clip(before * sigmas / np.maximum(effect, 1e-12), SMALLEST_STEP, LARGEST_STEP)
+            if np.all(np.abs(np.log(self.steps / before)) < np.log(5.0)):
+                break
+        return out
+
+    def blurred(self, rows: list[Floats], blur_s: float) -> Floats:
+        """Differences of all runs as one vector, blurred in time."""
+        parts = []
+        for run, row in zip(self.runs, rows, strict=True):
+            assert run.tip is not None
+            step_s = float(np.median(np.diff(run.tip.time_s)))
+            parts.append((gaussian_filter1d(row, blur_s / step_s, axis=1) if blur_s else row).ravel())
+        return np.concatenate(parts)
+
+
+def _samples(run: Run) -> int:
+    assert run.tip is not None
+    return int(np.count_nonzero(run.tip.valid))
+
+
+@contextmanager
+def _pool(executor: Executor | None) -> Iterator[Executor]:
+    if executor is not None:
+        yield executor
+        return
+    with ThreadPoolExecutor() as own:  # the compiled model releases the GIL
+        yield own
+
+
+def most_different(runs: Sequence[Run]) -> list[Run]:
+    """A few runs that show most: for each start configuration the one whose tip travels furthest, longest first."""
+    furthest: dict[tuple[int, ...] | None, tuple[float, Run]] = {}
+    for run in runs:
+        assert run.tip is not None
+        travel_m = float(np.ptp(run.tip.x_m[run.tip.valid]))
+        if travel_m > furthest.get(run.initial_deployed, (-1.0, run))[0]:
+            furthest[run.initial_deployed] = (travel_m, run)
+    return [run for _, run in sorted(furthest.values(), key=lambda pair: -pair[0])][:SEARCHED_RUNS]
+
+
+def _gentle(differences: Floats) -> float:
+    """Misfit in which what is far off counts little more than what is off."""
+    return float(np.sum(np.log1p((differences / ROBUST_SIGMAS) ** 2)))
+
+
+def _descend(problem: _Problem, at: Floats, blur_s: float, sigmas: float) -> Floats:
+    def differences(x: Floats) -> Floats:
+        return problem.blurred(problem.many([x])[0], blur_s)
+
+    def slopes(x: Floats) -> Floats:
+        return problem.slopes(x, blur_s, sigmas)
+
+    found = least_squares(
+        differences,
+        at,
+        slopes,
+        loss="soft_l1",
+        f_scale=ROBUST_SIGMAS,
+        x_scale="jac",  # a few permille of r_ch do as much as a tenth of c_zeta
+        xtol=1e-5,
+        ftol=1e-3,
+        max_nfev=MOST_EVALUATIONS,
+    )
+    return np.asarray(found.x)
+
+
+def fit(
+    runs: Sequence[Run],
+    straw: StrawParameters,
+    names: Sequence[str],
+    *,
+    starts: Sequence[Floats] = (),
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Fitted:
+    """Constants (all above zero) with which one straw explains all gathered runs best.
+
+    Starts from the straw's own values and from ``starts`` (values in the order of ``names``), those that look best
+    through the widest blur. Intervals take residuals within half a second as one piece of evidence, so that a model
+    that leaves something out does not look certain, and carry the gauge's noise, which moves every snap of a run
+    together. They say nothing about a model that is wrong.
+    Raises ReplayError where nothing can be simulated.
+    """
+    with _pool(executor) as pool:
+        problem = _Problem(runs, straw, names, pool)
+        few = problem if len(runs) <= SEARCHED_RUNS else _Problem(most_different(runs), straw, names, pool)
+        points = [np.log([value_of(straw, name) for name in names]), *(np.log(start) for start in starts)]
+        followed = min(FOLLOWED_STARTS, len(points))
+        total = 1 + followed * len(SEARCH) + len(FINISH) + 1
+        done = 0
+
+        def tell() -> None:
+            nonlocal done
+            if progress:
+                progress(done, total)
+            done += 1
+
+        tell()
+        looks = [_gentle(few.blurred(rows, SEARCH[0][0])) for rows in few.many(points)]
+        if few.failures == len(points) * len(few.runs):
+            raise ReplayError("fit: the model follows none of the runs with these constants; check straw and runs")
+        ends = []
+        for start in np.argsort(looks, kind="stable")[:followed]:
+            at = points[start]
+            few.steps[:] = FIRST_STEP
+            for blur_s, sigmas in SEARCH:
+                tell()
+                at = _descend(few, at, blur_s, sigmas)
+            ends.append((_gentle(few.blurred(few.many([at])[0], SEARCH[-1][0])), at))
+        best = min(ends, key=lambda end: end[0])[1]
+        for blur_s, sigmas in FINISH:
+            tell()
+            best = _descend(problem, best, blur_s, sigmas)
+        tell()
+        left = problem.many([best])[0]
+        final = problem.slopes(best, *FINISH[-1])
+        covariance = _covariance(problem, left, final) + _from_gauge(problem, best, left, final)
+        tell()
+    values = np.exp(best)
+    size = sum(row.size for row in left)
+    return Fitted(
+        tuple(names),
+        values,
+        covariance,
+        with_values(straw, names, values),
+        float(sum(np.sum(row**2) for row in left) / max(1, size - len(names))),
+        {
+            c: float(
+                np.sqrt(np.mean(np.concatenate([_plain(r, row, i) for r, row in zip(runs, left, strict=True)]) ** 2))
+            )
+            for i, c in enumerate(CHANNELS)
+        },
+        tuple(run.run_id for run in runs),
+        problem.failures,
+    )
+
+
+def _rms(runs: Sequence[Run], left: list[Floats]) -> dict[str, float]:
+    pairs = list(zip(runs, left, strict=True))
+    return {
+        name: float(np.sqrt(np.mean(np.concatenate([_plain(run, row, i) for run, row in pairs]) ** 2)))
+        for i, name in enumerate(CHANNELS)
+    }
+
+
+def _plain(run: Run, row: Floats, channel: int) -> Floats:
+    """Differences of a channel in its unit."""
+    assert run.tip is not None
+    name = CHANNELS[channel]
+    sigma = getattr(run.tip, f"sigma_{name}")[run.tip.valid]
+    return np.asarray(row[channel] * np.where(np.isfinite(sigma), sigma, UNSTATED[name]))
+
+
+def _covariance(problem: _Problem, left: list[Floats], slopes: Floats) -> Floats:
+    """Covariance that stays honest for correlated residuals: blocks of time are the independent pieces.
+
+    (J'J)^-1 (sum over blocks of (J'r)(J'r)') (J'J)^-1, the sandwich of Liang and Zeger (1986).
+    """
+    bread = np.linalg.pinv(slopes.T @ slopes)
+    meat = np.zeros_like(bread)
+    start = blocks = 0
+    for run, row in zip(problem.runs, left, strict=True):
+        assert run.tip is not None
+        which = ((run.tip.time_s[run.tip.valid] - run.tip.time_s[0]) / BLOCK_S).astype(int)
+        per_run = slopes[start : start + row.size].reshape(*row.shape, -1)
+        start += row.size
+        for block in range(which.max() + 1):
+            score = np.einsum("ct,ctp->p", row[:, which == block], per_run[:, which == block])
+            meat += np.outer(score, score)
+            blocks += 1
+    share = blocks / max(1, blocks - len(bread))
+    return np.asarray(bread @ meat @ bread * share)
+
+
+def _from_gauge(problem: _Problem, best: Floats, left: list[Floats], slopes: Floats) -> Floats:
+    """Covariance from the gauge's noise: how the optimum moves, to first order, when readings are noisy once more."""
+    jobs = [[problem.pool.submit(problem.one, run, best, seed) for run in problem.runs] for seed in range(GAUGE_DRAWS)]
+    bread = np.linalg.pinv(slopes.T @ slopes)
+    moves = []
+    for row in jobs:
+        rows = [job.result() for job in row]
+        change = [np.zeros_like(b) if r is None else r - b for r, b in zip(rows, left, strict=True)]
+        moves.append(bread @ slopes.T @ np.concatenate([c.ravel() for c in change]))
+    return np.asarray(np.einsum("dp,dq->pq", moves, moves) / GAUGE_DRAWS)
+
+
+def _reread(run: Run, seed: int) -> Run:
+    """The run with its gauge's noise added once more; the scatter of its readings where it does not state one."""
+    log = run.pressure
+    assert log is not None
+    # second differences see white noise, sigma^2 (1 + 4 + 1), and hardly the pressure
+    scatter = 1.4826 * np.median(np.abs(np.diff(log.pressure_pa, 2))) / np.sqrt(6) if len(log) > 2 else 0.0
+    sigma = np.where(np.isfinite(log.sigma_pa), log.sigma_pa, scatter)
+    noise = np.random.default_rng([seed, len(log)]).normal(0, 1, len(log)) * sigma
+    return replace(run, pressure=replace(log, pressure_pa=log.pressure_pa + noise))

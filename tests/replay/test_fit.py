@@ -1,0 +1,74 @@
+"""Constants planted in recordings are found again, from far off, and the intervals mean what they say."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+
+from model.parameters import StrawParameters
+from model.simulate import simulate
+from replay.errors import ReplayError
+from replay.fit import fit, most_different, with_values
+from rig.run import PressureLog, Run
+from tracking.trace import TipTrace
+
+NAMES = ("c_zeta_n_s_per_m", "c_phi_n_m_s_per_rad", "r_ch_m")
+SHORT = StrawParameters(cells=3)
+TRUTH = np.array([150.0, 1.5e-3, 0.40e-3])
+GAUGE_PA, SIGMAS = 30.0, (25e-6, 25e-6, 1.5e-3)
+
+
+def recorded(steady_pa: float, deployed: tuple[int, ...], seed: int, truth: np.ndarray = TRUTH) -> Run:
+    """Two seconds of a short straw with a noisy gauge and a noisy camera."""
+    random = np.random.default_rng(seed)
+    time_s = np.arange(0.0, 2.0, 1 / 240)
+    seen = simulate(with_values(SHORT, NAMES, truth), lambda t: steady_pa * -np.expm1(-30 * t), time_s, deployed)
+    tip = [
+        getattr(seen, name) + random.normal(0, s, len(time_s))
+        for name, s in zip(("x_m", "z_m", "phi_rad"), SIGMAS, strict=True)
+    ]
+    at = np.arange(0.0, 2.0, 0.005)
+    pressure_pa = steady_pa * -np.expm1(-30 * at) + random.normal(0, GAUGE_PA, len(at))
+    return Run(
+        path=None, sha256=str(seed), run_id=f"run-{seed}", specimen="", initial_deployed=deployed, cycle=0, cells=3,
+        zero_time_ns=0, metadata={}, attachments={}, command=None,
+        pressure=PressureLog(at, pressure_pa, np.full(len(at), GAUGE_PA)),
+        tip=TipTrace(
+            time_s, *tip, *(np.full(len(time_s), s) for s in SIGMAS), np.ones(len(time_s), bool), np.arange(len(time_s))
+        ),
+        predictions={}, events=(), lost=(),
+    )  # fmt: skip
+
+
+def test_damping_and_channel_are_found_again_from_far_off_with_intervals_that_hold_them() -> None:
+    runs = [recorded(-25e3, (1,), 1), recorded(32e3, (2, 3), 2)]
+    starts = [np.array(s) for s in itertools.product((10.0, 600.0), (1e-3, 4e-3), (0.33e-3, 0.5e-3))]
+    found = fit(runs, SHORT, NAMES, starts=starts)
+    sigma = np.sqrt(np.diag(found.log_covariance))
+    off = np.abs(np.log(found.value / TRUTH))
+    assert np.all(off < 3.5 * sigma)  # three constants: beyond once in 700 times
+    assert np.all(sigma < [0.2, 0.2, 0.01])  # and the intervals are worth having
+    assert found.reduced_chi2 == pytest.approx(1.0, abs=0.25)
+    assert found.failures == 0
+    np.testing.assert_allclose(found.straw.r_ch_m, found.value[2])
+
+
+def test_runs_that_differ_most_are_searched_first() -> None:
+    one, other = recorded(-25e3, (1,), 1), recorded(32e3, (2, 3), 2)
+    still = dataclasses.replace(
+        one, tip=dataclasses.replace(one.tip, x_m=np.full(len(one.tip.x_m), 0.02)), run_id="still"
+    )
+    chosen = [run.run_id for run in most_different([still, one, other])]
+    assert sorted(chosen) == ["run-1", "run-2"]
+
+
+def test_runs_that_no_simulation_follows_are_refused() -> None:
+    run = recorded(-25e3, (1,), 1)
+    burst = dataclasses.replace(
+        run, pressure=dataclasses.replace(run.pressure, pressure_pa=run.pressure.pressure_pa - 3e6)
+    )
+    with pytest.raises(ReplayError, match="follows none of the runs"):
+        fit([burst], SHORT, NAMES)
