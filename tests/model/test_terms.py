@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -17,7 +19,7 @@ from model.rest import rest_state
 from model.simulate import simulate
 from model.straw import forces_left, kinetic_energy_at, potential_energy_at, room_for
 from model.term import Frustum, Term
-from model.terms import TERMS
+from model.terms import COLUMNS, TERMS
 from model.terms.pressure import pressure_per_pa
 from model.typical import typical, with_typical
 
@@ -152,7 +154,23 @@ def balance(straw: StrawParameters, steady_pa: float, deployed: list[int], toler
     step = np.diff(time_s)
     into = np.sum((power_in[1:] + power_in[:-1]) / 2 * step)
     out = np.sum((power_out[1:] + power_out[:-1]) / 2 * step)
+    out += _taken_by_memories(c, qs, time_s[1])
     return float(stored[-1] - stored[0] - into + out), float(np.sum(np.abs(power_in[1:]) * step))
+
+
+def _taken_by_memories(c, qs: np.ndarray, sample_s: float) -> float:
+    """Work done against walls with memory, J: their laws played once more along the motion."""
+    taken, any_frustum = 0.0, some_frusta(1)[0]
+    for name in MEMORY_TERMS:
+        k = c.terms[0, 1, slice(*COLUMNS[name])]
+        for cell in range(9 if k[0] else 0):
+            before = np.zeros(2)
+            for here, there in itertools.pairwise(qs[:, [cell, 9 + cell]]):
+                f = any_frustum._replace(d_zeta=(there - here)[0] / sample_s, d_phi=(there - here)[1] / sample_s)
+                after = np.array(TERMS[name].force(f, k, *before, sample_s))
+                taken += (before + after) @ (there - here) / 2
+                before = after
+    return taken
 
 
 def _inertia_power(c, q: np.ndarray, v: np.ndarray) -> float:
@@ -162,19 +180,14 @@ def _inertia_power(c, q: np.ndarray, v: np.ndarray) -> float:
     return -(there - here) / (2 * step)
 
 
-@pytest.mark.parametrize("name", ["none", *(n for n in TERMS if TERMS[n].kind != "memory")])
+@pytest.mark.parametrize("name", ["none", *TERMS])
 def test_energy_in_is_energy_stored_and_dissipated(name: str) -> None:
     """What is missing shrinks with the integrator's tolerance and is a small part of what the pressure did."""
     straw = DEPLOYMENT if name == "none" else with_typical(DEPLOYMENT, TERMS[name])
     missing, worked = balance(straw, 35e3, [2, 3, 5, 6, 7, 8, 9], 1e-7)
     assert worked > 0
-    assert abs(missing) < 2e-3 * worked
-
-
-@pytest.mark.parametrize("name", MEMORY_TERMS)
-def test_a_wall_with_memory_takes_energy_out_of_a_run(name: str) -> None:
-    missing, worked = balance(with_typical(FOLDING, TERMS[name]), -25e3, [1, 4], 1e-6)
-    assert -worked < missing < 0
+    # friction is played again at 0.2 ms, in which a snap passes several of its 20 um slips: that costs half a percent
+    assert abs(missing) < (1e-2 if name == "dry_friction" else 2e-3) * worked
 
 
 @pytest.mark.parametrize("names", [["fluid_inertia"], ["poiseuille_loss"], ["line_lag"], ["trapped_gas"], list(TERMS)])
