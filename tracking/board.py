@@ -15,43 +15,46 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Board:
-    """A square checkerboard of ``squares`` x ``squares``, ``size_m`` from edge to edge (without its white margin).
+    """``squares`` along x by ``squares_y`` along y (0: as many); ``size_m`` is the chequered side in x.
 
-    Board frame: origin at the board's centre; z out of the printed face, along the tip axis; y along the world's Y;
-    x = y x z completes it (all but for ``Camera.board_turn_rad``, when the board is glued askew). With the tip axis at
-    phi, x is (cos phi, 0, -sin phi) in the world: for a straw lying horizontally (phi = pi/2) board x points down, and
-    a camera that stands upright before the board sees x down and y to the right. An even number of squares looks the
-    same turned by 180 degrees, so pictures alone never tell +x from -x: ``Camera.board_x_in_image`` does.
+    Board frame: origin at the board's centre; z out of the printed face; how x, y, z lie on the tip is
+    ``Camera.mount``. Glued to the face: z along the tip axis, y along the world's Y, x = y x z completes it (all but
+    for ``Camera.board_turn_rad``, when the board is glued askew). With the tip axis at phi, x is (cos phi, 0, -sin phi)
+    in the world: for a straw lying horizontally (phi = pi/2) board x points down, and a camera that stands upright
+    before the board sees x down and y to the right. A board with an even sum of squares looks the same turned by 180
+    degrees, so pictures alone never tell +x from -x: ``Camera.board_x_in_image`` does.
     """
 
     squares: int = 8
     size_m: float = 0.0385
+    squares_y: int = 0
 
     def __post_init__(self) -> None:
-        if not 4 <= self.squares <= 30 or self.squares % 2:
-            raise TrackingError(f"board: {self.squares} squares a side; it must be an even number from 4 to 30")
+        if not 4 <= self.squares <= 40 or not (self.squares_y == 0 or 4 <= self.squares_y <= 40):
+            raise TrackingError(f"board: {self.squares} x {self.squares_y} squares; each side must have from 4 to 40")
         if not (math.isfinite(self.size_m) and 0 < self.size_m < 10):
             raise TrackingError(f"board: size is {self.size_m:g} m; give the chequered side in metres, as 0.0385")
 
     @property
-    def corners(self) -> int:
-        """Inner corners a side."""
-        return self.squares - 1
+    def shape(self) -> tuple[int, int]:
+        """Inner corners along x and along y."""
+        return self.squares - 1, (self.squares_y or self.squares) - 1
 
     @property
     def pitch_m(self) -> float:
         """Side of one square."""
         return self.size_m / self.squares
 
+    @property
+    def two_faced(self) -> bool:
+        """Whether half a turn maps black onto black, so that no picture tells the board from itself upside down."""
+        return sum(self.shape) % 2 == 0
+
+    def __str__(self) -> str:
+        return f"{self.squares}x{self.squares_y or self.squares} squares"
+
     def corner_points_m(self) -> Floats:
-        """Return the inner corners (corners^2, 3) in the board frame; y runs fastest."""
-        return self._lattice(self.corners)
-
-    def square_centres_m(self) -> Floats:
-        """Return the centres of the squares (squares^2, 3) in the board frame; y runs fastest."""
-        return self._lattice(self.squares)
-
-    def _lattice(self, n: int) -> Floats:
-        line = (np.arange(n) - (n - 1) / 2) * self.pitch_m
-        x, y = np.meshgrid(line, line, indexing="ij")
-        return np.stack((x, y, np.zeros_like(x)), axis=-1).reshape(-1, 3)
+        """Return the inner corners (corners, 3) in the board frame; y runs fastest."""
+        nx, ny = self.shape
+        x, y = np.meshgrid(np.arange(nx) - (nx - 1) / 2, np.arange(ny) - (ny - 1) / 2, indexing="ij")
+        return self.pitch_m * np.stack((x, y, np.zeros_like(x)), axis=-1).reshape(-1, 3)

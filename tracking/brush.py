@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-SAMPLES = 2  # rays a side of each pixel; the soft edges of the print do the rest of the smoothing
+NODE_ROWS = 16  # rolling shutter: the board's place is computed for every 16th row and interpolated between
+SAMPLES = 3  # rays a side of each pixel; the soft edges of the print do the rest of the smoothing
 
 
 def _rays_of_box(
@@ -62,8 +63,9 @@ def _paint(
 ) -> None:
     """Paint one picture: noisy backdrop everywhere, and within ``area`` the board as the mean over its sub-exposures.
 
-    ``boards_from_ray`` (m, 3, 3): for each sub-exposure, (u, v, 1) on the board ~ H (x/z, y/z, 1). ``print_``: squares,
-    size, margin, softness of edges (m), dark and light grey level.
+    ``boards_from_ray`` (nodes, m, 3, 3): for every NODE_ROWS-th row of ``area`` and each of m sub-exposures, (u, v, 1)
+    on the board ~ H (x/z, y/z, 1); rows between two nodes are exposed between their times. ``print_``: squares, size,
+    margin, softness of edges (m), dark and light grey level.
     """
     for row in range(out.shape[0]):
         for column in range(out.shape[1]):
@@ -71,13 +73,16 @@ def _paint(
     half, margin, soft = print_[1] / 2, print_[2], print_[3]
     lines, pitch = int(print_[0]) // 2 - 1, print_[1] / print_[0]
     middle, swing = (print_[5] + print_[4]) / 2, (print_[5] - print_[4]) / 2
-    count = len(boards_from_ray) * rays.shape[2]
+    exposures = boards_from_ray.shape[1]
+    count, now = exposures * rays.shape[2], np.empty((exposures, 3, 3))
     for row in range(area[1], area[3]):
+        node, past = (row - area[1]) // NODE_ROWS, (row - area[1]) % NODE_ROWS / NODE_ROWS
+        now[:] = boards_from_ray[node] + past * (boards_from_ray[node + 1] - boards_from_ray[node])
         for column in range(area[0], area[2]):
             behind, level = float(backdrop[row, column]), 0.0
             for sample in range(rays.shape[2]):
                 a, b = rays[row - box[1], column - box[0], sample]
-                for h in boards_from_ray:
+                for h in now:
                     depth = h[2, 0] * a + h[2, 1] * b + h[2, 2]
                     u = (h[0, 0] * a + h[0, 1] * b + h[0, 2]) / depth
                     v = (h[1, 0] * a + h[1, 1] * b + h[1, 2]) / depth

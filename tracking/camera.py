@@ -17,6 +17,13 @@ from tracking.lens import Lens, lens_from_fields
 
 Floats = NDArray[np.float64]
 
+# Where the board's axes lie in the tip frame (columns x, y, z): its face along the tip axis (the camera looks end-on),
+# or in the plane of motion, towards -Y ("side") or +Y ("back").
+MOUNTS = {
+    "face": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    "side": ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
+    "back": ((-1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
+}
 IMAGE_DIRECTIONS = {"down": (0.0, 1.0), "up": (0.0, -1.0), "right": (1.0, 0.0), "left": (-1.0, 0.0)}
 _FORMAT = "straw-camera"
 _VERSION = 1
@@ -31,8 +38,10 @@ class Camera:
     of motion, Y = Z x X); None when it is to be found from a rest pose. ``tip_offset_m``: board centre to tip along the
     tip axis, so tip = board centre - offset * axis. ``board_x_in_image``: where board +x points in the picture at
     rest, the one sign that no picture of the board can tell (see ``Board``); "down" for an upright camera and a
-    horizontal straw. ``board_turn_rad``: how askew the board is glued, as the parts along its own x and z of a rotation
-    vector (about y it would be a part of phi). Both are used, or found, when the place comes from a rest pose.
+    horizontal straw. ``board_turn_rad``: how askew the board is glued, as the parts along x and z of a rotation
+    vector in the tip frame (about y it would be a part of phi); found from the motion where it is not known.
+    ``mount``: which way the board is glued to the tip (see ``MOUNTS``). ``line_s``: seconds from one row of the sensor
+    to the next (rolling shutter); None when it is to be found from the video.
     """
 
     lens: Lens
@@ -40,6 +49,8 @@ class Camera:
     tip_offset_m: float = 0.0088
     board_x_in_image: str = "down"
     board_turn_rad: tuple[float, float] = (0.0, 0.0)
+    mount: str = "face"
+    line_s: float | None = None
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.tip_offset_m) and abs(self.tip_offset_m) < 1):
@@ -49,6 +60,10 @@ class Camera:
         if self.board_x_in_image not in IMAGE_DIRECTIONS:
             known = ", ".join(IMAGE_DIRECTIONS)
             raise TrackingError(f"camera: board_x_in_image is '{self.board_x_in_image}'; it must be one of {known}")
+        if self.mount not in MOUNTS:
+            raise TrackingError(f"camera: mount is '{self.mount}'; it must be one of {', '.join(MOUNTS)}")
+        if self.line_s is not None and not (math.isfinite(self.line_s) and abs(self.line_s) < 1e-3):
+            raise TrackingError(f"camera: line_s is {self.line_s:g}; give the seconds from row to row, as 3.8e-6")
         if self.world_from_camera is not None:
             pose = np.array(self.world_from_camera, dtype=np.float64)
             _check_rigid(pose, "camera: world_from_camera")
@@ -63,7 +78,7 @@ class Camera:
         # cross-product matrix of (about_x, 0, about_z); its exponential is the rotation
         spin = about_x * (np.outer(z, y) - np.outer(y, z)) + about_z * (np.outer(y, x) - np.outer(x, y))
         pose = np.eye(4)
-        pose[:3, :3] = expm(spin)
+        pose[:3, :3] = expm(spin) @ np.array(MOUNTS[self.mount])
         pose[2, 3] = self.tip_offset_m
         return pose
 
@@ -88,7 +103,10 @@ def save_camera(path: str | os.PathLike[str], camera: Camera) -> None:
         "tip_offset_m": camera.tip_offset_m,
         "board_x_in_image": camera.board_x_in_image,
         "board_turn_rad": list(camera.board_turn_rad),
+        "mount": camera.mount,
     }
+    if camera.line_s is not None:
+        data["line_s"] = camera.line_s
     if camera.world_from_camera is not None:
         data["world_from_camera"] = camera.world_from_camera.tolist()
     write_json(path, data)
@@ -113,6 +131,8 @@ def load_camera(path: str | os.PathLike[str]) -> Camera:
             tip_offset_m=fields.number("tip_offset_m", Camera.tip_offset_m),
             board_x_in_image=fields.text("board_x_in_image", Camera.board_x_in_image),
             board_turn_rad=(about_x, about_z),
+            mount=fields.text("mount", Camera.mount),
+            line_s=fields.number("line_s") if "line_s" in fields else None,
         )
     except TrackingError as error:  # values that read well but make no camera: say which file
         message = str(error)

@@ -1,84 +1,220 @@
-"""Finds a checkerboard's inner corners in a picture, sharpens them to sub-pixel, and measures its black and white."""
+"""Corners of a checkerboard: found in a picture, and sharpened on a board whose place is roughly known."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from tracking.board import Board
+from tracking.edges import measure_all
+from tracking.kernels import agreement, drift, fit_homography, locate_all
+from tracking.lens import Lens
+
 Floats = NDArray[np.float64]
 Picture = NDArray[np.uint8]
+Flags = NDArray[np.bool_]
 
-_WINDOW = 0.45  # half-window / smallest pitch: as much edge as fits without the next corner's edges
-_BLUR_PX = 1.0  # cornerSubPix leans towards whole pixels: 0.037 px on perfect pictures, 0.018 px after this blur
-_SQUARE_SPREAD = 0.4  # of the contrast: room for uneven light, none for a finger
-_SHARPEN = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 20, 0.005)
+FEWEST_CORNERS = 16  # of a board that is covered, glared out or cut off by the picture's edge
+LARGEST_RESIDUAL = 0.05  # of the pitch: 1 px at 20 px a square, ten times what motion blur was seen to do
+_CONVERGED_PX = 0.1  # the next step would be this squared, over the width of an edge
+_STEPS = 6
+_OUTLIER, _OUTLIER_PX = 4.5, 0.1  # times the rms per coordinate, but at least that much: a corner that is not used
+_LEAST_CONTRAST = 15.0  # grey levels between the colours' medians: below it there is no print to see
+_LEAST_LEAD = 4.0  # dark squares by which the print must fit better where it is than one square aside
+_NEAR = 0.3  # of the pitch: what is closer than this to a steady guess has not slipped by a square
+_COARSE = 0.3  # of the pitch: the half width of edges that sees corners from 0.4 pitches away
+_MOST_BOARDS = 4  # looked at in one picture: each search costs 0.03 s at 960 x 540
 
 
-def find_board(picture: Picture, shape: tuple[int, int], *, halve: bool) -> Floats | None:
-    """Search a picture for a board of ``shape`` (rows, columns) of inner corners: (rows, columns, 2) px, or None.
+@dataclass(frozen=True)
+class Sighting:
+    """One trusted view of the board.
 
-    ``halve`` searches at half resolution: 0.1 s for 1080p. Never cv2.findChessboardCorners: on a bright noisy frame
-    it was measured to search for minutes. Order, turn and handedness of the corners are the detector's own.
+    ``grid`` (nx, ny, 2): corners in px in board order; ``used`` (nx, ny): which of them were seen; ``homography`` (9):
+    board points in pitches to rays, as ``kernels.locate`` takes it; ``widths`` (2): half widths of the edges across x
+    and across y, px; ``contrast``: grey levels, positive when the square at -x, -y is dark; ``rms_px``: what the best
+    homography leaves, per coordinate.
     """
-    rows, columns = shape
+
+    grid: Floats
+    used: Flags
+    homography: Floats
+    widths: Floats
+    contrast: float
+    rms_px: float
+
+
+class Print:
+    """A board as one lens may see it: sharpens its corners near a guess and checks that it is the board."""
+
+    def __init__(self, board: Board, lens: Lens) -> None:
+        self.board, self.lens = board, lens
+        self.points = np.ascontiguousarray(board.corner_points_m()[:, :2] / board.pitch_m)
+        n = len(self.points)
+        i, j = np.indices(board.shape)
+        self._parity = np.where((i + j) % 2 == 0, 1.0, -1.0).ravel()  # corners side by side have light and dark swapped
+        self._where, self._next = np.empty((n, 8)), np.empty((n, 8))
+        self._pixels, self._explained, self._used = np.empty((n, 2)), np.empty(n), np.empty(n, np.bool_)
+
+    def sharpen(
+        self, picture: Picture, guess: Floats, widths: Floats | None, sign: float, *, steady: bool = False
+    ) -> Sighting | str:
+        """Return the board near a guessed homography (9), or the reason why it is not to be trusted.
+
+        ``widths``: of the edges in the last picture; None when unknown, or the guess is coarse (0.4 squares are
+        bridged). ``sign``: of the contrast, 0 when unknown. ``steady``: the guess is less than a square from where the
+        board just was, so corners near their guess cannot have slipped by a square; else the print must say so.
+        """
+        H, packed, where = guess.copy(), self.lens.packed, self._where
+        locate_all(H, packed, self.points, where)
+        if not np.isfinite(where).all():
+            return "the board leaves the picture"
+        start = where[:, :2].copy()
+        if widths is None:
+            widths = np.full(2, 0.15 * self._approach(picture, H))
+        widths, used, rms, moved, pitch = widths.copy(), self._used, -1.0, np.inf, 0.0
+        for _ in range(_STEPS):
+            pitch = self._measure(picture, widths, 1)
+            if np.count_nonzero(used) < FEWEST_CORNERS:
+                return "too few corners to trust"
+            rms = self._fit(H)
+            if rms < 0:
+                return "the corners fit no board"
+            moved = float(np.abs(self._next[used, :2] - where[used, :2]).max())
+            where[:] = self._next
+            if moved < _CONVERGED_PX:
+                break
+        if moved >= 5 * _CONVERGED_PX or rms > LARGEST_RESIDUAL * pitch:
+            return "the corners fit no board"
+        if np.count_nonzero(used) < FEWEST_CORNERS:
+            return "too few corners to trust"
+        shift = np.hypot(*(where[:, :2] - start).T).max()
+        near = steady and shift < _NEAR * pitch
+        contrast, lead = self._compare(picture, H, used, slips=not near)
+        if abs(contrast) < _LEAST_CONTRAST:
+            return "too little contrast"
+        if contrast * sign < 0:
+            return "black and white are swapped"
+        if not near and lead < _LEAST_LEAD:
+            return "the board cannot be told from one a square aside"
+        shape = self.board.shape
+        grid = np.where(used[:, None], self._pixels, where[:, :2]).reshape(*shape, 2)
+        return Sighting(grid, used.reshape(shape).copy(), H, widths, contrast, rms)
+
+    def _measure(self, picture: Picture, widths: Floats, stride: int) -> float:
+        found = self._pixels, self._explained, self._used
+        return float(measure_all(picture, self._where, self._parity, widths, stride, *found))
+
+    def _compare(self, picture: Picture, H: Floats, used: Flags, *, slips: bool) -> tuple[float, float]:
+        """Return the print's contrast, and by how many squares it agrees better here than one square aside."""
+        contrast, score, slipped = agreement(picture, H, self.lens.packed, used.reshape(self.board.shape), slips)
+        return float(contrast), float(score - slipped)
+
+    def shifted(self, picture: Picture, guess: Floats, sign: float) -> Floats:
+        """Return the guessed homography moved by up to two squares to where the print correlates best."""
+        shift = np.empty(2)
+        drift(picture, guess, self.lens.packed, *self.board.shape, sign, shift)
+        return moved_by(guess, shift)
+
+    def _approach(self, picture: Picture, H: Floats) -> float:
+        """Move H (in place) by what corners with wide edges say in the median: up to 0.4 squares; return the pitch."""
+        locate_all(H, self.lens.packed, self.points, self._where)
+        for _ in range(2):
+            pitch = _smallest_pitch(self._where)
+            self._measure(picture, np.full(2, _COARSE * pitch), 2)
+            step = self._pixels - self._where[:, :2]
+            seen = (self._explained > 0.3) & (np.hypot(*step.T) < 0.45 * pitch)
+            if np.count_nonzero(seen) < FEWEST_CORNERS // 2:
+                break
+            axes = np.median(self._where[seen, 2:6], axis=0).reshape(2, 2).T
+            H[:] = moved_by(H, np.linalg.solve(axes, np.median(step[seen], axis=0)))
+            locate_all(H, self.lens.packed, self.points, self._where)
+        return _smallest_pitch(self._where)
+
+    def _fit(self, H: Floats) -> float:
+        """Fit H to the used corners, once more without outliers where there are any; return the rms residual, px."""
+        used, packed = self._used, self.lens.packed
+        rms = float(fit_homography(self.points, self._pixels, used, packed, H, self._next))
+        if rms < 0:
+            return rms
+        miss = self._pixels - self._next[:, :2]
+        length = np.sqrt((miss * miss).sum(axis=1))
+        fewer = used & (length < max(_OUTLIER * rms, _OUTLIER_PX))
+        if np.count_nonzero(fewer) in (np.count_nonzero(used), *range(FEWEST_CORNERS)):
+            return rms
+        used[:] = fewer
+        return float(fit_homography(self.points, self._pixels, used, packed, H, self._next))
+
+    def lay(self, picture: Picture, grid: Floats, turn: int, sign: float) -> Sighting | str:
+        """Lay the board on a right-handed grid (r, c, 2) of corners that may be a part of it; the best place wins.
+
+        ``turn``: quarter turns of the grid against the board.
+        """
+        grid = np.rot90(grid, turn)
+        nx, ny = self.board.shape
+        rows, columns = grid.shape[:2]
+        rays = self.lens.rays(grid.reshape(-1, 2))
+        if rows > nx or columns > ny or not np.isfinite(rays).all():
+            return "a board of another size"
+        x, y = np.meshgrid(np.arange(rows) - (nx - 1) / 2, np.arange(columns) - (ny - 1) / 2, indexing="ij")
+        H: Any = cv2.findHomography(np.column_stack((x.ravel(), y.ravel())), rays)[
+            0
+        ]  # typed as never None, which it is
+        if H is None:
+            return "the corners fit no board"
+        part = H.ravel() / H[2, 2]
+        used = np.zeros((nx, ny), np.bool_)
+        best, placed = -np.inf, part
+        for i in range(nx - rows + 1):
+            for j in range(ny - columns + 1):
+                guess = moved_by(part, np.array((-float(i), -float(j))))
+                used[:] = False
+                used[i : i + rows, j : j + columns] = True
+                contrast, score, _ = agreement(picture, guess, self.lens.packed, used, False)
+                if contrast * sign >= 0 and score > best:
+                    best, placed = score, guess
+        return self.sharpen(picture, placed, None, sign) if np.isfinite(best) else "black and white are swapped"
+
+
+def moved_by(H: Floats, shift: Floats) -> Floats:
+    """Return the homography (9) of a board moved by ``shift`` (2) pitches along its own axes."""
+    moved = H.reshape(3, 3) @ np.array(((1, 0, shift[0]), (0, 1, shift[1]), (0, 0, 1)))
+    return np.asarray(moved.ravel() / moved[2, 2])
+
+
+def _smallest_pitch(where: Floats) -> float:
+    return float(np.sqrt(min((where[:, 2:4] ** 2).sum(axis=1).min(), (where[:, 4:6] ** 2).sum(axis=1).min())))
+
+
+def find_boards(picture: Picture, *, halve: bool) -> Iterator[Floats]:
+    """Yield the checkerboards in a picture, one after another, as right-handed grids (r, c, 2) of corners in px.
+
+    At least 4 x 4 corners, and no more than are seen: cut and covered boards come as their largest whole rectangle.
+    ``halve`` searches at half resolution: 0.05 s for 1080p. Never cv2.findChessboardCorners: on a bright noisy frame
+    it was measured to search for minutes.
+    """
     view = cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) if halve else picture
-    if min(view.shape) < 8:
-        return None
-    found, corners = cv2.findChessboardCornersSB(view, (columns, rows), flags=cv2.CALIB_CB_EXHAUSTIVE)
-    if not found or corners is None or corners.size != rows * columns * 2:
-        return None
-    grid = np.asarray(corners.reshape(rows, columns, 2), dtype=np.float64)
-    return 2 * grid + 0.5 if halve else grid  # the centre of a halved pixel lies between two whole ones
-
-
-def smallest_pitch(grid: Floats) -> float:
-    """Return the smallest distance between neighbours in a grid (rows, columns, 2), in px."""
-    along, down = np.diff(grid, axis=0), np.diff(grid, axis=1)
-    return float(np.sqrt(min((along**2).sum(axis=-1).min(), (down**2).sum(axis=-1).min())))
-
-
-def sharpen(picture: Picture, grid: Floats) -> Floats | None:
-    """Move each corner (rows, columns, 2) to the sub-pixel saddle near it; None when the grid leaves the picture.
-
-    A corner on bare ground stays where it was: that is no measurement, and only ``read_squares`` can tell.
-    """
-    half = max(2, round(_WINDOW * smallest_pitch(grid)))
-    flat = grid.reshape(-1, 2)
-    low, high = np.floor(flat.min(axis=0)).astype(int) - half - 4, np.ceil(flat.max(axis=0)).astype(int) + half + 5
-    height, width = picture.shape
-    if low.min() < 0 or high[0] > width or high[1] > height:
-        return None
-    region = cv2.GaussianBlur(picture[low[1] : high[1], low[0] : high[0]], (0, 0), _BLUR_PX)
-    start = (flat - low).astype(np.float32).reshape(-1, 1, 2)
-    found = cv2.cornerSubPix(region, start, (half, half), (-1, -1), _SHARPEN)
-    return np.asarray(found.reshape(grid.shape) + low.astype(np.float64), dtype=np.float64)
-
-
-def read_squares(picture: Picture, centres: Floats) -> tuple[float, NDArray[np.bool_]]:
-    """Read the squares at their centres (n, n, 2) px: contrast in grey levels, and which corners (n-1, n-1) are whole.
-
-    The contrast is positive when square (0, 0) is dark; a grid slipped by one square reads it with the other sign. A
-    corner is whole when all four squares around it look like others of their colour: not covered, not glared out.
-    """
-    height, width = picture.shape
-    column = np.clip(np.rint(centres[..., 0]), 1, width - 2).astype(np.intp)
-    row = np.clip(np.rint(centres[..., 1]), 1, height - 2).astype(np.intp)
-    near = ((0, 0), (0, 1), (1, 0), (0, -1), (-1, 0))  # five pixels: noise averages out, blur stays away
-    grey = np.mean([picture[row + down, column + across] for down, across in near], axis=0)
-    first = np.indices(grey.shape).sum(axis=0) % 2 == 0  # squares of the colour of square (0, 0)
-    one, other = np.median(grey[first]), np.median(grey[~first])
-    good = np.abs(grey - np.where(first, one, other)) < _SQUARE_SPREAD * abs(other - one)
-    return float(other - one), good[:-1, :-1] & good[:-1, 1:] & good[1:, :-1] & good[1:, 1:]
+    if min(view.shape) < 16:
+        return
+    flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_LARGER
+    for _ in range(_MOST_BOARDS):
+        found, corners, meta = cv2.findChessboardCornersSBWithMeta(view, (4, 4), flags=flags)
+        if not found or corners is None or corners.size != 2 * meta.size:
+            return
+        grid = np.asarray(corners.reshape(*meta.shape, 2), dtype=np.float64)
+        # The centre of a halved pixel lies between two whole ones.
+        yield right_handed(2 * grid + 0.5 if halve else grid)
+        view = view.copy()  # and what else is there?
+        cv2.fillConvexPoly(view, cv2.convexHull(corners.reshape(-1, 2).round().astype(np.int32)), 128)
 
 
 def right_handed(grid: Floats) -> Floats:
-    """Return the grid (n, n, 2) with its axes ordered as the board's, whose z comes towards the camera."""
+    """Return the grid (r, c, 2) with its axes ordered as the board's, whose z comes towards the camera."""
     (ax, ay), (bx, by) = grid[-1, 0] - grid[0, 0], grid[0, -1] - grid[0, 0]
     # Seen along -z with image y down, board x to board y turns counter-clockwise, which is a negative product.
     return grid if ax * by - ay * bx < 0 else grid.transpose(1, 0, 2)
-
-
-def quarter_turns(grid: Floats) -> list[Floats]:
-    """Return the four ways (n, n, 2) to lay the board's axes on a right-handed grid."""
-    return [np.rot90(grid, k) for k in range(4)]

@@ -1,4 +1,4 @@
-"""Writes luma pictures as the kind of MP4 a GoPro writes: for the painter, the demo, and tests."""
+"""Writes luma pictures as the kind of MP4 a GoPro writes: for the painter, the overlay, the demo, and tests."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ import os
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Self, cast
 
 import av
 import numpy as np
+from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
 from tracking.errors import TrackingError
@@ -18,7 +19,7 @@ GOPRO_RATE = Fraction(240_000, 1001)  # "240 fps"; exact, so that frame times ar
 
 
 class VideoWriter:
-    """Writes luma pictures as an H.264 MP4 as a GoPro does (full range, no B-frames, exact times at ``rate``).
+    """Writes luma pictures as a GoPro does: H.264 (libx264) or HEVC (libx265), full range, no B-frames, exact times.
 
     Writes to PATH.part and renames when the block ends well; after an exception nothing is left behind.
     """
@@ -30,6 +31,7 @@ class VideoWriter:
         height: int,
         rate: Fraction = GOPRO_RATE,
         bitrate: float = 60e6,
+        codec: str = "libx264",
     ) -> None:
         if width % 2 or height % 2 or min(width, height) < 16:
             raise TrackingError(f"{path}: {width}x{height} cannot be written as H.264; both sides must be even, >= 16")
@@ -42,7 +44,8 @@ class VideoWriter:
             self._container = av.open(str(self._part), "w", format="mp4")
         except (av.error.FFmpegError, OSError) as error:
             raise TrackingError(f"{path}: cannot write the video ({error.strerror}); check the folder") from error
-        stream = self._container.add_stream("libx264", rate=rate, options={"preset": "ultrafast"})
+        options = {"preset": "ultrafast"} | ({"x265-params": "log-level=none:bframes=0"} if codec == "libx265" else {})
+        stream = cast(VideoStream, self._container.add_stream(codec, rate=rate, options=options))
         stream.width, stream.height, stream.pix_fmt = width, height, "yuvj420p"
         stream.bit_rate, stream.thread_type = round(bitrate), "AUTO"
         # A tick of 1/numerator makes every PTS a whole number of ticks: no rounding of times, ever.

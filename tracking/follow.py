@@ -2,165 +2,189 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from tracking.board import Board
 from tracking.camera import IMAGE_DIRECTIONS, Camera
-from tracking.corners import find_board, quarter_turns, read_squares, right_handed, sharpen, smallest_pitch
+from tracking.corners import LARGEST_RESIDUAL, Print, Sighting, find_boards
 from tracking.errors import TrackingError
-from tracking.pose import Plane, TipPose, apply, free_pose, world_from_tip
+from tracking.pose import Plane, apply, free_pose, world_from_tip
 
 Floats = NDArray[np.float64]
 Picture = NDArray[np.uint8]
+Rest = tuple[float, float, float]
 
 SEARCH_EVERY = 24  # frames between searches of the whole picture: at 0.1 s each they cost 4 ms a frame at most
 _NEAR_SEARCHES = 3  # searches around the last place right after a loss: a few ms each
-LARGEST_RESIDUAL = 0.05  # of the pitch: 1 px at 20 px a square, ten times what motion blur was seen to do
-_PROVISIONAL = 3.0  # times that, until ``settle`` knows how askew the board is glued: 5 degrees pass
-_LEAST_CONTRAST = 15.0  # grey levels between the colours' medians: below it there is no print to see
-_FACING = 0.8  # cosine between board y and world Y: quarter turns give 0, the half turn -1
+_PROVISIONAL = 3.0  # how much more the plane's fit may leave until ``settle`` knows how askew the board is glued
+_STEADY = 0.7  # of a square: so much motion from frame to frame, and a grid cannot slip, which takes 1.4
+_FACING = 0.8  # cosine between tip y and world Y: quarter turns of a board on the face give 0, the half turn -1
 
 NOT_DUE = "lost, next search not yet due"
-NO_FIT = "the corners fit no pose"
-
-
-@dataclass(frozen=True)
-class Sighting:
-    """One trusted view of the board: corners (n, n, 2) px in board order, and the pose that explains them."""
-
-    grid: Floats
-    pose: TipPose
 
 
 class Follower:
-    """Follows one board through one video. State: the plane, the last two poses, and how long the board is lost.
+    """Follows one board through one video. State: the last two homographies, the edges' widths, how long it is lost.
 
-    Without ``world_from_camera`` the first sighting is equated with ``rest_pose`` (x_m, z_m, phi_rad), which fixes the
-    camera's place well enough to follow by; ``settle`` does better with more frames.
+    Corners are followed in the picture alone; the plane of motion is asked only when a board is taken up: which of
+    several it is, and which way round. Without ``world_from_camera`` the first sighting is equated with ``rest_pose``
+    (x_m, z_m, phi_rad), which is good enough for that. ``near_px`` (u, v): the board meant, where several start.
     """
 
-    def __init__(self, camera: Camera, board: Board, rest_pose: tuple[float, float, float] | None) -> None:
-        self.board, self.camera, self.rest_pose = board, camera, rest_pose
-        self.plane: Plane | None = None
-        if rest_pose is None:
-            if camera.world_from_camera is None:
-                raise TrackingError("track: the camera's place is unknown; give a rest pose, or world_from_camera")
+    def __init__(
+        self, camera: Camera, board: Board, rest_pose: Rest | None, near_px: tuple[float, float] | None = None
+    ) -> None:
+        self.board, self.camera, self.rest_pose, self.near_px = board, camera, rest_pose, near_px
+        self.plane: Plane | None = None  # None until the first sighting, where a rest pose places the camera
+        if camera.world_from_camera is not None and rest_pose is None:
             self.plane = Plane(camera.lens, camera.world_from_camera)
+        elif rest_pose is None:
+            raise TrackingError("track: the camera's place is unknown; give a rest pose, or world_from_camera")
         self.points_m = apply(camera.tip_from_board, board.corner_points_m())
-        self.centres_m = apply(camera.tip_from_board, board.square_centres_m())
-        # A grid slipped by one square along a diagonal still fits (n-1)^2 true corners: ask for more than that.
-        self.fewest = (board.corners - 1) ** 2 + 2
-        self.polarity = 0.0  # sign of the board's contrast, learnt at the first sighting
-        self.recent: list[tuple[float, Floats]] = []  # (time_s, pose), the last two
+        self.print = Print(board, camera.lens)
+        self.sign = 0.0  # of the board's contrast, learnt at the first sighting
+        self.phi_rad = rest_pose[2] if rest_pose else None  # when last taken up
+        self.recent: list[tuple[float, Sighting]] = []  # (time_s, sighting), the last two
         self.lost = 0  # frames since the last sighting
-        self.residual = LARGEST_RESIDUAL * (1.0 if rest_pose is None else _PROVISIONAL)
 
     def look(self, picture: Picture, time_s: float) -> Sighting | str:
         """Return the board in this picture, or the reason why it is not to be trusted."""
         outcome: Sighting | str = "no board in the picture"
-        for start in self._predictions(time_s) if self.lost == 0 else ():
-            assert self.plane is not None
-            guess = self.plane.project(start, self.points_m).reshape(self.board.corners, self.board.corners, 2)
-            outcome = self._check(picture, guess, start)
-            if isinstance(outcome, Sighting):
-                return self._keep(outcome, time_s)
-        found = self._search(picture)
-        if isinstance(found, Sighting):
-            return self._keep(found, time_s)
-        self.lost += 1
-        return found or outcome
-
-    def _keep(self, sighting: Sighting, time_s: float) -> Sighting:
-        if self.lost:
-            self.recent = []  # a velocity across a hole says nothing
-        self.recent = [*self.recent[-1:], (time_s, sighting.pose.vector)]
-        self.lost = 0
-        return sighting
-
-    def _predictions(self, time_s: float) -> list[Floats]:
-        """Return the poses to try: constant velocity, then standing still (right after a snap has ended)."""
-        if not self.recent:
-            return []
-        last_s, last = self.recent[-1]
-        if len(self.recent) < 2:
-            return [last]
-        before_s, before = self.recent[0]
-        return [last + (last - before) * (time_s - last_s) / (last_s - before_s), last]
-
-    def _check(self, picture: Picture, guess: Floats, start: Floats) -> Sighting | str:
-        """Sharpen a guessed grid (n, n, 2), fit it, and pass it through every gate."""
-        assert self.plane is not None
-        grid = sharpen(picture, guess) if np.all(np.isfinite(guess)) else None
-        if grid is None:
-            return "the board leaves the picture"
-        pixels = grid.reshape(-1, 2)
-        pose = self.plane.fit(pixels, self.points_m, start)
-        if pose is None:
-            return NO_FIT
-        squares = self.board.squares
-        centres = self.plane.project(pose.vector, self.centres_m).reshape(squares, squares, 2)
-        contrast, whole = read_squares(picture, centres)
-        if abs(contrast) < _LEAST_CONTRAST:
-            return "too little contrast"
-        if contrast * self.polarity < 0:
-            return "black and white are swapped"
-        if not whole.all():  # covered corners may have pulled at the first fit
-            pose = self.plane.fit(pixels, self.points_m, pose.vector, whole.ravel())
-        if pose is None or pose.used.sum() < self.fewest:
-            return "too few corners to trust"
-        if pose.rms_px > self.residual * smallest_pitch(grid):
-            return NO_FIT
-        self.polarity = float(np.sign(contrast))
-        return Sighting(grid, pose)
-
-    def _search(self, picture: Picture) -> Sighting | str | None:
-        """Search around the last place, or now and then in the whole picture; None when it is not yet time."""
-        n = self.board.corners
-        if self.recent and self.plane and self.lost < _NEAR_SEARCHES:
-            last = self.plane.project(self.recent[-1][1], self.points_m)
-            reach = 0.6 * (last.max(axis=0) - last.min(axis=0)).max()
-            left, top = np.maximum(np.floor(last.min(axis=0) - reach), 0).astype(int)
-            right, bottom = np.ceil(last.max(axis=0) + reach).astype(int)
-            found = find_board(np.ascontiguousarray(picture[top:bottom, left:right]), (n, n), halve=False)
-            found = None if found is None else found + np.array((left, top))
-        elif self.lost % SEARCH_EVERY == 0:
-            found = find_board(picture, (n, n), halve=True)
+        if self.recent and self.lost == 0:
+            last = self.recent[-1][1]
+            guess = self._predicted(time_s)
+            steady = self._apart(guess, last) < _STEADY
+            outcome = self.print.sharpen(picture, guess, last.widths, self.sign, steady=steady)
+            if isinstance(outcome, str) and len(self.recent) == 2:  # right after a snap has ended it stands still
+                outcome = self.print.sharpen(picture, last.homography, last.widths, self.sign, steady=True)
+            if isinstance(outcome, str):
+                outcome = self.print.sharpen(picture, guess, None, self.sign)
+            if isinstance(outcome, str):
+                shifted = self.print.shifted(picture, guess, self.sign)
+                outcome = self.print.sharpen(picture, shifted, None, self.sign)
+        if isinstance(outcome, str):
+            outcome = self._search(picture) or outcome
+        if isinstance(outcome, str):
+            self.lost += 1
         else:
-            return NOT_DUE
-        grid = None if found is None else sharpen(picture, right_handed(found))
-        if grid is None:
-            return None
-        placed = self._orient(grid)
-        outcome = self._check(picture, *placed) if placed else "the board faces out of the plane"
-        if isinstance(outcome, str) and self.rest_pose and not self.recent:
-            self.plane = None  # what it was placed by was no board
+            self.resume(time_s, outcome)
         return outcome
 
-    def _orient(self, grid: Floats) -> tuple[Floats, Floats] | None:
-        """Choose among the four quarter turns of a grid; return it in board order with its planar pose, or None."""
-        turns, to_board = quarter_turns(grid), np.linalg.inv(self.camera.tip_from_board)
-        points = self.board.corner_points_m()
+    def resume(self, time_s: float, sighting: Sighting) -> None:
+        """Go on from a sighting."""
+        if self.lost:
+            self.recent = []  # a velocity across a hole says nothing
+        self.recent = [*self.recent[-1:], (time_s, sighting)]
+        self.lost, self.sign = 0, float(np.sign(sighting.contrast))
+
+    def take_over(self, first: Sighting, recent: list[tuple[float, Sighting]], lost: int) -> None:
+        """Go on after frames that another follower has looked at: its first and last sightings, and how long ago."""
         if self.plane is None:
-            assert self.rest_pose is not None
-            along_x = np.array(IMAGE_DIRECTIONS[self.camera.board_x_in_image])
-            grid = max(turns, key=lambda turn: float((turn[-1].mean(axis=0) - turn[0].mean(axis=0)) @ along_x))
-            free = free_pose(self.camera.lens, points, grid.reshape(-1, 2))
-            if free is None:
-                return None
-            self.plane = plane_at_rest(self.camera, free[0], self.rest_pose)
-            return grid, np.array(self.rest_pose)
-        for turn in turns:
-            free = free_pose(self.camera.lens, points, turn.reshape(-1, 2))
-            if free is not None:
-                start, facing = self.plane.pose_of(free[0] @ to_board)
-                if facing > _FACING:
-                    return turn, start
-        return None
+            self._place(first)
+        self.sign, self.recent, self.lost = float(np.sign(first.contrast)), recent, lost
+        self.phi_rad = self._in_plane(recent[-1][1]) or self.phi_rad
+
+    def _predicted(self, time_s: float) -> Floats:
+        """Return the homography at constant velocity."""
+        last_s, last = self.recent[-1]
+        if len(self.recent) < 2:
+            return last.homography
+        before_s, before = self.recent[0]
+        ahead = (time_s - last_s) / (last_s - before_s)
+        return last.homography + min(ahead, 2.0) * (last.homography - before.homography)
+
+    def _apart(self, guess: Floats, last: Sighting) -> float:
+        """Return how far, in squares, the guess has the board's middle from where it was."""
+        lens, (one, other) = self.camera.lens, (H[[2, 5]] / H[8] for H in (guess, last.homography))
+        pitch_px = np.linalg.norm(np.diff(last.grid, axis=0), axis=-1).min()
+        return float(np.linalg.norm((one - other) * (lens.fx, lens.fy)) / pitch_px)
+
+    def _search(self, picture: Picture) -> Sighting | str | None:
+        """Search around the last place, or now and then in the whole picture; None when nothing was found."""
+        if self.recent and self.lost < _NEAR_SEARCHES:
+            corners = self.recent[-1][1].grid.reshape(-1, 2)
+            low, high = corners.min(axis=0), corners.max(axis=0)
+            reach = 0.6 * (high - low).max()
+            left, top = np.maximum(np.floor(low - reach), 0).astype(int)
+            right, bottom = np.ceil(high + reach).astype(int)
+            region = np.ascontiguousarray(picture[top:bottom, left:right])
+            grids = [grid + np.array((left, top)) for grid in find_boards(region, halve=False)]
+        elif self.lost % SEARCH_EVERY == 0:
+            grids = list(find_boards(picture, halve=True))
+        else:
+            return NOT_DUE
+        outcome: str | None = None
+        wanted = self._wanted(picture)
+        for grid in sorted(grids, key=lambda grid: float(np.hypot(*(grid.mean(axis=(0, 1)) - wanted)))):
+            seen = self._take_up(picture, grid)
+            if isinstance(seen, Sighting):
+                return seen
+            outcome = outcome or seen
+        return outcome
+
+    def _wanted(self, picture: Picture) -> Floats:
+        """Return where the board is expected, px."""
+        if self.recent:
+            return np.asarray(self.recent[-1][1].grid.mean(axis=(0, 1)))
+        return np.array(self.near_px or (picture.shape[1] / 2, picture.shape[0] / 2))
+
+    def _take_up(self, picture: Picture, grid: Floats) -> Sighting | str:
+        """Choose among the quarter turns of a grid the one that the colours and the plane of motion allow."""
+        outcome: Sighting | str = "no board in the picture"
+        placed: list[tuple[float, Sighting, float]] = []
+        for turn in range(4):
+            seen = self.print.lay(picture, grid, turn, self.sign)
+            if isinstance(seen, str):
+                outcome = seen
+                continue
+            phi_rad = self._in_plane(seen) if self.plane else 0.0
+            if phi_rad is None:
+                outcome = "the board faces out of the plane"
+            elif self.phi_rad is None or self.plane is None:  # for the first time: as the camera file says
+                along = np.diff(seen.grid, axis=0).mean(axis=(0, 1))
+                placed.append((-float(along @ IMAGE_DIRECTIONS[self.camera.board_x_in_image]), seen, phi_rad))
+            else:
+                placed.append((abs(_wrapped(phi_rad - self.phi_rad)), seen, phi_rad))
+        if not placed:
+            return outcome
+        _, seen, phi_rad = min(placed, key=lambda one: one[0])
+        if self.plane is None:
+            return seen if self._place(seen) else "the corners fit no pose"
+        self.phi_rad = phi_rad
+        return seen
+
+    def _place(self, seen: Sighting) -> bool:
+        """Equate a sighting with the rest pose, which tells the plane of motion."""
+        free = self._free(seen)
+        if free is not None and self.rest_pose is not None:
+            self.plane = plane_at_rest(self.camera, free, self.rest_pose)
+        return self.plane is not None
+
+    def _free(self, seen: Sighting) -> Floats | None:
+        used = seen.used.ravel()
+        free = free_pose(self.camera.lens, self.board.corner_points_m()[used], seen.grid.reshape(-1, 2)[used])
+        return free[0] if free else None
+
+    def _in_plane(self, seen: Sighting) -> float | None:
+        """Return phi when the board's pose is one that the tip can take in the plane of motion."""
+        assert self.plane is not None
+        free = self._free(seen)
+        if free is None:
+            return None
+        start, facing = self.plane.pose_of(free @ np.linalg.inv(self.camera.tip_from_board))
+        if facing < _FACING:
+            return None
+        pose = self.plane.fit(seen.grid.reshape(-1, 2), self.points_m, start, seen.used.ravel())
+        pitch_px = float(np.linalg.norm(np.diff(seen.grid, axis=0), axis=-1).min())
+        good = pose is not None and pose.rms_px < _PROVISIONAL * LARGEST_RESIDUAL * pitch_px
+        return pose.phi_rad if pose and good else None
 
 
-def plane_at_rest(camera: Camera, camera_from_board: Floats, rest_pose: tuple[float, float, float]) -> Plane:
+def plane_at_rest(camera: Camera, camera_from_board: Floats, rest_pose: Rest) -> Plane:
     """Return the plane in which a board seen at ``camera_from_board`` (4x4) is the board of a tip at ``rest_pose``."""
     return Plane(camera.lens, world_from_tip(*rest_pose) @ camera.tip_from_board @ np.linalg.inv(camera_from_board))
+
+
+def _wrapped(angle_rad: float) -> float:
+    return float((angle_rad + np.pi) % (2 * np.pi) - np.pi)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from dataclasses import dataclass
+from functools import cached_property
 from importlib.resources import files
 from typing import Any
 
@@ -13,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tracking.errors import TrackingError
 from tracking.fields import Fields
+from tracking.kernels import distort_all, undistort_all
 
 Floats = NDArray[np.float64]
 
@@ -76,50 +78,28 @@ class Lens:
 
     def rays(self, pixels: ArrayLike) -> Floats:
         """Undistort pixels (n, 2) to normalised rays (x/z, y/z) (n, 2); NaN where the model has no inverse."""
-        u, v = np.asarray(pixels, dtype=np.float64).T
-        ad, bd = (u - self.cx) / self.fx, (v - self.cy) / self.fy
-        radius = np.hypot(ad, bd)
-        stretch = np.ones_like(radius)
-        if self.kind == "fisheye":  # an undistorted equidistant lens is a far better start than no lens at all
-            stretch = np.where(radius > 1e-9, np.tan(np.minimum(radius, 1.4)) / np.maximum(radius, 1e-9), 1.0)
-        a, b = ad * stretch, bd * stretch
-        with np.errstate(all="ignore"):  # pixels beyond the model's range run away; they become NaN below
-            for _ in range(12):  # Newton doubles the digits: 12 steps are plenty from this start
-                ea, eb, aa, ab, ba, bb = self._distort(a, b)
-                ea, eb = ea - ad, eb - bd
-                determinant = aa * bb - ab * ba
-                a, b = a - (bb * ea - ab * eb) / determinant, b - (aa * eb - ba * ea) / determinant
-            ea, eb, *_ = self._distort(a, b)
-            good = np.hypot(ea - ad, eb - bd) < 1e-9
-        return np.where(good[:, None], np.column_stack((a, b)), np.nan)
+        wanted = np.ascontiguousarray(pixels, dtype=np.float64)
+        out = np.empty_like(wanted)
+        undistort_all(wanted, self.packed, out)
+        return out
 
-    def _distort(self, a: Floats, b: Floats) -> tuple[Floats, ...]:
-        """Distort normalised points: a', b' and the four derivatives da'/da, da'/db, db'/da, db'/db."""
-        square = a * a + b * b
-        if self.kind == "fisheye":
-            k1, k2, k3, k4 = self.distortion
-            radius = np.sqrt(square)
-            theta = np.arctan(radius)
-            t2 = theta * theta
-            distorted = theta * (1 + t2 * (k1 + t2 * (k2 + t2 * (k3 + t2 * k4))))
-            slope = (1 + t2 * (3 * k1 + t2 * (5 * k2 + t2 * (7 * k3 + t2 * 9 * k4)))) / (1 + square)
-            near = radius < 1e-4  # on the axis both quotients are 0/0: take their limits
-            gain = np.where(near, 1.0, distorted / np.where(near, 1.0, radius))
-            curve = np.where(near, 2 * (k1 - 1 / 3), (slope - gain) / np.where(near, 1.0, square))
-            cross = a * b * curve
-            return a * gain, b * gain, gain + a * a * curve, cross, cross, gain + b * b * curve
-        k1, k2, p1, p2, k3 = (*self.distortion, 0.0)[:5]
-        gain = 1 + square * (k1 + square * (k2 + square * k3))
-        curve = 2 * (k1 + square * (2 * k2 + square * 3 * k3))
-        cross = a * b * curve + 2 * (p1 * a + p2 * b)
-        return (
-            a * gain + 2 * p1 * a * b + p2 * (square + 2 * a * a),
-            b * gain + p1 * (square + 2 * b * b) + 2 * p2 * a * b,
-            gain + a * a * curve + 2 * p1 * b + 6 * p2 * a,
-            cross,
-            cross,
-            gain + b * b * curve + 6 * p1 * b + 2 * p2 * a,
-        )
+    def rays_with_slopes(self, pixels: ArrayLike) -> tuple[Floats, Floats]:
+        """Undistort pixels (n, 2): rays (n, 2) as ``rays`` says, and d pixel / d ray (n, 2, 2) there."""
+        rays = self.rays(pixels)
+        slopes = self._distort(rays[:, 0], rays[:, 1])[2:].T.reshape(-1, 2, 2)
+        return rays, slopes * np.array(((self.fx,), (self.fy,)))
+
+    @cached_property
+    def packed(self) -> Floats:
+        """The lens as the compiled loops take it: 1 for fisheye, fx, fy, cx, cy, five coefficients."""
+        numbers = (float(self.kind == "fisheye"), self.fx, self.fy, self.cx, self.cy, *self.distortion, 0.0, 0.0)
+        return np.array(numbers[:10])
+
+    def _distort(self, a: Floats, b: Floats) -> Floats:
+        """Distort normalised points (n,): a', b' and the four derivatives da'/da, da'/db, db'/da, db'/db, (6, n)."""
+        out = np.empty((6, len(a)))
+        distort_all(np.ascontiguousarray(a), np.ascontiguousarray(b), self.packed, out)
+        return out
 
     def to_json(self) -> dict[str, Any]:
         """Return the ``lens`` object of a CAMERA.json."""

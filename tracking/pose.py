@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracking.lens import Lens
+from tracking.planar import fit_planar
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
-_STEPS = 12
-_ROUNDS = 6  # of dropping outliers: a finger over some corners takes two or three
-_OUTLIER_SIGMA = 4.0  # a good corner of 49 is dropped once in 60 frames: residual lengths are Rayleigh, exp(-4^2 / 2)
-_MEDIAN_OF_RAYLEIGH = 1.1774
+_MODES = 12  # they hold most of the variance; the rest looks like noise
+_REACH = 0.3  # of the board's diagonal: between a codec's block (two squares) and the whole board
 
 
 @dataclass(frozen=True)
@@ -30,12 +30,28 @@ class TipPose:
     phi_rad: float
     covariance: Floats
     rms_px: float
-    used: NDArray[np.bool_]
+    used: Flags
 
     @property
     def vector(self) -> Floats:
         """Return (x_m, z_m, phi_rad) as an array."""
         return np.array((self.x_m, self.z_m, self.phi_rad))
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Tip poses of many frames: ``vector`` (f, 3) = x_m, z_m, phi_rad, ``covariance`` (f, 3, 3), SI.
+
+    ``shared`` (f, 3, 3) is the covariance that a smooth error of 1 px over the board would add (see ``smooth_modes``).
+    ``rms_px`` (f,) is NaN where the corners fit no pose; ``residual_px`` (f, n, 2); ``used`` (f, n).
+    """
+
+    vector: Floats
+    covariance: Floats
+    shared: Floats
+    rms_px: Floats
+    residual_px: Floats
+    used: Flags
 
 
 def world_from_tip(x_m: float, z_m: float, phi_rad: float) -> Floats:
@@ -51,7 +67,7 @@ def apply(transform: Floats, points_m: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Plane:
-    """The motion plane as one camera sees it: from (x, z, phi) to pixels, and back by least squares.
+    """The motion plane as one camera sees it: from rays or pixels to (x, z, phi) by least squares (see ``planar``).
 
     The tip is taken to move in the X-Z plane exactly, carrying the board as ``Camera.tip_from_board`` says. A constant
     y offset of the board goes into ``world_from_camera`` when that is found from a rest pose.
@@ -64,76 +80,57 @@ class Plane:
     def __post_init__(self) -> None:
         object.__setattr__(self, "camera_from_world", np.linalg.inv(self.world_from_camera))
 
-    def project(self, pose: Floats, points_m: Floats) -> Floats:
-        """Return the pixels (n, 2) of tip-frame points (n, 3) with the tip at ``pose`` (x, z, phi)."""
-        return self.lens.project(self._seen(pose, points_m)[0])
+    def fit(self, pixels: Floats, points_m: Floats, start: Floats, among: Flags | None = None) -> TipPose | None:
+        """Fit (x, z, phi) to pixels (n, 2) of tip-frame points (n, 3), dropping outliers; None when it diverges."""
+        used = np.ones((1, len(pixels)), np.bool_) if among is None else among[None].copy()
+        rays, slopes = self.lens.rays_with_slopes(pixels)
+        used &= np.isfinite(rays).all(axis=1)
+        fits = self.fit_rays(np.nan_to_num(rays)[None], slopes[None], points_m, start[None], used)
+        if not np.isfinite(fits.rms_px[0]):
+            return None
+        x_m, z_m, phi_rad = map(float, fits.vector[0])
+        return TipPose(x_m, z_m, phi_rad, fits.covariance[0], float(fits.rms_px[0]), fits.used[0])
 
-    def fit(
-        self, pixels: Floats, points_m: Floats, start: Floats, among: NDArray[np.bool_] | None = None
-    ) -> TipPose | None:
-        """Fit (x, z, phi) to pixels (n, 2) of tip-frame points (n, 3), dropping outliers; None when it diverges.
-
-        Gauss-Newton on the reprojection residuals; covariance = s^2 (J^T J)^-1 with s^2 the residuals' own variance.
-        It is honest about noise that differs from corner to corner, and blind to errors all corners share.
-        """
-        kept = np.ones(len(pixels), np.bool_) if among is None else among
-        pose = start
-        for _ in range(_ROUNDS):
-            solved = self.solve(pixels, points_m, pose, kept) if kept.sum() >= 4 else None
-            if solved is None:
-                return None
-            pose, residual, normal = solved
-            length = np.hypot(residual[:, 0], residual[:, 1])
-            sigma = np.median(length[kept]) / _MEDIAN_OF_RAYLEIGH
-            fewer = kept & (length <= _OUTLIER_SIGMA * sigma)
-            if fewer.sum() == kept.sum():
-                break
-            kept = fewer
-        else:
-            return None  # the residuals have no end of outliers: no board looks like this
-        square = float((residual[kept] ** 2).sum())
-        count = 2 * int(kept.sum())
-        covariance = np.asarray(square / (count - 3) * np.linalg.inv(normal), dtype=np.float64)
-        x_m, z_m, phi_rad = map(float, pose)
-        return TipPose(x_m, z_m, phi_rad, covariance, float(np.sqrt(square / count)), kept)
+    def fit_rays(self, rays: Floats, px_per_ray: Floats, points_m: Floats, start: Floats, used: Flags) -> Poses:
+        """Fit the poses of many frames; shapes as in ``planar.fit_planar``, which works on copies here."""
+        frames, n = rays.shape[:2]
+        found = Poses(
+            vector=np.array(start, dtype=np.float64),
+            covariance=np.full((frames, 3, 3), np.nan),
+            shared=np.full((frames, 3, 3), np.nan),
+            rms_px=np.empty(frames),
+            residual_px=np.empty((frames, n, 2)),
+            used=used.copy(),
+        )
+        fit_planar(
+            np.ascontiguousarray(rays),
+            np.ascontiguousarray(px_per_ray),
+            np.ascontiguousarray(points_m),
+            smooth_modes(points_m),
+            self.camera_from_world,
+            found.used,
+            found.vector,
+            found.covariance,
+            found.shared,
+            found.rms_px,
+            found.residual_px,
+        )
+        return found
 
     def pose_of(self, camera_from_tip: Floats) -> tuple[Floats, float]:
         """Return the (x, z, phi) nearest to a free tip pose, and the cosine between the tip's y and the world's Y."""
         tip = self.world_from_camera @ camera_from_tip
         return np.array((tip[0, 3], tip[2, 3], np.arctan2(tip[0, 2], tip[2, 2]))), float(tip[1, 1])
 
-    def _seen(self, pose: Floats, points_m: Floats) -> tuple[Floats, Floats]:
-        """Return camera-frame points (n, 3) and their derivatives (n, 3, 3) by x, z, phi (last axis)."""
-        to_camera = self.camera_from_world
-        world = world_from_tip(*pose)
-        turned = points_m @ world[:3, :3].T
-        # d/dphi of a rotation about Y: (x, z) -> (z, -x)
-        by_phi = np.column_stack((turned[:, 2], np.zeros(len(turned)), -turned[:, 0])) @ to_camera[:3, :3].T
-        slopes = np.empty((len(points_m), 3, 3))
-        slopes[:, :, 0], slopes[:, :, 1], slopes[:, :, 2] = to_camera[:3, 0], to_camera[:3, 2], by_phi
-        return apply(to_camera, turned + world[:3, 3]), slopes
 
-    def solve(
-        self, pixels: Floats, points_m: Floats, start: Floats, used: NDArray[np.bool_]
-    ) -> tuple[Floats, Floats, Floats] | None:
-        """Return the pose, the residuals of all corners (n, 2) and the normal matrix of the used ones."""
-        pose = np.array(start, dtype=np.float64)
-        for _ in range(_STEPS):
-            seen, slopes = self._seen(pose, points_m)
-            guess, jacobian = self.lens.project_with_jacobian(seen)
-            residual = pixels - guess
-            J = (jacobian @ slopes)[used].reshape(-1, 3)
-            normal = J.T @ J
-            if not np.all(np.isfinite(normal)):
-                return None
-            try:
-                step = np.linalg.solve(normal, J.T @ residual[used].ravel())
-            except np.linalg.LinAlgError:
-                return None
-            if np.abs(step).max() < 1e-8:  # 10 nm, 10 nrad: far below any noise
-                return pose, residual, normal
-            pose += step
-        return None
+def smooth_modes(points_m: Floats) -> Floats:
+    """Return the modes (n, m) of an error of variance 1 whose correlation over the board falls as exp(-d / 0.3 board).
+
+    What a codec drops, and what a lens profile misses, is shared by corners side by side.
+    """
+    apart_m = np.linalg.norm(points_m[:, None] - points_m[None], axis=-1)
+    values, vectors = np.linalg.eigh(np.exp(-apart_m / (_REACH * apart_m.max())))
+    return np.ascontiguousarray((vectors * np.sqrt(values))[:, ::-1][:, :_MODES])
 
 
 def free_pose(lens: Lens, points_m: Floats, pixels: Floats) -> tuple[Floats, float] | None:

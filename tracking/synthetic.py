@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from fractions import Fraction
 
@@ -13,18 +13,25 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from tracking.board import Board
-from tracking.brush import SAMPLES, paint, rays_of_box
+from tracking.brush import NODE_ROWS, SAMPLES, paint, rays_of_box
 from tracking.camera import Camera
 from tracking.encode import GOPRO_RATE, VideoWriter
 from tracking.errors import TrackingError
 
 Floats = NDArray[np.float64]
 Motion = Callable[[Floats], tuple[ArrayLike, ArrayLike, ArrayLike]]
+Retouch = Callable[[int, NDArray[np.uint8]], None]
 
 DARK, LIGHT = 45.0, 205.0  # grey levels of the print under unit light
 _EDGE_PX = 1.2  # width of the ramp across a printed edge: what a GoPro's lens and sharpening leave of it
 _BLUR_STEP_PX = 0.5  # sub-exposures are this far apart at most ...
 _MOST_STEPS = 24  # ... and never more than this many
+# Where the board's x, y, z point in the tip frame, by mount: its face along the axis, towards -Y, towards +Y.
+_MOUNTED = {
+    "face": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+    "side": ((1, 0, 0), (0, 0, 1), (0, -1, 0)),
+    "back": ((-1, 0, 0), (0, 0, 1), (0, 1, 0)),
+}
 _PAD_PX = 4  # around the board's outline: more than an edge is soft
 
 
@@ -57,13 +64,19 @@ def paint_video(
     noise_sigma: float = 2.0,
     seed: int = 0,
     bitrate: float = 60e6,
+    line_s: float = 0.0,
+    decoys: Sequence[tuple[Board, Floats]] = (),
+    retouch: Retouch | None = None,
+    codec: str = "libx264",
     progress: Callable[[int, int], None] | None = None,
 ) -> Floats:
-    """Paint and encode; return the frame times (n,) in seconds from 0, the middle of each exposure.
+    """Paint and encode; return the frame times (n,) in seconds from 0, the middle of the first row's exposure.
 
-    ``tip`` maps times (k,) to x_m, z_m, phi_rad, each (k,) or a scalar; ``noise_sigma`` is in grey levels. The camera
-    needs ``world_from_camera`` and a fisheye lens. Modelled: lens, perspective, motion blur, soft edges, uneven light,
-    clutter, sensor noise, 8 bits, H.264. Not modelled: rolling shutter, focus, glare, sharpening, the straw itself.
+    ``tip`` maps times (k,) to x_m, z_m, phi_rad, each (k,) or a scalar; ``noise_sigma`` is in grey levels. Row r is
+    exposed ``r * line_s`` after the first (rolling shutter). ``decoys``: boards that lie about, each with its
+    ``world_from_board`` (4x4). ``retouch(index, picture)`` may paint over a finished picture: fingers, glare. The
+    camera needs ``world_from_camera`` and a fisheye lens. Modelled: lens, perspective, motion blur, rolling shutter,
+    soft edges, uneven light, clutter, sensor noise, 8 bits, H.264 or HEVC. Not modelled: focus, sharpening, the straw.
     """
     lens, board = camera.lens, board or Board()
     if camera.world_from_camera is None:
@@ -73,13 +86,17 @@ def paint_video(
     time_s = np.arange(round(duration_s * rate)) / float(rate)
     if not len(time_s):
         raise TrackingError(f"paint_video: {duration_s:g} s hold no frame at {float(rate):.2f} frames/s")
-    scene = _Scene(camera, board, tip, time_s, exposure_s, np.random.default_rng(seed), noise_sigma)
+    scene = _Scene(camera, board, tip, time_s, exposure_s, np.random.default_rng(seed), noise_sigma, line_s)
+    for decoy, world_from_board in decoys:
+        scene.lay(decoy, world_from_board)
     canvases = [np.empty((lens.height, lens.width), np.uint8) for _ in range(2)]
     pending: Future[None] | None = None
     # One canvas is painted while the other is encoded: both loops release the interpreter.
-    with VideoWriter(path, lens.width, lens.height, rate, bitrate) as video, ThreadPoolExecutor(1) as encoder:
+    with VideoWriter(path, lens.width, lens.height, rate, bitrate, codec) as video, ThreadPoolExecutor(1) as encoder:
         for k, now_s in enumerate(time_s):
             scene.paint(canvases[k % 2], now_s)
+            if retouch:
+                retouch(k, canvases[k % 2])
             if pending:
                 pending.result()
             pending = encoder.submit(video.write, canvases[k % 2])
@@ -102,16 +119,19 @@ class _Scene:
         exposure_s: float,
         rng: np.random.Generator,
         noise_sigma: float,
+        line_s: float,
     ) -> None:
         assert camera.world_from_camera is not None
         self.lens, self.board, self.tip, self.exposure_s, self.rng = camera.lens, board, tip, exposure_s, rng
+        self.line_s = line_s
         self.camera_from_world = np.linalg.inv(camera.world_from_camera)
-        self.offset_m, self.margin_m = camera.tip_offset_m, board.pitch_m / 2
+        self.offset_m = camera.tip_offset_m
         about_x, about_z = camera.board_turn_rad
-        self.glued = Rotation.from_rotvec((about_x, 0.0, about_z)).as_matrix()
-        reach = board.size_m / 2 + self.margin_m
-        self.outline = np.array([(u, v, 1.0) for u in (-reach, reach) for v in (-reach, reach)])
-        ends_s = np.concatenate((time_s - exposure_s / 2, time_s + exposure_s / 2))
+        mounted = np.column_stack(_MOUNTED[camera.mount])
+        self.glued = Rotation.from_rotvec((about_x, 0.0, about_z)).as_matrix() @ mounted
+        self.outline = _outline(board)
+        late_s = line_s * camera.lens.height
+        ends_s = np.concatenate((time_s - exposure_s / 2, time_s + late_s + exposure_s / 2))
         outlines = np.array([self._pixels(to_camera) for to_camera in self._board_to_camera(ends_s)]).reshape(-1, 2)
         if not np.all(np.isfinite(outlines)):
             raise TrackingError("paint_video: tip gives a pose that is not finite within the duration; mend the motion")
@@ -126,21 +146,42 @@ class _Scene:
         self.noise = np.clip(np.round(rng.normal(0, noise_sigma, shape)), -127, 127).astype(np.int8)
 
     def paint(self, canvas: NDArray[np.uint8], now_s: float) -> None:
-        """Paint the picture exposed around ``now_s``."""
-        ends = self._board_to_camera(now_s + self.exposure_s * np.array((-0.5, 0.5)))
-        outline = np.array([self._pixels(to_camera) for to_camera in ends])
+        """Paint the picture whose first row is exposed around ``now_s``."""
+        ends = self._board_to_camera(
+            now_s + np.array((-self.exposure_s / 2, self.exposure_s / 2 + self.line_s * self.lens.height))
+        )
+        area = self._around(np.concatenate([self._pixels(to_camera) for to_camera in ends]), _PAD_PX)
+        area = np.concatenate((np.maximum(area[:2], self.box[:2]), np.minimum(area[2:], self.box[2:])))
+        rows = area[1] + NODE_ROWS * np.arange(max(area[3] - area[1], 0) // NODE_ROWS + 2)
+        middle_s = now_s + self.line_s * rows[len(rows) // 2]
+        swept = self._board_to_camera(middle_s + self.exposure_s * np.array((-0.5, 0.5)))
+        outline = np.array([self._pixels(to_camera) for to_camera in swept])
         travel_px = float(np.abs(outline[1] - outline[0]).max())
         steps = min(max(math.ceil(travel_px / _BLUR_STEP_PX), 1), _MOST_STEPS)
-        moments = now_s + self.exposure_s * ((np.arange(steps) + 0.5) / steps - 0.5)
-        boards = self._board_to_camera(moments)
-        edge_m = _EDGE_PX * boards[0, 2, 2] / self.lens.fx
-        board = self.board
-        ink = np.array((board.squares, board.size_m, self.margin_m, edge_m, DARK, LIGHT))
-        area = self._around(outline.reshape(-1, 2), _PAD_PX)
-        area = np.concatenate((np.maximum(area[:2], self.box[:2]), np.minimum(area[2:], self.box[2:])))
+        moments = self.exposure_s * ((np.arange(steps) + 0.5) / steps - 0.5) + (now_s + self.line_s * rows)[:, None]
+        boards = self._board_to_camera(moments.ravel()).reshape(len(rows), steps, 3, 3)
         down, across = self.rng.integers(0, 256, 2)
         noise = self.noise[self.rng.integers(2), down : down + canvas.shape[0], across : across + canvas.shape[1]]
+        ink = self._ink(self.board, boards[0, 0, 2, 2])
         paint(canvas, self.backdrop, self.light, noise, self.rays, self.box, area, np.linalg.inv(boards), ink)
+
+    def lay(self, board: Board, world_from_board: Floats) -> None:
+        """Paint another board, at rest, into the backdrop."""
+        placed = self.camera_from_world @ world_from_board
+        to_camera = placed[:3, (0, 1, 3)]
+        area = self._around(self._pixels(to_camera, _outline(board)), _PAD_PX)
+        left, top, right, bottom = area
+        rays = np.empty((max(bottom - top, 0), max(right - left, 0), SAMPLES**2, 2), np.float32)
+        f, c = np.array((self.lens.fx, self.lens.fy)), np.array((self.lens.cx, self.lens.cy))
+        rays_of_box(left, top, right - left, bottom - top, f, c, np.array(self.lens.distortion), rays)
+        still = np.broadcast_to(np.linalg.inv(to_camera), ((bottom - top) // NODE_ROWS + 2, 1, 3, 3)).copy()
+        canvas, calm = np.empty_like(self.backdrop), np.zeros(self.backdrop.shape, np.int8)
+        paint(canvas, self.backdrop, self.light, calm, rays, area, area, still, self._ink(board, placed[2, 3]))
+        self.backdrop = canvas
+
+    def _ink(self, board: Board, depth_m: float) -> Floats:
+        edge_m = _EDGE_PX * depth_m / self.lens.fx
+        return np.array((board.squares, board.size_m, board.pitch_m / 2, edge_m, DARK, LIGHT))
 
     def _board_to_camera(self, time_s: Floats) -> Floats:
         """Return (k, 3, 3): (u, v, 1) on the board to a camera-frame point; columns are the board's x, y and centre."""
@@ -153,9 +194,9 @@ class _Scene:
         turn, shift = self.camera_from_world[:3, :3], self.camera_from_world[:3, 3]
         return np.stack((u_axis @ turn.T, v_axis @ turn.T, centre @ turn.T + shift), axis=-1)
 
-    def _pixels(self, to_camera: Floats) -> Floats:
-        """Return where the board's outline (4, 2) falls: theta from the axis, then the polynomial."""
-        x, y, z = to_camera @ self.outline.T
+    def _pixels(self, to_camera: Floats, outline: Floats | None = None) -> Floats:
+        """Return where a board's outline (4, 2) falls: theta from the axis, then the polynomial."""
+        x, y, z = to_camera @ (self.outline if outline is None else outline).T
         theta = np.arctan2(np.hypot(x, y), z)
         powers = theta[:, None] ** np.array((3, 5, 7, 9))
         bent = (theta + powers @ np.array(self.lens.distortion)) / np.hypot(x, y)
@@ -166,6 +207,12 @@ class _Scene:
         low, high = np.floor(pixels.min(axis=0)) - pad, np.ceil(pixels.max(axis=0)) + pad + 1
         size = np.array((self.lens.width, self.lens.height))
         return np.concatenate((np.clip(low, 0, size), np.clip(high, 0, size))).astype(np.int64)
+
+
+def _outline(board: Board) -> Floats:
+    """Return the corners (4, 3) of a board's paper as (u, v, 1)."""
+    reach = board.size_m / 2 + board.pitch_m / 2
+    return np.array([(u, v, 1.0) for u in (-reach, reach) for v in (-reach, reach)])
 
 
 def _surroundings(width: int, height: int, rng: np.random.Generator) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:

@@ -55,11 +55,23 @@ class DecodeReport:
 
 @dataclass(frozen=True)
 class Frame:
-    """One picture: its count from 0 as decoded, its time since the stream's start, its luma (height, width)."""
+    """One picture: its count from 0 as decoded, its time since the recording's start, its luma (height, width).
+
+    ``corrupt`` counts the packets before it that would not decode; ``file`` is the chapter it comes from; ``key`` tells
+    a picture that stands by itself from one that the codec predicted.
+    """
 
     index: int
     time_s: float
     luma: Picture
+    corrupt: int = 0
+    file: int = 0
+    key: bool = False
+
+
+def frames_missing(before_s: float, now_s: float, period_s: float) -> int:
+    """Return how many frames would fit between two time stamps."""
+    return max(round((now_s - before_s) / period_s) - 1, 0)
 
 
 class VideoReader:
@@ -99,7 +111,9 @@ class VideoReader:
         # The average rate drops when frames are missing, which is just what gaps must show; the guessed one does not.
         self.nominal_rate = self._stream.guessed_rate or self.rate
         duration = float((self._stream.duration or 0) * (self._stream.time_base or 0))
+        self.duration_s = duration
         self.expected = self._stream.frames or round(duration * float(self.rate))
+        self.codec = str(codec.name)
         self._decoded = self._corrupt = self._repeated = 0
         self._gaps: list[Gap] = []
 
@@ -114,22 +128,31 @@ class VideoReader:
         expected = max(self.expected, self._decoded)
         return DecodeReport(self._decoded, expected, tuple(self._gaps), self._corrupt, self._repeated)
 
-    def frames(self) -> Iterator[Frame]:
-        """Yield every frame that decodes, in order of time; a broken packet is counted and passed over."""
-        period_s = float(1 / self.nominal_rate) if self.nominal_rate else float("inf")
-        start, before_s = self._stream.start_time or 0, float("-inf")
+    @property
+    def period_s(self) -> float:
+        """Seconds from frame to frame where none is missing."""
+        return float(1 / self.nominal_rate) if self.nominal_rate else float("inf")
+
+    def frames(self, after_s: float = float("-inf")) -> Iterator[Frame]:
+        """Yield every frame later than ``after_s`` that decodes, in order of time.
+
+        A broken packet is counted and passed over. Counts begin with the first frame after ``after_s``.
+        """
+        start, before_s = self._stream.start_time or 0, after_s
+        if after_s > 0 and self._stream.time_base:  # to the last picture before it that stands by itself
+            self._container.seek(start + int(after_s / float(self._stream.time_base)), stream=self._stream)
         for picture in self._pictures():
             if picture.pts is None or picture.time_base is None:
                 self._corrupt += 1
                 continue
             time_s = float((picture.pts - start) * picture.time_base)
             if time_s <= before_s:
-                self._repeated += 1
+                self._repeated += time_s > after_s
                 continue
-            if self._decoded and time_s - before_s > 1.5 * period_s:
-                self._gaps.append(Gap(before_s, round((time_s - before_s) / period_s) - 1))
+            if self._decoded and (missing := frames_missing(before_s, time_s, self.period_s)):
+                self._gaps.append(Gap(before_s, missing))
             before_s = time_s
-            yield Frame(self._decoded, time_s, self._luma(picture))
+            yield Frame(self._decoded, time_s, self._luma(picture), self._corrupt, key=bool(picture.key_frame))
             self._decoded += 1
 
     def _pictures(self) -> Iterator[Any]:

@@ -14,10 +14,11 @@ from tracking.errors import TrackingError
 
 
 def test_a_saved_camera_comes_back_exactly(tmp_path, setup):
-    camera = replace(setup, tip_offset_m=0.0091, board_x_in_image="left")
+    camera = replace(setup, tip_offset_m=0.0091, board_x_in_image="left", mount="side", line_s=3.7e-6)
     save_camera(tmp_path / "CAMERA.json", camera)
     again = load_camera(tmp_path / "CAMERA.json")
     assert (again.lens, again.tip_offset_m, again.board_x_in_image) == (camera.lens, 0.0091, "left")
+    assert (again.mount, again.line_s) == ("side", 3.7e-6)
     np.testing.assert_array_equal(again.world_from_camera, camera.world_from_camera)
     assert [path.name for path in tmp_path.iterdir()] == ["CAMERA.json"]
 
@@ -77,6 +78,8 @@ MIRRORED = np.diag((1.0, 1.0, -1.0, 1.0)).tolist()
         (("lens", "kind"), "pinhole"),
         (("tip_offset_m",), 8.8),
         (("board_x_in_image",), "sideways"),
+        (("mount",), "top"),
+        (("line_s",), 0.004),
         (("world_from_camera",), [[1, 0, 0, 0]] * 3),
         (("world_from_camera",), [[1, 0, 0, 0]] * 4),
         (("world_from_camera",), MIRRORED),
@@ -102,7 +105,7 @@ def test_a_frozen_camera_keeps_its_place(setup):
         setup.world_from_camera[0, 3] = 1.0
 
 
-@pytest.mark.parametrize(("squares", "size_m"), [(7, 0.0385), (2, 0.0385), (8, -1.0), (8, float("nan")), (8, 38.5)])
+@pytest.mark.parametrize(("squares", "size_m"), [(41, 0.0385), (2, 0.0385), (8, -1.0), (8, float("nan")), (8, 38.5)])
 def test_a_board_that_cannot_be_is_refused(squares, size_m):
     with pytest.raises(TrackingError, match="board"):
         Board(squares, size_m)

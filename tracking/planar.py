@@ -1,0 +1,146 @@
+"""Compiled fit of (x, z, phi) to the rays of many frames: outliers dropped, with covariance."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+_STEPS = 12
+_ROUNDS = 6  # of dropping outliers: a finger over some corners takes two or three
+_OUTLIER_SIGMA = 4.0  # a good corner of 49 is dropped once in 60 frames: residual lengths are Rayleigh, exp(-4^2 / 2)
+_MEDIAN_OF_RAYLEIGH = 1.1774
+_LEAST_SIGMA_PX = 1e-4
+
+
+def _fit_planar(
+    rays: Floats,
+    px_per_ray: Floats,
+    points_m: Floats,
+    modes: Floats,
+    to_camera: Floats,
+    used: Flags,
+    poses: Floats,
+    covariance: Floats,
+    shared: Floats,
+    rms_px: Floats,
+    residual_px: Floats,
+) -> None:
+    """Fit poses (f, 3) of the tip, in place, to rays (f, n, 2) of tip-frame points (n, 3), frame by frame.
+
+    Gauss-Newton on pixels: ``px_per_ray`` (f, n, 2, 2) is the lens's slope at each ray, as residuals are far smaller
+    than the lens's curvature. ``to_camera``: 4x4 from the world. ``used`` (f, n) loses the outliers. Fills
+    ``covariance`` (f, 3, 3) = s^2 (J^T J)^-1 with s^2 the residuals' own variance, ``rms_px`` (f), NaN where there is
+    no fit, and ``residual_px`` (f, n, 2). Residuals do not show errors that the corners share: ``shared`` (f, 3, 3) is
+    what errors of 1 px that vary over the board as ``modes`` (n, m) would do to the pose.
+    """
+    frames, n, cam = rays.shape[0], rays.shape[1], to_camera
+    rows, length, J = np.empty((2, 3)), np.empty(n), np.empty((n, 2, 3))
+    inverse, along = np.empty((3, 3)), np.empty((modes.shape[1], 2, 3))
+    for f in range(frames):
+        rms_px[f] = math.nan
+        kept = 0
+        for k in range(n):
+            kept += used[f, k]
+        for _ in range(_ROUNDS):
+            square, converged = 0.0, False
+            a = b = c = d = e = g = 0.0  # the normal matrix: aa ab ac / bb bc / cc
+            for _ in range(_STEPS):
+                x, z, phi = poses[f]
+                sin, cos = math.sin(phi), math.cos(phi)
+                a = b = c = d = e = g = 0.0
+                r0 = r1 = r2 = square = 0.0
+                for k in range(n):
+                    across, ahead = points_m[k, 0], points_m[k, 2]
+                    turned_x, turned_z = cos * across + sin * ahead, cos * ahead - sin * across
+                    world_x, world_y, world_z = turned_x + x, points_m[k, 1], turned_z + z
+                    p = cam[0, 0] * world_x + cam[0, 1] * world_y + cam[0, 2] * world_z + cam[0, 3]
+                    q = cam[1, 0] * world_x + cam[1, 1] * world_y + cam[1, 2] * world_z + cam[1, 3]
+                    w = cam[2, 0] * world_x + cam[2, 1] * world_y + cam[2, 2] * world_z + cam[2, 3]
+                    ray_a, ray_b = p / w, q / w
+                    miss_a, miss_b = rays[f, k, 0] - ray_a, rays[f, k, 1] - ray_b
+                    for line in range(2):
+                        slope_a, slope_b = px_per_ray[f, k, line, 0], px_per_ray[f, k, line, 1]
+                        residual_px[f, k, line] = slope_a * miss_a + slope_b * miss_b
+                        for m in range(3):
+                            by_x = 1.0 if m == 0 else 0.0 if m == 1 else turned_z
+                            by_z = 0.0 if m == 0 else 1.0 if m == 1 else -turned_x
+                            dp = cam[0, 0] * by_x + cam[0, 2] * by_z
+                            dq = cam[1, 0] * by_x + cam[1, 2] * by_z
+                            dw = cam[2, 0] * by_x + cam[2, 2] * by_z
+                            rows[line, m] = (slope_a * (dp - ray_a * dw) + slope_b * (dq - ray_b * dw)) / w
+                            J[k, line, m] = rows[line, m]
+                        if used[f, k]:
+                            miss, i, j, h = residual_px[f, k, line], rows[line, 0], rows[line, 1], rows[line, 2]
+                            a += i * i
+                            b += i * j
+                            c += i * h
+                            d += j * j
+                            e += j * h
+                            g += h * h
+                            r0 += i * miss
+                            r1 += j * miss
+                            r2 += h * miss
+                            square += miss * miss
+                determinant = a * (d * g - e * e) - b * (b * g - c * e) + c * (b * e - c * d)
+                if kept < 4 or not (math.isfinite(square) and determinant > 1e-12 * a * d * g):
+                    break
+                step_x = ((d * g - e * e) * r0 + (c * e - b * g) * r1 + (b * e - c * d) * r2) / determinant
+                step_z = ((c * e - b * g) * r0 + (a * g - c * c) * r1 + (b * c - a * e) * r2) / determinant
+                step_phi = ((b * e - c * d) * r0 + (b * c - a * e) * r1 + (a * d - b * b) * r2) / determinant
+                if max(abs(step_x), abs(step_z), abs(step_phi)) < 1e-8:  # 10 nm, 10 nrad: far below any noise
+                    converged = True
+                    break
+                poses[f, 0] += step_x
+                poses[f, 1] += step_z
+                poses[f, 2] += step_phi
+            if not converged:
+                break
+            count = 0
+            for k in range(n):
+                if used[f, k]:
+                    length[count] = math.hypot(residual_px[f, k, 0], residual_px[f, k, 1])
+                    count += 1
+            most = _OUTLIER_SIGMA * max(np.median(length[:count]) / _MEDIAN_OF_RAYLEIGH, _LEAST_SIGMA_PX)
+            dropped = 0
+            for k in range(n):
+                if used[f, k] and math.hypot(residual_px[f, k, 0], residual_px[f, k, 1]) > most:
+                    used[f, k] = False
+                    dropped += 1
+            kept -= dropped
+            if dropped == 0:
+                variance = square / (2 * kept - 3)
+                inverse[0, 0], inverse[1, 1], inverse[2, 2] = d * g - e * e, a * g - c * c, a * d - b * b
+                inverse[0, 1] = inverse[1, 0] = c * e - b * g
+                inverse[0, 2] = inverse[2, 0] = b * e - c * d
+                inverse[1, 2] = inverse[2, 1] = b * c - a * e
+                inverse /= determinant
+                covariance[f] = variance * inverse
+                along[:] = 0.0
+                for k in range(n):
+                    if used[f, k]:
+                        for m in range(modes.shape[1]):
+                            along[m] += modes[k, m] * J[k]
+                shared[f] = 0.0
+                for m in range(modes.shape[1]):
+                    for line in range(2):
+                        for i in range(3):
+                            rows[0, i] = 0.0
+                            for j in range(3):
+                                rows[0, i] += inverse[i, j] * along[m, line, j]
+                        for i in range(3):
+                            for j in range(3):
+                                shared[f, i, j] += rows[0, i] * rows[0, j]
+                rms_px[f] = math.sqrt(square / (2 * kept))
+                break
+
+
+# Assigned rather than decorated: numba has no types, and this keeps the function above checked.
+_compile: Any = numba.njit(nogil=True, cache=True, error_model="numpy")
+fit_planar = _compile(_fit_planar)
