@@ -29,7 +29,7 @@ def write_tip(
     ``metadata`` is what the parent's ``straw.run`` says (``Run.metadata``) plus whatever the tracker adds. In derived
     files log_time equals publish_time, so that viewers, which sort by log_time, lay them over the raw run.
     """
-    _write_derived(path, metadata, parent_sha256, zero_time_ns, {"/tip/state": _tip_columns(trace)})
+    _write_derived(path, metadata, parent_sha256, zero_time_ns, {"/tip/state": tip_columns(trace)})
 
 
 def write_prediction(
@@ -49,7 +49,7 @@ def write_prediction(
     """
     columns: dict[str, dict[str, Any]] = {}
     if tip is not None:
-        columns[f"/sim/{model_name}/tip/state"] = _tip_columns(tip)
+        columns[f"/sim/{model_name}/tip/state"] = tip_columns(tip)
     if pressure_time_s is not None and pressure_pa is not None:
         columns[f"/sim/{model_name}/pressure"] = {
             "time_s": pressure_time_s,
@@ -59,7 +59,8 @@ def write_prediction(
     _write_derived(path, {**metadata, "model": model_name}, parent_sha256, zero_time_ns, columns)
 
 
-def _tip_columns(trace: TipTrace) -> dict[str, Any]:
+def tip_columns(trace: TipTrace) -> dict[str, Any]:
+    """The trace's arrays by the names of ``/tip/state``, and ``time_s`` before them."""
     return {name: getattr(trace, name) for name in ("time_s", *(field for field, *_ in schema_of("/tip/state").fields))}
 
 

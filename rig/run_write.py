@@ -56,6 +56,11 @@ class RunFile:
                 raise self._disk(error) from None
             raise
 
+    def declare(self, topic: str, schema_name: str, descriptors: bytes) -> None:
+        """Announce a topic beyond the contract's: protobuf messages called ``schema_name`` in a FileDescriptorSet."""
+        schema_id = self._mcap.register_schema(schema_name, "protobuf", descriptors)
+        self._channels[topic] = self._mcap.register_channel(topic, "protobuf", schema_id)
+
     def add(self, topic: str, happened_ns: int, data: bytes, log_time_ns: int | None = None) -> None:
         """Write one encoded message that happened at ``happened_ns`` (ns since the Unix epoch), logged now."""
         if topic not in self._channels:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 from dataclasses import dataclass
@@ -66,9 +67,14 @@ class Camera:
             raise TrackingError(f"camera: line_s is {self.line_s:g}; give the seconds from row to row, as 3.8e-6")
         if self.world_from_camera is not None:
             pose = np.array(self.world_from_camera, dtype=np.float64)
-            _check_rigid(pose, "camera: world_from_camera")
+            check_rigid(pose, "camera: world_from_camera")
             pose.flags.writeable = False  # frozen means frozen
             object.__setattr__(self, "world_from_camera", pose)
+
+    @property
+    def image_x(self) -> Floats:
+        """Where board +x points in the picture at rest, as a unit vector (2) in px."""
+        return np.array(IMAGE_DIRECTIONS[self.board_x_in_image])
 
     @property
     def tip_from_board(self) -> Floats:
@@ -83,7 +89,7 @@ class Camera:
         return pose
 
 
-def _check_rigid(pose: Floats, where: str) -> None:
+def check_rigid(pose: Floats, where: str) -> None:
     """Raise TrackingError unless ``pose`` is a 4x4 rigid transform."""
     if pose.shape != (4, 4) or not np.all(np.isfinite(pose)):
         raise TrackingError(f"{where}: shape {pose.shape}; it must be 4 rows of 4 finite numbers")
@@ -96,6 +102,15 @@ def _check_rigid(pose: Floats, where: str) -> None:
 
 def save_camera(path: str | os.PathLike[str], camera: Camera) -> None:
     """Write CAMERA.json (atomically); TrackingError when the place cannot be written."""
+    write_json(path, _as_data(camera))
+
+
+def camera_json(camera: Camera) -> str:
+    """The text of a CAMERA.json."""
+    return json.dumps(_as_data(camera), indent=2)
+
+
+def _as_data(camera: Camera) -> dict[str, Any]:
     data: dict[str, Any] = {
         "format": _FORMAT,
         "version": _VERSION,
@@ -109,7 +124,7 @@ def save_camera(path: str | os.PathLike[str], camera: Camera) -> None:
         data["line_s"] = camera.line_s
     if camera.world_from_camera is not None:
         data["world_from_camera"] = camera.world_from_camera.tolist()
-    write_json(path, data)
+    return data
 
 
 def load_camera(path: str | os.PathLike[str]) -> Camera:

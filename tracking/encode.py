@@ -56,6 +56,10 @@ class VideoWriter:
     def __enter__(self) -> Self:
         return self
 
+    def write_colour(self, bgr: NDArray[np.uint8]) -> None:
+        """Append one picture (height, width, 3)."""
+        self._append(av.VideoFrame.from_ndarray(bgr, format="bgr24").reformat(format="yuvj420p"))
+
     def write(self, luma: NDArray[np.uint8], *, skip: int = 0) -> None:
         """Append one picture (height, width); ``skip`` leaves that many frame times empty before it."""
         width, height = self._size
@@ -66,6 +70,9 @@ class VideoWriter:
             rows = np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size)
             rows[: plane.height, : plane.width] = 128 if index else luma  # grey has no colour
         self._count += skip
+        self._append(frame)
+
+    def _append(self, frame: av.VideoFrame) -> None:
         frame.pts, frame.time_base = (
             self._count * self._step,
             Fraction(1, self._stream.codec_context.time_base.denominator),

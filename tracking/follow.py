@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracking.board import Board
-from tracking.camera import IMAGE_DIRECTIONS, Camera
+from tracking.camera import Camera
 from tracking.corners import LARGEST_RESIDUAL, Print, Sighting, find_boards
 from tracking.errors import TrackingError
 from tracking.pose import Plane, apply, free_pose, world_from_tip
@@ -143,7 +143,7 @@ class Follower:
                 outcome = "the board faces out of the plane"
             elif self.phi_rad is None or self.plane is None:  # for the first time: as the camera file says
                 along = np.diff(seen.grid, axis=0).mean(axis=(0, 1))
-                placed.append((-float(along @ IMAGE_DIRECTIONS[self.camera.board_x_in_image]), seen, phi_rad))
+                placed.append((-float(along @ self.camera.image_x), seen, phi_rad))
             else:
                 placed.append((abs(_wrapped(phi_rad - self.phi_rad)), seen, phi_rad))
         if not placed:

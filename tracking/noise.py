@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
 
 from tracking.pose import Poses
 
@@ -75,8 +74,8 @@ def shared_px(frames: Frames, lag_px: float) -> Floats:
     moved = np.zeros(len(frames.middle_px), np.bool_)
     step = np.abs(frames.middle_px[_WINDOW:] - frames.middle_px[:-_WINDOW]).max(axis=1) > _MOVED_PX
     moved[_WINDOW:] |= step
-    moved[:-_WINDOW] |= step
-    return np.where(binary_dilation(moved, iterations=2 * _WINDOW), lag_px, _STILL_LAG_PX)
+    after = np.convolve(moved, np.ones(2 * _WINDOW))[: len(moved)] > 0  # it lags on until it is coded anew
+    return np.where(after, lag_px, _STILL_LAG_PX)
 
 
 def with_shared(poses: Poses, lag_px: Floats) -> Floats:
@@ -99,6 +98,6 @@ def with_shared(poses: Poses, lag_px: Floats) -> Floats:
     variance = poses.rms_px**2 * count / (count - 3)
     normal = np.linalg.inv(np.where(good[:, None, None], poses.covariance, np.eye(3))) * variance[:, None, None]
     moved_px = np.sqrt(np.einsum("fi,fij,fj->f", motion, normal, motion) / count)
-    late = motion / np.maximum(moved_px, 1e-9)[:, None]
+    late = np.where(moved_px[:, None] > _MOVED_PX / 2, motion, 0.0) / np.maximum(moved_px, 1e-9)[:, None]
     shared = np.einsum("fi,fj->fij", late, late) + _INCOHERENT * poses.shared
     return np.asarray(poses.covariance + lag_px[:, None, None] ** 2 * shared)

@@ -7,8 +7,7 @@ import os
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -67,6 +66,7 @@ class Track:
     telemetry: Telemetry = field(default_factory=Telemetry)
     exposure_s: float = 0.0
     lag_px: float = 0.0
+    record: Record | None = None
 
 
 @dataclass(frozen=True)
@@ -115,10 +115,11 @@ def track(
 ) -> Track:
     """Track the board through the files of one recording; keywords as ``Task``'s.
 
-    ``record``: where corners are kept meanwhile (0.6 kB a frame); work that was interrupted goes on from there, and the
-    file goes when it is done. Without it a temporary file. ``trace.frame`` counts decoded frames from 0. Sigmas come
-    from the corners' own residuals; they do not include a wrong lens, rest pose, turn or tip offset. Memory does not
-    grow with the video but for the trace itself. Raises TrackingError for a bad file, a lens for another picture size,
+    ``record``: where corners are kept (0.6 kB a frame); work that was interrupted goes on from there. It is left open
+    in ``Track.record``, for whoever writes out the result to use and then remove. Without it a temporary file.
+    ``trace.frame`` counts decoded frames from 0. Sigmas come from the corners' own residuals; they do not include a
+    wrong lens, rest pose, turn or tip offset. Memory does not grow with the video but for the trace itself. Raises
+    TrackingError for a bad file, a lens for another picture size,
     no rest, or no board.
     """
     files = [video] if isinstance(video, str | os.PathLike) else list(video)
@@ -126,11 +127,15 @@ def track(
         work = Task(tuple(timeline.paths), camera, board, **task)
         _check_size(timeline, camera)
         kept = Record(record or Path(folder) / "record", work.identity(), board.shape)
-        with closing(kept):
+        try:
             report = _follow(timeline, work, kept, progress)
             done = _solved(work, kept, report, timeline)
+        except BaseException:
+            kept.close()
+            raise
+        if record is None:
             kept.remove()
-            return done
+        return replace(done, record=kept if record else None)
 
 
 def _check_size(timeline: Timeline, camera: Camera) -> None:

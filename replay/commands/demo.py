@@ -36,6 +36,7 @@ Floats = NDArray[np.float64]
 LENS = "gopro_hero6_wide_1080p240"
 DISTANCE_M = 0.212
 OBLIQUITY_RAD = math.radians(25)
+LINE_S = 3.7e-6  # rolling shutter: from one row to the next
 MARKER = ".straw-demo"  # a folder with this file is one that the demo may use again
 MADE = ("run.mcap", "camera.json", "video.mp4", "tip.mcap", "replay.html", "demo.json")
 
@@ -70,6 +71,8 @@ def run(args: argparse.Namespace) -> int:
 
     say("3/4 track: finding the board in every frame")
     tracked = track_to_file(out / "video.mp4", camera, rest, out / "tip.mcap", recorded, start_s)
+    if tracked.record:
+        tracked.record.remove()
     errors = errors_of(tracked.trace, motion, start_s)
 
     say("4/4 replay: the model under the measured pressure, laid over the track")
@@ -134,7 +137,7 @@ def film(
     place = camera_looking_at(target, DISTANCE_M, OBLIQUITY_RAD, 0.0)
     placed = Camera(camera.lens, place, camera.tip_offset_m)
     with progress_bar("film", "frame") as progress:
-        paint_video(path, placed, motion, duration_s, seed=seed, progress=progress)
+        paint_video(path, placed, motion, duration_s, seed=seed, line_s=LINE_S, progress=progress)
 
 
 def errors_of(trace: TipTrace, motion: Motion, start_s: float) -> dict[str, Error]:

@@ -1,0 +1,115 @@
+"""Messages that viewers draw by themselves: the camera and the corners on its pictures, in Foxglove's schemas.
+
+Field names are those of github.com/foxglove/schemas (MIT); viewers find them by the descriptor that is in the file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.schema import message_class
+
+CALIBRATION, ANNOTATIONS = "foxglove.CameraCalibration", "foxglove.ImageAnnotations"
+
+# Message: (name, number, type) with "*" for repeated ones; other messages by their name.
+_MESSAGES = {
+    "Point2": (("x", 1, "double"), ("y", 2, "double")),
+    "Color": (("r", 1, "double"), ("g", 2, "double"), ("b", 3, "double"), ("a", 4, "double")),
+    "PointsAnnotation": (
+        ("timestamp", 1, "google.protobuf.Timestamp"),
+        ("type", 2, "int32"),
+        ("points", 3, "*foxglove.Point2"),
+        ("outline_color", 4, "foxglove.Color"),
+        ("thickness", 7, "double"),
+    ),
+    "ImageAnnotations": (("points", 2, "*foxglove.PointsAnnotation"),),
+    "CameraCalibration": (
+        ("timestamp", 1, "google.protobuf.Timestamp"),
+        ("frame_id", 9, "string"),
+        ("width", 2, "fixed32"),
+        ("height", 3, "fixed32"),
+        ("distortion_model", 4, "string"),
+        ("D", 5, "*double"),
+        ("K", 6, "*double"),
+        ("R", 7, "*double"),
+        ("P", 8, "*double"),
+    ),
+}
+_POINTS = 1  # PointsAnnotation.type: dots
+_SEEN, _COVERED = (0.1, 0.8, 0.2, 1.0), (0.9, 0.2, 0.1, 1.0)
+
+
+@cache
+def descriptors() -> bytes:
+    """Serialized FileDescriptorSet of all messages here."""
+    from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorProto, FileDescriptorSet
+    from google.protobuf.timestamp_pb2 import DESCRIPTOR
+
+    file = FileDescriptorProto(name="foxglove.proto", package="foxglove", syntax="proto3")
+    file.dependency.append(DESCRIPTOR.name)
+    for name, fields in _MESSAGES.items():
+        message = file.message_type.add(name=name)
+        for field, number, kind in fields:
+            many, kind = kind.startswith("*"), kind.lstrip("*")
+            made = message.field.add(
+                name=field,
+                number=number,
+                label=FieldDescriptorProto.LABEL_REPEATED if many else FieldDescriptorProto.LABEL_OPTIONAL,
+            )
+            if "." in kind:
+                made.type, made.type_name = FieldDescriptorProto.TYPE_MESSAGE, f".{kind}"
+            else:
+                made.type = getattr(FieldDescriptorProto, f"TYPE_{kind.upper()}")
+    own = FileDescriptorProto()
+    DESCRIPTOR.CopyToProto(own)
+    return FileDescriptorSet(file=[own, file]).SerializeToString()
+
+
+def calibration(
+    happened_ns: int, size: tuple[int, int], model: str, coefficients: Sequence[float], matrix: NDArray[np.float64]
+) -> bytes:
+    """A camera's intrinsics: picture size, distortion model and coefficients, camera matrix (3, 3)."""
+    message = _message(CALIBRATION)(
+        timestamp=_stamp(happened_ns),
+        frame_id="camera",
+        width=size[0],
+        height=size[1],
+        distortion_model=model,
+        D=list(coefficients),
+        K=matrix.ravel().tolist(),
+        R=np.eye(3).ravel().tolist(),
+        P=np.column_stack((matrix, np.zeros(3))).ravel().tolist(),
+    )
+    return bytes(message.SerializeToString())
+
+
+def dots(happened_ns: int, pixels: NDArray[np.float64], used: NDArray[np.bool_]) -> bytes:
+    """Corners (n, 2) px on a picture: green where used (n,), red where not."""
+    message = _message(ANNOTATIONS)(
+        points=[
+            {
+                "timestamp": _stamp(happened_ns),
+                "type": _POINTS,
+                # The origin is the corner of the first pixel there, its middle here.
+                "points": [{"x": u + 0.5, "y": v + 0.5} for u, v in pixels[which].tolist()],
+                "outline_color": dict(zip("rgba", color, strict=True)),
+                "thickness": 3.0,
+            }
+            for which, color in ((used, _SEEN), (~used, _COVERED))
+            if which.any()
+        ]
+    )
+    return bytes(message.SerializeToString())
+
+
+def _message(name: str) -> Any:
+    return message_class(name, descriptors())
+
+
+def _stamp(happened_ns: int) -> dict[str, int]:
+    return {"seconds": happened_ns // 10**9, "nanos": happened_ns % 10**9}
