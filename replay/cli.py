@@ -53,6 +53,13 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--deployed", default="", metavar="CELLS", help="cells deployed at the start, as 1,4 (none)")
     _straw(p)
 
+    p = _command(commands, "calibrate", "a lens from videos or stills of a checkerboard")
+    p.add_argument("pictures", type=Path, nargs="+", metavar="VIDEO|IMAGE")
+    p.add_argument("-o", "--output", type=Path, required=True, metavar="CAMERA.json")
+    p.add_argument("--name", default="", help="what to call the lens (the output's name)")
+    p.add_argument("--picture", type=Path, metavar="P.png", help="the projection's uncertainty over the picture")
+    _json(p)
+
     p = _command(commands, "track", "from a video to the tip's X, Z and Phi")
     p.add_argument("videos", type=Path, nargs="+", metavar="VIDEO", help="a file, or the chapters of one recording")
     p.add_argument("--camera", type=Path, required=True, metavar="CAMERA.json", help="lens, and placement if known")

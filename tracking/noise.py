@@ -14,8 +14,8 @@ Flags = NDArray[np.bool_]
 
 _SMEARED_PX = 2.0  # a smear over this many pixels widens an edge for certain
 _MOST_EXPOSURE = 1.0  # of the frame's period
-_USUAL_LAG_PX = 0.016  # of painted clips at 60 Mbit/s, H.264
-_USUAL_WEIGHT = 6.0  # in keyframes: what the usual value counts
+_USUAL_LAG_PX = 0.019  # of painted clips at 60 Mbit/s, H.264
+_USUAL_WEIGHT = 8.0  # in keyframes: what the usual value counts
 _STILL_LAG_PX = 0.004  # what is left of it when nothing moves
 _MOVED_PX = 0.05  # over _WINDOW frames: the board moves
 _WINDOW = 12

@@ -1,0 +1,62 @@
+"""Accuracy and honesty on painted snaps, against free per-frame PnP: python -m tests.benchmarks.tracking_accuracy [S]."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from tests.benchmarks.tracking_clips import BOARD, LINE_S, REST, SETUPS, SI, blind, errors, painted, rms, snaps
+from tracking.pose import free_pose
+from tracking.track import Track, track
+
+
+def free_errors(found: Track, camera, motion) -> np.ndarray:
+    """Errors (n, 3) in um, um, mrad of a free pose for each frame, from the same corners, placed as painted."""
+    to_board = np.linalg.inv(camera.tip_from_board)
+    points, missed = BOARD.corner_points_m(), []
+    for k, row in enumerate(found.record.rows(0, len(found.trace))):
+        if row["seen"] and k % 3 == 0:
+            used = row["used"].ravel()
+            pose, _ = free_pose(camera.lens, points[used], row["grid"].reshape(-1, 2)[used].astype(float))
+            tip = camera.world_from_camera @ pose @ to_board
+            phi = np.arctan2(tip[0, 2], tip[2, 2])
+            truth = np.array([float(value) for value in motion(np.array(found.trace.time_s[k]))])
+            missed.append((np.array((tip[0, 3], tip[2, 3], phi)) - truth) * SI)
+    return np.array(missed)
+
+
+def main() -> int:
+    """Print errors in um, um, mrad and in sigmas for each set-up."""
+    duration_s = float(sys.argv[1]) if len(sys.argv) > 1 else 4.0
+    print(f"{'':<24}{'X / um':>10}{'Z / um':>10}{'Phi / mrad':>12}")
+    with tempfile.TemporaryDirectory() as folder:
+        for seed, (name, camera) in enumerate(SETUPS.items(), 20):
+            motion = snaps(seed)
+            path = painted(Path(folder) / "clip.mp4", camera, motion, duration_s, seed=seed)
+            found = track(path, blind(camera), BOARD, rest_pose=REST, record=Path(folder) / "record")
+            error, ratio = errors(found, motion)
+            free = free_errors(found, camera, motion)
+            found.record.remove()
+            path.unlink()
+            shown = {
+                "RMS": rms(error),
+                "random": error.std(axis=0),
+                "systematic": np.abs(error.mean(axis=0)),
+                "free PnP, RMS": rms(free),
+                "free PnP / this": rms(free) / rms(error),
+                "mean square in sigmas": (ratio**2).mean(axis=0),
+            }
+            valid = int(found.trace.valid.sum())
+            line = f"{1e6 * found.camera.line_s:.3f} +- {1e6 * found.line_sigma_s:.3f} us, painted {1e6 * LINE_S:.3f}"
+            print(f"{name}: {valid} of {len(found.trace)} frames valid; row time {line}")
+            for what, values in shown.items():
+                x, z, phi = values
+                print(f"  {what:<22}{x:10.2f}{z:10.2f}{phi:12.3f}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
