@@ -24,6 +24,7 @@ Picture = NDArray[np.uint8]
 
 _LUMA_8 = ("yuv420p", "yuvj420p", "yuv422p", "yuvj422p", "yuv444p", "yuvj444p", "nv12", "nv21", "gray")
 _LUMA_10 = ("yuv420p10le", "yuv422p10le", "yuv444p10le", "p010le", "gray10le")
+_ROUNDING_S = 1e-6  # of times that were added up over chapters
 _SHIFT_10 = {"p010le": 8}  # p010 keeps its 10 bits at the top of the word
 
 
@@ -138,7 +139,7 @@ class VideoReader:
 
         A broken packet is counted and passed over. Counts begin with the first frame after ``after_s``.
         """
-        start, before_s = self._stream.start_time or 0, after_s
+        start, before_s = self._stream.start_time or 0, after_s + _ROUNDING_S
         if after_s > 0 and self._stream.time_base:  # to the last picture before it that stands by itself
             self._container.seek(start + int(after_s / float(self._stream.time_base)), stream=self._stream)
         for picture in self._pictures():
@@ -147,7 +148,7 @@ class VideoReader:
                 continue
             time_s = float((picture.pts - start) * picture.time_base)
             if time_s <= before_s:
-                self._repeated += time_s > after_s
+                self._repeated += time_s > after_s + _ROUNDING_S
                 continue
             if self._decoded and (missing := frames_missing(before_s, time_s, self.period_s)):
                 self._gaps.append(Gap(before_s, missing))

@@ -1,4 +1,4 @@
-"""Accuracy and honesty on painted snaps, against free per-frame PnP: python -m tests.benchmarks.tracking_accuracy [S]."""
+"""Accuracy on painted snaps, against free per-frame PnP: python -m tests.benchmarks.tracking_accuracy [SECONDS]."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ def track_s(path: Path, folder: Path, camera) -> float:
 
 
 def main() -> int:
-    """Print both times by codec, alternating so that other work on the machine hits both; 1 when a ratio is over 1.15."""
+    """Print both times by codec, in turn, so that other work on the machine hits both; 1 when a ratio is over 1.15."""
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 8.0
     camera = SETUPS["end-on, 25 deg aside"]
     slow = False

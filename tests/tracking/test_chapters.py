@@ -1,0 +1,97 @@
+"""Chapters are one timeline; the camera's own telemetry is read where it is; nothing broken in it does harm."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.tracking.test_video import pictures, written
+from tracking.chapters import Timeline, in_order, siblings
+from tracking.encode import VideoWriter
+from tracking.errors import TrackingError
+from tracking.gpmf import parse_telemetry, read_telemetry
+
+
+def test_gopro_chapters_are_put_in_order_and_others_left_alone():
+    names = ["GX030012.MP4", "GX010012.MP4", "GX020012.MP4"]
+    assert [path.name for path in in_order(names)] == sorted(names)
+    assert [path.name for path in in_order(["b.mp4", "a.mp4"])] == ["b.mp4", "a.mp4"]
+
+
+@pytest.mark.parametrize(
+    ("names", "says"),
+    [
+        (["GH010012.MP4", "GH030012.MP4"], "each in between"),
+        (["GH010012.MP4", "GH020013.MP4"], "two recordings"),
+        (["GH010012.MP4", "GH010012.MP4"], "once"),
+        ([], "no video"),
+    ],
+)
+def test_chapters_that_do_not_belong_together_are_refused_in_one_line(names, says):
+    with pytest.raises(TrackingError, match=says) as caught:
+        in_order(names)
+    assert "\n" not in str(caught.value)
+
+
+def test_chapters_beside_the_first_are_noticed(tmp_path):
+    for name in ("GH010012.MP4", "GH020012.MP4", "GH020013.MP4", "notes.txt"):
+        (tmp_path / name).touch()
+    assert [path.name for path in siblings([tmp_path / "GH010012.MP4"])] == ["GH020012.MP4"]
+
+
+def test_two_chapters_are_one_stream_without_a_seam(tmp_path):
+    for name in ("GH010001.MP4", "GH020001.MP4"):
+        written(tmp_path / name, 20)
+    with Timeline([tmp_path / "GH020001.MP4", tmp_path / "GH010001.MP4"]) as timeline:
+        frames = [(frame.index, frame.time_s, frame.file) for frame in timeline.frames()]
+        assert timeline.expected == 40
+    assert [index for index, *_ in frames] == list(range(40))
+    np.testing.assert_allclose(
+        [time_s for _, time_s, _ in frames], np.arange(40) * 1001 / 240000, rtol=1e-9, atol=1e-12
+    )
+    assert [file for *_, file in frames] == [0] * 20 + [1] * 20
+
+
+@pytest.mark.parametrize("done", [0, 7, 19, 20, 33])
+def test_a_timeline_goes_on_after_any_frame(tmp_path, done):
+    for name in ("GH010001.MP4", "GH020001.MP4"):
+        written(tmp_path / name, 20)
+    times = np.arange(40) * 1001 / 240000
+    with Timeline([tmp_path / "GH010001.MP4", tmp_path / "GH020001.MP4"]) as timeline:
+        again = [(frame.time_s, frame.luma.copy()) for frame in timeline.frames(after_s=times[done])]
+    np.testing.assert_allclose([time_s for time_s, _ in again], times[done + 1 :], rtol=1e-9)
+    for (_, luma), truth in zip(again, (pictures(20) * 2)[done + 1 :], strict=True):
+        assert np.abs(luma.astype(int) - truth).mean() < 3
+
+
+def test_files_of_two_sizes_are_no_recording(tmp_path):
+    written(tmp_path / "a.mp4", 5)
+    with VideoWriter(tmp_path / "b.mp4", 160, 120) as video:
+        video.write(np.zeros((120, 160), np.uint8))
+    with pytest.raises(TrackingError, match=r"b\.mp4: pictures are 160x120"):
+        Timeline([tmp_path / "a.mp4", tmp_path / "b.mp4"])
+
+
+def test_a_real_gopro_says_what_it_is_and_how_long_its_shutter_was_open(realdata):
+    found = read_telemetry(realdata / "gopro" / "hero7.mp4")
+    assert found.camera == "Hero7 Black"
+    assert 1 / 2000 < found.exposure_s < 1 / 200
+    raw = parse_telemetry([(realdata / "gopro" / "hero6.raw").read_bytes()])
+    assert raw.camera == "Hero6 Black"
+    assert len(raw.exposures_s) == 30
+
+
+def test_broken_telemetry_is_no_reason_to_fail(realdata, tmp_path):
+    data = (realdata / "gopro" / "hero6.raw").read_bytes()
+    rng = np.random.default_rng(0)
+    for length in (0, 3, 9, 1000):
+        parse_telemetry([data[:length]])
+    for _ in range(50):
+        garbled = bytearray(data)
+        for at in rng.integers(0, len(data), 30):
+            garbled[at] = rng.integers(256)
+        assert all(0 < value < 1 for value in parse_telemetry([bytes(garbled)]).exposures_s)
+    assert read_telemetry(written(tmp_path / "v.mp4", 3)).camera == ""
+    assert read_telemetry(Path(tmp_path / "none.mp4")).exposure_s is None
