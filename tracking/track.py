@@ -36,7 +36,7 @@ NO_FIT = "the corners fit no pose in the plane of motion"
 REPEATED = "the picture repeats the one before"
 _SPREAD = 40  # frames for each quantity that the constants are found from
 _STRIDE = 16  # pixels compared when looking for repeated pictures
-_SAME = 0.95  # of them: what a re-encoded copy keeps; still scenes do too, so the board's motion decides (``views``)
+_SAME = 0.8  # of them: a copy keeps as many, and so do still scenes; the board's motion decides (see ``views``)
 
 
 @dataclass(frozen=True)

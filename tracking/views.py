@@ -149,9 +149,11 @@ def _jumps(pixels: Floats, time_s: Floats, seen: Flags) -> Floats:
 
 
 def _repeats(around: Rows, pixels: Floats, seen: Flags) -> Flags:
-    step = np.full(len(around) + 1, np.inf)
-    step[1:-1] = np.abs(np.diff(pixels.mean(axis=1), axis=0)).max(axis=1)
-    step[1:-1][~(seen[1:] & seen[:-1])] = np.inf
-    before = np.concatenate(([0.0], step[:-2]))
-    moving = (np.minimum(before, step[1:]) > _MOVING_PX) | ~seen
-    return np.asarray(around["repeats"] & moving & ((step[:-1] < _SAME_PX) | ~seen))
+    """Return which frames show what the one before does although the board moves on, the same way before and after."""
+    repeats = np.zeros(len(around), np.bool_)
+    step = np.diff(pixels.mean(axis=1), axis=0)
+    for k in np.flatnonzero(around["repeats"][2:-1]) + 2:
+        before, here, after = step[k - 2], step[k - 1], step[k]
+        onward = before @ after > _MOVING_PX**2 and np.abs(here).max() < _SAME_PX
+        repeats[k] = onward and seen[k - 2 : k + 2].all()
+    return repeats
