@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
+from scipy.spatial.transform import Rotation
 
 from tracking.errors import TrackingError
 from tracking.fields import Fields, write_json
@@ -80,11 +80,8 @@ class Camera:
     def tip_from_board(self) -> Floats:
         """The 4x4 from board frame to tip frame: origin at the tip, z along the tip axis, y along the world's Y."""
         about_x, about_z = self.board_turn_rad
-        x, y, z = np.eye(3)
-        # cross-product matrix of (about_x, 0, about_z); its exponential is the rotation
-        spin = about_x * (np.outer(z, y) - np.outer(y, z)) + about_z * (np.outer(y, x) - np.outer(x, y))
         pose = np.eye(4)
-        pose[:3, :3] = expm(spin) @ np.array(MOUNTS[self.mount])
+        pose[:3, :3] = Rotation.from_rotvec((about_x, 0.0, about_z)).as_matrix() @ np.array(MOUNTS[self.mount])
         pose[2, 3] = self.tip_offset_m
         return pose
 

@@ -164,6 +164,6 @@ def _measure_all(
 
 
 # Assigned rather than decorated: numba has no types, and this keeps the functions above checked.
-_compile: Any = numba.njit(nogil=True, cache=True, error_model="numpy")
+_compile: Any = numba.njit(nogil=True, cache=True, error_model="numpy", fastmath=True)
 measure = _compile(_measure)
 measure_all = _compile(_measure_all)

@@ -32,6 +32,7 @@ class VideoWriter:
         rate: Fraction = GOPRO_RATE,
         bitrate: float = 60e6,
         codec: str = "libx264",
+        preset: str = "ultrafast",
     ) -> None:
         if width % 2 or height % 2 or min(width, height) < 16:
             raise TrackingError(f"{path}: {width}x{height} cannot be written as H.264; both sides must be even, >= 16")
@@ -44,7 +45,9 @@ class VideoWriter:
             self._container = av.open(str(self._part), "w", format="mp4")
         except (av.error.FFmpegError, OSError) as error:
             raise TrackingError(f"{path}: cannot write the video ({error.strerror}); check the folder") from error
-        options = {"preset": "ultrafast"} | ({"x265-params": "log-level=none:bframes=0"} if codec == "libx265" else {})
+        options = {"preset": preset, "bf": "0"} | (
+            {"x265-params": "log-level=none:bframes=0"} if codec == "libx265" else {}
+        )
         stream = cast(VideoStream, self._container.add_stream(codec, rate=rate, options=options))
         stream.width, stream.height, stream.pix_fmt = width, height, "yuvj420p"
         stream.bit_rate, stream.thread_type = round(bitrate), "AUTO"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -129,7 +130,12 @@ def smooth_modes(points_m: Floats) -> Floats:
     What a codec drops, and what a lens profile misses, is shared by corners side by side.
     """
     apart_m = np.linalg.norm(points_m[:, None] - points_m[None], axis=-1)
-    values, vectors = np.linalg.eigh(np.exp(-apart_m / (_REACH * apart_m.max())))
+    return _modes(np.round(apart_m / apart_m.max(), 9).tobytes(), len(points_m))
+
+
+@lru_cache(maxsize=4)
+def _modes(apart: bytes, n: int) -> Floats:
+    values, vectors = np.linalg.eigh(np.exp(-np.frombuffer(apart).reshape(n, n) / _REACH))
     return np.ascontiguousarray((vectors * np.sqrt(values))[:, ::-1][:, :_MODES])
 
 

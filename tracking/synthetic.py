@@ -68,6 +68,7 @@ def paint_video(
     decoys: Sequence[tuple[Board, Floats]] = (),
     retouch: Retouch | None = None,
     codec: str = "libx264",
+    preset: str = "ultrafast",
     progress: Callable[[int, int], None] | None = None,
 ) -> Floats:
     """Paint and encode; return the frame times (n,) in seconds from 0, the middle of the first row's exposure.
@@ -92,7 +93,10 @@ def paint_video(
     canvases = [np.empty((lens.height, lens.width), np.uint8) for _ in range(2)]
     pending: Future[None] | None = None
     # One canvas is painted while the other is encoded: both loops release the interpreter.
-    with VideoWriter(path, lens.width, lens.height, rate, bitrate, codec) as video, ThreadPoolExecutor(1) as encoder:
+    with (
+        VideoWriter(path, lens.width, lens.height, rate, bitrate, codec, preset) as video,
+        ThreadPoolExecutor(1) as encoder,
+    ):
         for k, now_s in enumerate(time_s):
             scene.paint(canvases[k % 2], now_s)
             if retouch:

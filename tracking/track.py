@@ -35,7 +35,7 @@ Floats = NDArray[np.float64]
 NO_FIT = "the corners fit no pose in the plane of motion"
 REPEATED = "the picture repeats the one before"
 _SPREAD = 40  # frames for each quantity that the constants are found from
-_STRIDE = 16  # pixels compared when looking for repeated pictures
+_STRIDE = 32  # pixels compared when looking for repeated pictures
 _SAME = 0.8  # of them: a copy keeps as many, and so do still scenes; the board's motion decides (see ``views``)
 
 
@@ -130,6 +130,9 @@ def track(
         try:
             report = _follow(timeline, work, kept, progress)
             done = _solved(work, kept, report, timeline)
+        except TrackingError:  # going on would end the same
+            kept.remove()
+            raise
         except BaseException:
             kept.close()
             raise

@@ -29,6 +29,7 @@ from tracking.reference import place_by_reference
 from tracking.track import Track, track
 
 Pose = tuple[float, float, float]
+_MISFIT, _MISFIT_PX = 3.0, 0.1  # how much more than a board by itself, and at least, tells of a wrong lens or place
 
 
 def run(args: argparse.Namespace) -> int:
@@ -172,6 +173,11 @@ def track_to_file(
     except BaseException:
         tracked.record.close()
         raise
+    own_px = float(np.median(np.concatenate([rows["rms_px"][rows["seen"]] for _, rows in tracked.record.chunks()])))
+    left_px = float(np.nanmedian(tracked.rms_px))
+    if left_px > max(_MISFIT * own_px, _MISFIT_PX):
+        what = f"corners miss the plane of motion by {left_px:.2f} px, one another by {own_px:.2f} px"
+        say(f"{files[0].name}: {what}: check the lens, the rest pose, the board's size and its mount")
     for reason, count in tracked.invalid.items():
         say(f"{files[0].name}: {count} frames without a trustworthy board: {reason}")
     return tracked
