@@ -19,7 +19,7 @@ _USUAL_WEIGHT = 8.0  # in keyframes: what the usual value counts
 _STILL_LAG_PX = 0.004  # what is left of it when nothing moves
 _MOVED_PX = 0.05  # over _WINDOW frames: the board moves
 _WINDOW = 12
-_INCOHERENT = 0.5  # of the lag's variance
+_INCOHERENT = 0.3  # of the lag's variance: as painted clips of both views have it
 _SPEEDS_PX = (
     0.02,
     2.0,
@@ -81,7 +81,7 @@ def shared_px(frames: Frames, lag_px: float) -> Floats:
 def with_shared(poses: Poses, lag_px: Floats) -> Floats:
     """Return the covariance (f, 3, 3) of poses with the errors that all corners of a frame share: ``lag_px`` (f,).
 
-    The lag is along the motion, as if the picture were a little late; half as much again in variance is taken to vary
+    The lag is along the motion, as if the picture were a little late; ``_INCOHERENT`` of its variance is taken to vary
     smoothly over the board, as blocks are coded in different ways.
     """
     good = np.isfinite(poses.rms_px)
