@@ -1,0 +1,160 @@
+"""straw track writes what it says, the recording with corners and camera, table, page and overlay; or nothing."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+from replay.cli import main
+from rig.run_read import read_run
+from rig.schema import message_class
+from tracking.board import Board
+from tracking.camera import Camera, load_camera, save_camera
+from tracking.encode import VideoWriter
+from tracking.lens import shipped_lens
+from tracking.synthetic import camera_looking_at, paint_video
+from tracking.video import VideoReader
+
+REST = "22.1,0,87.6620"  # mm, mm, deg
+
+
+def motion(time_s):
+    since = np.clip(np.asarray(time_s) - 0.05, 0, None)
+    return 0.0221 - 0.02 * since, 0.03 * since, 1.53 + 1.0 * since
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("track")
+    lens = replace(shipped_lens("gopro_hero6_wide_1080p240"), width=640, height=480, cx=319.2, cy=240.4)
+    camera = Camera(lens, camera_looking_at((0.0251, 0, 0), 0.212, np.radians(25), 0.0))
+    paint_video(folder / "v.mp4", camera, motion, 0.15, bitrate=15e6)
+    save_camera(folder / "lens.json", Camera(lens))
+    save_camera(folder / "placed.json", camera)
+    options = (
+        "--csv",
+        "t.csv",
+        "--overlay",
+        "o.mp4",
+        "--report",
+        "r.html",
+        "--save-camera",
+        "found.json",
+        "--json",
+        "j.json",
+    )
+    named = [str(folder / word) if "." in word else word for word in options]
+    command = ["track", str(folder / "v.mp4"), "--camera", str(folder / "lens.json"), "--rest", REST]
+    assert main([*command, "-o", str(folder / "tip.mcap"), *named]) == 0
+    return folder
+
+
+def messages(path: Path) -> dict[str, list]:
+    found: dict[str, list] = {}
+    with path.open("rb") as stream:
+        for schema, channel, message in make_reader(stream).iter_messages():
+            found.setdefault(channel.topic, []).append(message_class(schema.name, schema.data).FromString(message.data))
+    return found
+
+
+def test_the_recording_holds_the_tip_its_quality_the_corners_and_the_camera(place):
+    found = messages(place / "tip.mcap")
+    frames = len(found["/tip/state"])
+    assert frames == len(found["/tip/quality"]) == len(found["/camera/annotations"]) == 36
+    (camera,) = found["/camera/calibration"]
+    assert (camera.width, camera.distortion_model, len(camera.K)) == (640, "kannala_brandt", 9)
+    assert sum(len(group.points) for group in found["/camera/annotations"][0].points) == 49
+    assert found["/tip/quality"][0].corners == 49
+    run = read_run(place / "tip.mcap")
+    assert run.tip.valid.all()
+    assert not run.damage
+    assert b"world_from_camera" in run.attachments["camera.json"]
+    assert run.metadata["decode"] == "decoded 36 of 36 frames"
+
+
+def test_the_table_says_the_same(place):
+    rows = list(csv.DictReader((place / "t.csv").read_text(encoding="utf-8").splitlines()))
+    tip = read_run(place / "tip.mcap").tip
+    np.testing.assert_allclose([float(row["x_m"]) for row in rows], tip.x_m, rtol=1e-8)
+    assert {row["valid"] for row in rows} == {"1"}
+
+
+def test_the_overlay_shows_every_frame_and_the_page_needs_no_network(place):
+    with VideoReader(place / "o.mp4") as video:
+        assert video.expected == 36
+    text = (place / "r.html").read_text(encoding="utf-8")
+    assert "36 of 36 frames are valid" in text
+    assert "http" not in text
+
+
+def test_the_camera_found_places_the_next_video(place):
+    found, truth = load_camera(place / "found.json"), load_camera(place / "placed.json")
+    np.testing.assert_allclose(found.world_from_camera, truth.world_from_camera, atol=5e-3)
+    output = place / "again.mcap"
+    assert main(["track", str(place / "v.mp4"), "--camera", str(place / "found.json"), "-o", str(output)]) == 0
+    first, again = read_run(place / "tip.mcap").tip, read_run(output).tip
+    np.testing.assert_allclose(again.x_m, first.x_m, atol=3e-5)
+
+
+def test_nothing_is_left_of_work_that_failed(place, capsys):
+    before = sorted(place.iterdir())
+    command = ["track", str(place / "v.mp4"), "--camera", str(place / "placed.json"), "-o", str(place / "n.mcap")]
+    for wrong in (
+        ["--board", "10x7,48"],
+        ["--board", "eight"],
+        ["--near", "5"],
+        ["--csv", str(place / "no" / "t.csv")],
+    ):
+        assert main([*command, *wrong]) == 2
+        said = capsys.readouterr().err.strip()
+        assert said.startswith("straw: ")
+        assert "\n" not in said
+        assert sorted(place.iterdir()) == before
+
+
+def test_a_second_board_places_the_camera(place, tmp_path):
+    lens = replace(load_camera(place / "lens.json").lens, width=960, height=480)
+    where = camera_looking_at((0.0251, 0, 0), 0.212, np.radians(25), 0.0)
+    fixed = np.eye(4)
+    fixed[:3, :3] = np.array(((0, 0, 1.0), (0, 1, 0), (-1, 0, 0)))  # faces +X, x down
+    fixed[:3, 3] = (0.02, 0.062, 0.0)
+    paint_video(tmp_path / "v.mp4", Camera(lens, where), motion, 0.06, decoys=((Board(6, 0.036), fixed),), bitrate=30e6)
+    save_camera(tmp_path / "lens.json", Camera(lens))
+    (tmp_path / "ref.json").write_text(
+        f'{{"squares": 6, "size_m": 0.036, "board_x_in_image": "down", "world_from_board": {fixed.tolist()}}}'
+    )
+    command = [
+        "track",
+        str(tmp_path / "v.mp4"),
+        "--camera",
+        str(tmp_path / "lens.json"),
+        "-o",
+        str(tmp_path / "t.mcap"),
+    ]
+    assert main([*command, "--reference", str(tmp_path / "ref.json")]) == 0
+    tip = read_run(tmp_path / "t.mcap").tip
+    # the small board's own pose: 0.01 px in 25 corners; its tilt, some mrad, at 62 mm from it
+    np.testing.assert_allclose(tip.z_m[tip.valid], motion(np.arange(14) * 1001 / 240000)[1], atol=1e-3)
+    assert tip.valid.all()
+
+
+def test_a_picture_without_a_reference_board_is_refused(place, capsys):
+    (place / "ref.json").write_text(
+        '{"squares": 12, "size_m": 0.1, "world_from_board": [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}'
+    )
+    command = ["track", str(place / "v.mp4"), "--camera", str(place / "lens.json"), "-o", str(place / "n.mcap")]
+    assert main([*command, "--reference", str(place / "ref.json")]) == 2
+    assert "reference board" in capsys.readouterr().err
+
+
+def test_stills_of_nothing_calibrate_nothing(tmp_path, capsys):
+    with VideoWriter(tmp_path / "v.mp4", 320, 240) as video:
+        video.write(np.full((240, 320), 100, np.uint8))
+    assert main(["calibrate", str(tmp_path / "v.mp4"), "-o", str(tmp_path / "c.json")]) == 2
+    assert "0 checkerboards" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["v.mp4"]
