@@ -1,0 +1,81 @@
+"""Exposure and codec's lag are read off what a video shows; sigmas grow by what the corners share."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.tracking.test_track import REST
+from tracking.board import Board
+from tracking.noise import Frames, codec_lag_px, exposure_by_smear, shared_px, with_shared
+from tracking.pose import Plane, apply
+from tracking.synthetic import paint_video
+from tracking.track import track
+
+PERIOD_S = 1001 / 240000
+
+
+def frames(count=400, exposure_s=1 / 480, lag_px=0.02, seed=0) -> Frames:
+    """Frames that rest, then move at up to 8 px a frame; the picture lags but at keyframes, every 20th."""
+    rng = np.random.default_rng(seed)
+    speed = np.where(np.arange(count) < 40, 0.0, rng.uniform(0.05, 8, count) ** 2 / 8) / PERIOD_S
+    sweep = np.column_stack((speed, 0.3 * speed))
+    widths = np.sqrt(1.2**2 + (sweep * exposure_s) ** 2 / 2.4) * rng.normal(1, 0.02, (count, 2))
+    key = np.arange(count) % 20 == 0
+    jump = np.sqrt(0.012**2 + np.where(key, lag_px**2, 0)) * rng.normal(1, 0.1, count)
+    middle = np.column_stack((np.cumsum(speed) * PERIOD_S, np.zeros(count)))
+    return Frames(middle, widths, sweep, key, jump)
+
+
+@pytest.mark.parametrize("exposure_s", [1 / 1000, 1 / 480, 1 / 250])
+def test_the_exposure_is_read_off_the_smear(exposure_s):
+    assert exposure_by_smear(frames(exposure_s=exposure_s), PERIOD_S) == pytest.approx(exposure_s, rel=0.1)
+
+
+def test_a_board_that_hardly_moves_tells_no_exposure():
+    calm = frames()
+    assert exposure_by_smear(replace(calm, sweep=calm.sweep * 0.01), PERIOD_S) == 0.0
+
+
+def test_the_codecs_lag_is_read_off_the_jumps_at_keyframes():
+    none, some, more = (codec_lag_px(frames(count=4000, lag_px=lag), PERIOD_S) for lag in (0.0, 0.02, 0.05))
+    assert none < 0.01
+    assert some == pytest.approx(0.02, rel=0.2)
+    assert more == pytest.approx(0.05, rel=0.2)
+
+
+def test_the_lag_counts_once_the_board_has_moved():
+    shared = shared_px(frames(), 0.02)
+    assert (shared[:40] < 0.005).all()
+    assert (shared[60:] == 0.02).all()
+
+
+def test_shared_errors_widen_sigma_most_along_the_motion(setup, seen_by_opencv):
+    poses = np.array([(0.02, 1e-4 * k, 1.55) for k in range(30)])  # down the picture
+    pixels = np.array([seen_by_opencv(setup, *pose) for pose in poses])
+    pixels += np.random.default_rng(0).normal(0, 0.01, pixels.shape)
+    rays, slopes = setup.lens.rays_with_slopes(pixels.reshape(-1, 2))
+    points = apply(setup.tip_from_board, Board().corner_points_m())
+    fits = Plane(setup.lens, setup.world_from_camera).fit_rays(
+        rays.reshape(30, 49, 2), slopes.reshape(30, 49, 2, 2), points, poses, np.ones((30, 49), bool)
+    )
+    wider = with_shared(fits, np.full(30, 0.02))
+    # 0.02 px along Z at 0.24 mm a pixel, per coordinate over both: sqrt(2) 0.02 0.24 mm = 7 um
+    grown = np.sqrt((wider - fits.covariance)[:, 1, 1])
+    assert np.median(grown) == pytest.approx(7e-6, rel=0.4)
+
+
+def test_a_snap_at_full_exposure_is_not_drawn_inwards(small, tmp_path):
+    """Open for T, the smear's middle lies a T^2 / 24 off: here, at up to 49 m/s^2, 24 um RMS if it were left so."""
+
+    def ringing(time_s):
+        since = np.clip(np.asarray(time_s) - 0.05, 0, None)
+        return REST[0] + 0 * since, 0.004 * (1 - np.cos(2 * np.pi * 25 * since)) / 2, REST[2] + 0 * since
+
+    paint_video(tmp_path / "v.mp4", small, ringing, 0.3, exposure_s=1 / 245, bitrate=20e6)
+    found = track(tmp_path / "v.mp4", replace(small, line_s=0.0), Board())
+    assert found.exposure_s == pytest.approx(1 / 245, rel=0.15)
+    miss = found.trace.z_m - ringing(found.trace.time_s)[1]
+    assert np.sqrt(np.mean(miss**2)) < 12e-6  # the codec's lag: 0.03 px at 0.24 mm
