@@ -7,10 +7,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from rig.controller import Command, Controller, Reading
+from rig.controller import Controller
 from rig.errors import LinkLostError, RigError
 from rig.interrupts import Interrupts
 from rig.protocol import PressureProtocol
+from rig.reading import Command, Reading
 from rig.run import CELLS
 from rig.run_write import RunWriter
 
@@ -47,20 +48,15 @@ def run_protocol(
     """
     if not controller.is_open:
         raise RigError(f"controller {controller.name} is not open; write: with controller: run_protocol(...)")
-    allowed = controller.limits.and_also(protocol.limits)
-    protocol.check_limits(allowed)
+    protocol.check_limits(controller.limits.and_also(protocol.limits))
     if protocol.channel not in controller.channels:
         raise RigError(f"protocol {protocol.name} wants channel {protocol.channel}, in use: {controller.channels}")
     if not 0.0 < rate_hz <= 1000.0:
         raise RigError(f"loop rate {rate_hz:g} Hz must be above 0 and at most 1000")
-    limits_before, controller.limits = controller.limits, allowed
-    try:
-        with Interrupts() as interrupts:
-            outcome = _Session(controller, protocol, Path(path), rate_hz, metadata or {}, progress, interrupts).run()
-            interrupts.check()  # a signal that came during the last vent still counts
-            return outcome
-    finally:
-        controller.limits = limits_before
+    with controller.narrowed(protocol.limits), Interrupts() as interrupts:
+        outcome = _Session(controller, protocol, Path(path), rate_hz, metadata or {}, progress, interrupts).run()
+        interrupts.check()  # a signal that came during the last vent still counts
+        return outcome
 
 
 class _Session:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Protocol, Self
@@ -13,6 +11,7 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.clock import Clock
 from rig.plant import PressurePlant
 
 Floats = NDArray[np.float64]
@@ -71,7 +70,7 @@ class Twin:
         self,
         stepper: StrawStepper,
         plant: PressurePlant,
-        clock: Callable[[], float] = time.monotonic,
+        clock: Clock | None = None,
         remember_s: float = 300.0,
     ) -> None:
         self.stepper = stepper
@@ -82,23 +81,24 @@ class Twin:
         # An emulator may be left on for days: what it remembers must not grow with them.
         self._rows: deque[tuple[float, ...]] = deque(maxlen=round(remember_s / STEP_S))
         self._remember(pressure_pa)
-        self._clock = clock
-        self._zero = clock() - stepper.time_s
-        self.zero_wall_ns = time.time_ns() - round(stepper.time_s * 1e9)
+        self.clock = clock or Clock()
+        self._zero_ns = self.clock.monotonic_ns() - round(stepper.time_s * 1e9)
+        self.zero_wall_ns = self.clock.wall_ns(self._zero_ns)
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self._failure: BaseException | None = None
 
     def now(self) -> float:
         """Seconds since the twin's zero."""
-        return self._clock() - self._zero
+        return (self.clock.monotonic_ns() - self._zero_ns) * 1e-9
 
     def advance_to(self, time_s: float) -> None:
         """Move the straw on in whole milliseconds, up to ``time_s``; only one thread may do so."""
         while (end_s := self.stepper.time_s + STEP_S) <= time_s:
             start_s = self.stepper.time_s
-            external_pa = self.plant.pressure(end_s)
+            external_pa, before_m3 = self.plant.pressure(end_s), self.stepper.volume_m3
             self.stepper.advance(end_s, self.plant.pressure(start_s), external_pa)
+            self.plant.take(end_s, self.stepper.volume_m3 - before_m3, STEP_S)
             self._remember(external_pa)
 
     def start(self) -> None:

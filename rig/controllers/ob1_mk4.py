@@ -3,12 +3,11 @@
 Source: micro-manager/mmCoreAndDevices ``DeviceAdapters/Elveflow/ob1_mk4.cpp`` and micro-manager.org/Elveflow, the only
 public description. A request is ``<`` + keyword of five letters + ``?`` or ``!`` + parameters + newline, the answer one
 line that starts with ``>``. Not shown in public, so settable in ``Dialect``: the words between keyword and values, how
-a refusal looks, the unit of the readings. There is no checksum, no vent command and no watchdog: venting is setting 0.
+a refusal looks, the units of the readings. There is no checksum, no vent command and no watchdog: venting is setting 0.
 """
 
 from __future__ import annotations
 
-import math
 import re
 import time
 from dataclasses import dataclass
@@ -18,11 +17,14 @@ from rig.controller import Controller
 from rig.errors import LinkLostError, RigError
 from rig.limits import PressureLimits
 from rig.line import Line
+from rig.reading import Answer
 
 FIRMWARE = b"<FIRMV?\n"
 READ_ALL = b"<PINGA?\n"
 CHANNELS = 4
 BAUD = 115200
+NUMBER = re.compile(r"-?\d{1,6}(\.\d{1,6})?")
+ECHO = re.compile(r"[0-4]:-?\d+")
 
 
 @dataclass(frozen=True)
@@ -30,13 +32,14 @@ class Dialect:
     """What the public sources leave open, with the inferred answer as default.
 
     ``ok`` follows the keyword in every good answer; ``first_channel`` is the instrument's number of its first channel;
-    ``reading_unit_pa`` is the unit of the regulator values (mbar).
+    ``reading_unit_pa`` is the unit of the regulator values (mbar), ``flow_unit_m3_s`` that of a flow sensor (ul/min).
     """
 
     ok: str = "OK"
     separator: str = "|"
     first_channel: int = 0
     reading_unit_pa: float = 100.0
+    flow_unit_m3_s: float = 1e-9 / 60
 
 
 def encode_set(channel: int, pressure_pa: float, dialect: Dialect = Dialect()) -> bytes:
@@ -63,18 +66,20 @@ def decode_payload(reply: bytes, dialect: Dialect = Dialect()) -> str:
     return dialect.separator.join(rest[1:])
 
 
-def decode_pressures(reply: bytes, dialect: Dialect = Dialect()) -> dict[int, float]:
-    """Regulator pressure (Pa) by channel (from 1) out of a PINGA answer ``reg0:sens0:type0:...:reg3:sens3:type3``."""
+def decode_readings(reply: bytes, dialect: Dialect = Dialect()) -> Answer:
+    """Regulators (Pa) and flow sensors by channel (from 1) of ``reg0:sens0:type0:...:reg3:sens3:type3``.
+
+    A sensor of type 0 is none. RigError when the line is damaged.
+    """
     fields = decode_payload(reply, dialect).split(":")
-    try:
-        if len(fields) != 3 * CHANNELS:
-            raise ValueError
-        pressures = {i + 1: float(fields[3 * i]) * dialect.reading_unit_pa for i in range(CHANNELS)}
-        if not all(math.isfinite(pressure) for pressure in pressures.values()):
-            raise ValueError
-    except ValueError:
-        raise RigError(f"OB1 MK4 sent a damaged reading {reply!r}; it was not used") from None
-    return pressures
+    if len(fields) != 3 * CHANNELS or not all(map(NUMBER.fullmatch, fields)):
+        raise RigError(f"OB1 MK4 sent a damaged reading {reply!r}; it was not used")
+    regulators, sensors, kinds = (dict(enumerate(map(float, fields[k::3]), 1)) for k in range(3))
+    return Answer(
+        {channel: value * dialect.reading_unit_pa for channel, value in regulators.items()},
+        reply,
+        {channel: value * dialect.flow_unit_m3_s for channel, value in sensors.items() if kinds[channel]},
+    )
 
 
 class Ob1Mk4(Controller):
@@ -103,10 +108,12 @@ class Ob1Mk4(Controller):
         self.timeout_s = timeout_s
         self.dialect = dialect
         self.firmware = ""
+        self._behind = False  # an answer may still be on its way
         self._line = Line(port, baud=BAUD)
 
     def _open(self) -> None:
         self._line.open()
+        self._behind = False
         try:
             self.firmware = decode_payload(self._ask(FIRMWARE), self.dialect)
         except BaseException:
@@ -117,7 +124,19 @@ class Ob1Mk4(Controller):
         self._line.close()
 
     def _ask(self, request: bytes) -> bytes:
-        """One exchange; late answers to earlier requests are passed over, and nothing is sent twice."""
+        """One exchange; late answers to earlier requests are passed over, and nothing is sent twice.
+
+        After an exchange that failed its answer may still be on its way, and would be taken for the answer to the next
+        request of the same keyword. The instrument answers in order: once it tells its firmware, nothing older comes.
+        """
+        if self._behind:
+            self._exchange(FIRMWARE)
+        self._behind = True
+        reply = self._exchange(request)
+        self._behind = False
+        return reply
+
+    def _exchange(self, request: bytes) -> bytes:
         deadline = time.monotonic() + self.timeout_s
         reply = self._line.exchange(request, b"\n", self.timeout_s)
         while not is_answer_to(request, reply):
@@ -127,23 +146,33 @@ class Ob1Mk4(Controller):
             reply = self._line.read_until(b"\n", left_s)
         return reply
 
-    def _send(self, channel: int, pressure_pa: float) -> None:
-        decode_payload(self._ask(encode_set(channel, pressure_pa, self.dialect)), self.dialect)
+    def _send(self, channel: int, pressure_pa: float) -> bytes:
+        request = encode_set(channel, pressure_pa, self.dialect)
+        reply = self._ask(request)
+        echo, told = decode_payload(reply, self.dialect), request.decode().strip().partition(":")[2]
+        # That it echoes what it was told is inferred; where it does, a set that was garbled on its way there shows.
+        if ECHO.fullmatch(echo) and echo != told:
+            raise RigError(f"OB1 MK4 understood {echo} when it was told {told}; check the cable")
+        return reply
 
-    def _read(self) -> tuple[dict[int, float], bytes]:
-        reply = self._ask(READ_ALL)
-        return decode_pressures(reply, self.dialect), reply
+    def _read(self) -> Answer:
+        return decode_readings(self._ask(READ_ALL), self.dialect)
 
     def _vent(self, channel: int) -> None:
+        if self._behind:  # out with it at once; catching up and having it confirmed come after
+            self._line.write(encode_set(channel, 0.0, self.dialect))
         for attempt in range(3):
             try:
-                return self._send(channel, 0.0)
+                self._send(channel, 0.0)
+                return
             except LinkLostError:
                 raise
             except RigError:  # unlike any other set, a vent may be repeated: doing it twice does no harm
                 if attempt == 2:
                     raise
-        return None
+
+    def _trigger(self, high: bool) -> None:
+        decode_payload(self._ask(b"<TRIGO!%d\n" % high), self.dialect)
 
     def snapshot(self) -> dict[str, str]:
         """Firmware, port and settings, as strings for the record."""
