@@ -8,9 +8,10 @@ import pkgutil
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
+from pathlib import Path
 from types import TracebackType
-from typing import Any, ClassVar, Self, final
+from typing import Any, Self, final
 
 from rig.clock import Clock
 from rig.errors import LimitError, LinkLostError, RigError
@@ -26,8 +27,8 @@ class Controller(ABC):
     wire. ``open`` vents, so that the state is known; ``close`` vents, so that nothing stays under pressure.
     """
 
-    name: ClassVar[str]
-    span: ClassVar[PressureLimits]  # what the instrument itself can do
+    name: str
+    span: PressureLimits  # what the instrument itself can do
     resolution_pa: float  # smallest step the instrument can be told
     byte_s: float = 0.0  # what one byte of an answer spends on the line
 
@@ -74,6 +75,12 @@ class Controller(ABC):
     def _trigger(self, high: bool) -> None:
         """Set the trigger output."""
         raise RigError(f"{self.name}: has no trigger output; drive the LED from another instrument, or leave it out")
+
+    def beat(self) -> None:  # noqa: B027  only a guarded controller has somebody to tell
+        """Say that the script is alive, for pauses in which it neither sets nor reads."""
+
+    def record_in(self, path: Path) -> None:  # noqa: B027  likewise
+        """Where whoever outlives the script may note what it did."""
 
     @property
     def limits(self) -> PressureLimits:
@@ -179,8 +186,7 @@ class Controller(ABC):
         with self._lock:
             for channel in self.channels:
                 try:
-                    self._vent_through_any_link(channel)
-                    self._leashes[channel].arrived(0.0, self.clock.monotonic_s())
+                    self.vent_channel(channel)
                 except RigError as error:
                     failures.append(str(error))
         if failures:
@@ -194,19 +200,22 @@ class Controller(ABC):
             self._trigger(high)
             return Stamp(**self._stamp(before_ns))
 
-    def _vent_through_any_link(self, channel: int) -> None:
+    @final
+    def vent_channel(self, channel: int) -> None:
+        """Bring one channel to ambient pressure, over a fresh link if the old one is lost."""
         try:
             self._vent(channel)
-        except LinkLostError:
+        except LinkLostError as lost:
             if not self.is_open:
                 raise
             # A loose plug may be back by now: a fresh link costs little, a straw left under pressure much.
             self._close()
-            with suppress(RigError):
+            try:
                 self._open()
-                return self._vent(channel)
-            raise
-        return None
+                self._vent(channel)
+            except RigError:
+                raise lost from None
+        self._leashes[channel].arrived(0.0, self.clock.monotonic_s())
 
     def _check_plausible(self, channel: int, answer: Answer, asked_s: float) -> None:
         raw = answer.raw

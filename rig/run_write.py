@@ -13,6 +13,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from rig.errors import RigError
+from rig.provenance import software
 from rig.schema import descriptor_set, encode, schema_of
 
 FLUSH_S = 1.0  # what a killed program may lose at most: a chunk that was never flushed is gone
@@ -46,6 +47,7 @@ class RunFile:
         try:
             self._mcap.start(profile="straw", library="straw rig")
             self._mcap.add_metadata("straw.run", {key: str(value) for key, value in metadata.items()})
+            self._mcap.add_metadata("straw.software", software())
             for name, data in (attachments or {}).items():
                 now_ns = time.time_ns()
                 self._mcap.add_attachment(now_ns, now_ns, name, "text/plain", data)
@@ -124,6 +126,11 @@ class RunWriter:
         self._finished = False
         self._thread = threading.Thread(target=self._write, name=f"writer {self.path.name}", daemon=True)
         self._thread.start()
+
+    @property
+    def failed(self) -> bool:
+        """Whether the disk refused; ``add`` and ``finish`` tell how."""
+        return self._failure is not None
 
     def add(self, topic: str, happened_ns: int, **values: Any) -> None:
         """Queue one message that happened at ``happened_ns`` (ns since the Unix epoch); never waits for the disk.

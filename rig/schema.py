@@ -16,13 +16,14 @@ if TYPE_CHECKING:
 Fields = tuple[tuple[str, str, str], ...]
 
 WHEN: Fields = (("monotonic_ns", "int64", "ns"), ("half_width_ns", "int64", "ns"))
-COMMAND: Fields = (("pressure_pa", "double", "Pa"), ("channel", "int32", ""), *WHEN)
+COMMAND: Fields = (("pressure_pa", "double", "Pa"), ("channel", "int32", ""), *WHEN, ("raw", "bytes", ""))
 MEASURED: Fields = (
     ("pressure_pa", "double", "Pa"),
     ("sigma_pa", "double", "Pa"),
     ("channel", "int32", ""),
     *WHEN,
     ("raw", "bytes", ""),
+    ("flow_m3_s", "double", "m^3/s"),
 )
 TIP: Fields = (
     ("x_m", "double", "m"),

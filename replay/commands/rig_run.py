@@ -10,8 +10,8 @@ from model.parameters import StrawParameters, load_straw
 from model.simulate import Stepper
 from replay.output import write_json
 from replay.progress import prepare, progress_bar
-from rig.controller import make_controller
 from rig.emulate import Emulation, emulator_of
+from rig.guarded import GuardedController
 from rig.protocol import PressureProtocol, load_protocol
 from rig.session import Outcome, run_protocol
 
@@ -51,7 +51,7 @@ def drive(
     **metadata: str,
 ) -> Outcome:
     """Run a protocol on the controller at a port and record it, with a bar; ``metadata`` joins ``straw.run``."""
-    with make_controller(controller, port) as opened, progress_bar(f"drive {protocol.name}", "ms") as progress:
+    with GuardedController(controller, port) as opened, progress_bar(f"drive {protocol.name}", "ms") as progress:
         return run_protocol(
             opened,
             protocol,

@@ -116,7 +116,7 @@ def test_the_wire_takes_as_long_as_the_real_line(straw: object) -> None:
 def test_a_wire_or_emulator_that_cannot_be_made_is_one_line(straw: object) -> None:
     with pytest.raises(RigError, match="cannot listen on 'nowhere'"):
         Emulation(straw, "ob1-mk4", "nowhere")
-    with pytest.raises(RigError, match="has no emulator; known: .*ob1-mk4"):
+    with pytest.raises(RigError, match=r"has no emulator; known: .*ob1-mk4"):
         Emulation(straw, name="ob9")
     with Emulation(straw) as first, pytest.raises(RigError, match="free port"):
         Wire(first.wire.device, first.url.removeprefix("socket://"))
