@@ -36,6 +36,7 @@ class GuardedController(Controller):
         super().__init__(channels=driver.channels, limits=driver.limits, sigma_pa=driver.sigma_pa)
         self._orders = Orders(name, port, settings, heartbeat_s, patience_s)
         self._process: subprocess.Popen[bytes] | None = None
+        self._asked = 0
 
     @property
     def guardian_pid(self) -> int | None:
@@ -93,9 +94,12 @@ class GuardedController(Controller):
         if process is None or process.stdin is None or process.stdout is None:
             raise LinkLostError(f"{self.name} is not open; open it first")
         try:
-            pickle.dump(message, process.stdin)
+            self._asked += 1
+            pickle.dump((self._asked, message), process.stdin)
             process.stdin.flush()
-            answer = pickle.load(process.stdout)
+            answered = 0
+            while answered != self._asked:  # Ctrl-C may have left an answer unread
+                answered, answer = pickle.load(process.stdout)
         except (OSError, EOFError, pickle.UnpicklingError):
             raise LinkLostError(
                 f"{self.name}: its guardian process {process.pid} was lost; somebody ended it: start again"

@@ -22,13 +22,15 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeAlias
 
 from rig.controller import Controller, make_controller
 from rig.errors import LimitError, LinkLostError, RigError
 from rig.interrupts import NAMES
 
 RETRY_S = 0.2
+Reply = Callable[[int, Any], None]  # (number of the request, answer)
+Requests: TypeAlias = "queue.SimpleQueue[tuple[int, Any] | None]"  # None: the script has ended
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ class Orders:
 class Guardian:
     """Obeys one script, request by request, until that ends; the last thing it does is vent."""
 
-    def __init__(self, orders: Orders, requests: queue.SimpleQueue[tuple[str, tuple[Any, ...]] | None]) -> None:
+    def __init__(self, orders: Orders, requests: Requests) -> None:
         self.orders = orders
         self.requests = requests
         self.controller: Controller = make_controller(orders.name, orders.port, **orders.settings)
@@ -65,18 +67,18 @@ class Guardian:
             "beat": lambda: None,
         }
 
-    def serve(self, reply: Callable[[Any], None]) -> None:
+    def serve(self, number: int, reply: Reply) -> None:
         """Open, obey, and vent at the end whatever the end is."""
         try:
             self.controller.open()
         except Exception as error:
-            reply(error)
+            reply(number, error)
             return
-        reply(None)
+        reply(number, None)
         self._obey(reply)
         self._last_word()
 
-    def _obey(self, reply: Callable[[Any], None]) -> None:
+    def _obey(self, reply: Reply) -> None:
         while True:
             try:
                 request = self.requests.get(timeout=self.orders.heartbeat_s if self.under_pressure else None)
@@ -89,15 +91,15 @@ class Guardian:
                 self._say("guardian", "the script ended without closing the controller")
                 self.under_pressure.update(self.controller.channels)
                 return
-            what, arguments = request
+            number, (what, arguments) = request
             if what == "close":
-                reply(None)
+                reply(number, None)
                 return
             try:
                 answer = self._does[what](*arguments)
             except Exception as error:
                 answer = error
-            reply(answer)
+            reply(number, answer)
 
     def _set(self, channel: int, pressure_pa: float) -> bytes:
         if self.refuses:
@@ -147,16 +149,16 @@ def main() -> None:
     """Serve the script at the other end of stdin and stdout."""
     replies = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # whatever a vendor's library prints must not get between the replies
-    requests: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    requests: Requests = queue.SimpleQueue()
     for name in NAMES:
         if number := getattr(signal, name, None):
             signal.signal(number, lambda *_: requests.put(None))  # told to end: as if the script had ended
-    orders: Orders = pickle.load(sys.stdin.buffer)
+    number, orders = pickle.load(sys.stdin.buffer)
     threading.Thread(target=_listen, args=(sys.stdin.buffer, requests), daemon=True).start()
 
-    def reply(answer: Any) -> None:
+    def reply(number: int, answer: Any) -> None:
         try:
-            pickle.dump(answer, replies)
+            pickle.dump((number, answer), replies)
             replies.flush()
         except OSError:
             requests.put(None)  # nobody is left to hear it
@@ -164,12 +166,12 @@ def main() -> None:
     try:
         guardian = Guardian(orders, requests)
     except RigError as error:
-        reply(error)
+        reply(number, error)
         return
-    guardian.serve(reply)
+    guardian.serve(number, reply)
 
 
-def _listen(stream: BinaryIO, requests: queue.SimpleQueue[Any]) -> None:
+def _listen(stream: BinaryIO, requests: Requests) -> None:
     try:
         while True:
             requests.put(pickle.load(stream))
