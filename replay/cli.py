@@ -42,9 +42,12 @@ def parser() -> argparse.ArgumentParser:
     where = p.add_mutually_exclusive_group(required=True)
     where.add_argument("--port", metavar="URL", help="serial port, by-id path, or socket://host:port")
     where.add_argument("--emulate", action="store_true", help="no hardware: an emulator with the straw behind it")
-    p.add_argument("--controller", default="ob1-mk4", metavar="NAME", help="kind of controller (ob1-mk4)")
+    _controller(p)
     p.add_argument("-o", "--output", type=Path, required=True, metavar="RUN.mcap", help="the recording")
     p.add_argument("--rate", type=float, default=100.0, metavar="HZ", help="samples a second (100)")
+    p.add_argument("--led", action="store_true", help="blink a code on the trigger output, for the camera's clock")
+    p.add_argument("--fast", action="store_true", help="with --emulate: as fast as the arithmetic, not in real time")
+    p.add_argument("--tip", type=Path, metavar="TIP.mcap", help="with --emulate: what a perfect camera would have seen")
     _straw(p, "the straw behind the emulator")
     _json(p)
     p = _command(rig_commands, "emulate", "a controller on the wire with the straw behind it", module="rig_emulate")
@@ -52,6 +55,28 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--listen", default="127.0.0.1:0", metavar="URL", help="host:port, or pty (127.0.0.1, any port)")
     p.add_argument("--deployed", default="", metavar="CELLS", help="cells deployed at the start, as 1,4 (none)")
     _straw(p)
+
+    p = _command(rig_commands, "show", "draw a protocol, and check it against its limits", module="rig_show")
+    p.add_argument("protocol", type=Path, metavar="P.toml")
+    p.add_argument("-o", "--output", type=Path, metavar="PICTURE", help="png, svg or pdf (the protocol's name, png)")
+    _json(p)
+    p = _command(rig_commands, "snap-search", "find the pressure at which a cell snaps", module="rig_snap_search")
+    where = p.add_mutually_exclusive_group(required=True)
+    where.add_argument("--port", metavar="URL", help="serial port, by-id path, or socket://host:port")
+    where.add_argument("--emulate", action="store_true", help="no hardware: an emulator with the straw behind it")
+    _controller(p)
+    p.add_argument("--cell", type=int, metavar="N", help="the cell that is to snap, alone in its state")
+    p.add_argument("--deployed", metavar="CELLS", help='instead: cells deployed at the start, as 1,4 or ""')
+    p.add_argument("--direction", required=True, choices=("fold", "deploy"), help="suction folds, pressure deploys")
+    p.add_argument("--step", type=float, default=0.5, metavar="KPA", help="quasi-static step (0.5)")
+    p.add_argument("--resolution", type=float, default=0.1, metavar="KPA", help="bisect down to this (0.1)")
+    p.add_argument("--from", type=float, default=0.0, dest="start", metavar="KPA", help="first pressure (0)")
+    p.add_argument("--to", type=float, metavar="KPA", help="last pressure (the limit)")
+    p.add_argument("--repeats", type=int, default=1, metavar="N", help="searches (1)")
+    p.add_argument("--ask", action="store_true", help="on a rig without a flow sensor: somebody says what snapped")
+    p.add_argument("-o", "--output", type=Path, metavar="RUN.mcap", help="record all of it")
+    _straw(p, "the straw behind the emulator")
+    _json(p)
 
     p = _command(commands, "track", "from a video to the tip's X, Z and Phi")
     p.add_argument("video", type=Path, metavar="VIDEO")
@@ -103,6 +128,12 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--partial", action="store_true", help="take damaged or cut recordings for what is left of them")
     _json(p)
     return top
+
+
+def _controller(p: argparse.ArgumentParser) -> None:
+    p.add_argument("--controller", default="ob1-mk4", metavar="NAME", help="ob1-mk4 (default), ob1-sdk or alicat")
+    p.add_argument("--limits", metavar="MIN,MAX[,RATE]", help="in kPa and kPa/s, below everything else (-40,60)")
+    p.add_argument("--setting", action="append", default=[], metavar="KEY=VALUE", help="of the driver, as unit=B")
 
 
 def _seed(text: str) -> int:

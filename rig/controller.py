@@ -16,6 +16,7 @@ from typing import Any, Self, final
 from rig.clock import Clock
 from rig.errors import LimitError, LinkLostError, RigError
 from rig.limits import STRAW_LIMITS, Leash, PressureLimits
+from rig.plausible import Expectation
 from rig.reading import Answer, Command, Reading, Stamp
 
 
@@ -46,6 +47,7 @@ class Controller(ABC):
         self.is_open = False
         self._limits = self.span.and_also(limits)
         self._leashes = {channel: Leash(self.resolution_pa) for channel in channels}
+        self._expected = {channel: Expectation() for channel in channels}
         self._lock = threading.RLock()  # one exchange at a time, whoever asks: replies must not be mixed up
 
     @abstractmethod
@@ -101,6 +103,8 @@ class Controller(ABC):
         """Open the link, check the instrument, and vent: a known state to start from."""
         self._open()
         self.is_open = True
+        for expected in self._expected.values():
+            expected.forget()
         try:
             self.vent()
         except BaseException:
@@ -153,9 +157,10 @@ class Controller(ABC):
                 raise LimitError(
                     f"{self.name}: {reason} (channel {channel}); nothing was sent; ask for less, or for a slower ramp"
                 )
+            self._expected[channel].told(pressure_pa)
             raw = self._send(channel, pressure_pa)
             stamp = self._stamp(before_ns, len(raw))
-            self._leashes[channel].arrived(pressure_pa, self.clock.monotonic_s())
+            self._leashes[channel].arrived(pressure_pa)
         return Command(**stamp, channel=channel, pressure_pa=pressure_pa, raw=raw)
 
     @final
@@ -166,7 +171,7 @@ class Controller(ABC):
             answer = self._read()
             stamp = self._stamp(before_ns, len(answer.raw))
         for channel in self.channels:
-            self._check_plausible(channel, answer, before_ns * 1e-9)
+            self._check_plausible(channel, answer)
         return tuple(
             Reading(
                 **stamp,
@@ -203,6 +208,7 @@ class Controller(ABC):
     @final
     def vent_channel(self, channel: int) -> None:
         """Bring one channel to ambient pressure, over a fresh link if the old one is lost."""
+        self._expected[channel].told(0.0)
         try:
             self._vent(channel)
         except LinkLostError as lost:
@@ -215,9 +221,9 @@ class Controller(ABC):
                 self._vent(channel)
             except RigError:
                 raise lost from None
-        self._leashes[channel].arrived(0.0, self.clock.monotonic_s())
+        self._leashes[channel].arrived(0.0)
 
-    def _check_plausible(self, channel: int, answer: Answer, asked_s: float) -> None:
+    def _check_plausible(self, channel: int, answer: Answer) -> None:
         raw = answer.raw
         if channel not in answer.pressure_pa:
             raise RigError(f"{self.name}: channel {channel} is not in its reply {raw!r}; check the channel number")
@@ -225,10 +231,8 @@ class Controller(ABC):
         slack_pa = 0.05 * (self.span.max_pa - self.span.min_pa)
         if not self.span.min_pa - slack_pa <= pressure_pa <= self.span.max_pa + slack_pa:
             raise RigError(f"{self.name}: reads {pressure_pa / 1e3:g} kPa ({raw!r}), beyond its own range; not used")
-        if pressure_pa == 0.0 and self._leashes[channel].cannot_be_zero(asked_s):
-            raise RigError(
-                f"{self.name}: reads exactly 0 ({raw!r}) though told otherwise for a while, as lost links do; not used"
-            )
+        if reason := self._expected[channel].why_not(pressure_pa, self._leashes[channel].places_pa):
+            raise RigError(f"{self.name}: {reason} ({raw!r}); not used")
 
     def _stamp(self, before_ns: int, answer_bytes: int = 0) -> dict[str, Any]:
         # The instrument measured before it began to answer, and the answer's own bytes take milliseconds.

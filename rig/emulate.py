@@ -14,7 +14,7 @@ from rig.clock import Clock, SteppedClock
 from rig.emulator import Emulator
 from rig.errors import RigError
 from rig.plant import Plant, PressurePlant
-from rig.twin import StrawStepper, Twin
+from rig.twin import STEP_S, StrawStepper, Twin
 from rig.wire import Faults, Wire
 
 
@@ -35,10 +35,11 @@ class Emulation:
         latency_s: float = 1e-3,
         faults: Faults | None = None,
         clock: Clock | None = None,
+        step_s: float = STEP_S,
     ) -> None:
         emulator = emulator_of(name)
         self.plant = plant or PressurePlant()
-        self.twin = Twin(stepper, self.plant, clock)
+        self.twin = Twin(stepper, self.plant, clock, step_s=step_s)
         self.clock = self.twin.clock
         self.device = emulator({1: self.plant})
         lock = threading.Lock()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass
 
 from rig.errors import RigError
@@ -54,8 +53,6 @@ much again and stays far below the regulator's 100 kPa."""
 
 
 SAVED_S = 0.25  # after a long hold a rate limit must not allow one long jump: change is saved up for this long only
-SETTLED_S = 0.3  # a healthy controller has followed by then: the paper saw 97 % after 70 ms
-OFF_ZERO_PA = 1e3
 
 
 class Leash:
@@ -68,14 +65,13 @@ class Leash:
 
     def __init__(self, step_pa: float) -> None:
         self.step_pa = step_pa
-        self._places_pa: tuple[float, ...] = (0.0,)
+        self.places_pa: tuple[float, ...] = (0.0,)  # what it was told last, and what it may have been told since
         self._credit_pa = math.inf
         self._at_s = -math.inf
-        self._told: deque[tuple[float, float]] = deque([(-math.inf, 0.0)])
 
     def why_not(self, pressure_pa: float, rate_pa_s: float | None, now_s: float) -> str | None:
         """None when the channel may be told this pressure now, else the reason; counts as told when allowed."""
-        farthest_pa = max(self._places_pa, key=lambda place: abs(pressure_pa - place))
+        farthest_pa = max(self.places_pa, key=lambda place: abs(pressure_pa - place))
         change_pa = abs(pressure_pa - farthest_pa)
         if rate_pa_s is not None:
             # One step of the instrument is always affordable, or rounding alone could break a slow ramp.
@@ -88,21 +84,9 @@ class Leash:
                 )
             if change_pa:
                 self._credit_pa, self._at_s = credit_pa - change_pa, now_s
-        self._places_pa = (*self._places_pa, pressure_pa)
+        self.places_pa = (*self.places_pa, pressure_pa)
         return None
 
-    def arrived(self, pressure_pa: float, now_s: float) -> None:
+    def arrived(self, pressure_pa: float) -> None:
         """The instrument acknowledged this pressure, a vent included, which no rate holds back."""
-        self._places_pa = (pressure_pa,)
-        self._told.append((now_s, pressure_pa))
-        while len(self._told) > 1 and self._told[1][0] <= now_s - SETTLED_S:
-            self._told.popleft()
-
-    def cannot_be_zero(self, now_s: float) -> bool:
-        """Whether everything told during the settling time lies on one side of 0 and well off it."""
-        recent = [
-            pressure_pa
-            for (_, pressure_pa), (until_s, _) in zip(self._told, [*list(self._told)[1:], (math.inf, 0.0)], strict=True)
-            if until_s > now_s - SETTLED_S
-        ]
-        return len(self._places_pa) == 1 and (min(recent) > OFF_ZERO_PA or max(recent) < -OFF_ZERO_PA)
+        self.places_pa = (pressure_pa,)

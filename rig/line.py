@@ -120,8 +120,8 @@ def _ports() -> str:
 
 def _low_latency(port: str) -> None:
     # FTDI chips wait 16 ms to fill a packet, which caps polling near 60 Hz; lowering it needs rights we may not have.
-    timer = Path("/sys/bus/usb-serial/devices") / Path(port).resolve().name / "latency_timer"
     try:
+        timer = Path("/sys/bus/usb-serial/devices") / Path(port).resolve().name / "latency_timer"
         if timer.exists():
             timer.write_text("1")
     except OSError:

@@ -26,7 +26,7 @@ def decode(found: Scan) -> dict[str, list[Row]]:
     rows: dict[str, list[Row]] = {}
     readers: dict[int, tuple[list[Row], Callable[[bytes], tuple[Any, ...]]] | None] = {}
     damaged: Counter[str] = Counter()
-    for channel_id, happened_ns, data in found.messages:
+    for channel_id, happened_ns, data, _ in found.messages:
         if channel_id not in readers:
             readers[channel_id] = _reader(found, channel_id, rows)
         reader = readers[channel_id]

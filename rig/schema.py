@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -124,11 +125,17 @@ def _in_order(files: Any) -> list[FileDescriptorProto]:
     return ordered
 
 
-def encode(topic: str, values: dict[str, Any]) -> bytes:
-    """One message of a topic as protobuf bytes; a value that does not fit its field is a RigError."""
+@cache
+def _class_of(topic: str) -> Any:
     schema = schema_of(topic)
+    return message_class(schema.name, descriptor_set(schema))
+
+
+def encode(topic: str, values: Mapping[str, Any]) -> bytes:
+    """One message of a topic as protobuf bytes; a value that does not fit its field is a RigError."""
     try:
-        data: bytes = message_class(schema.name, descriptor_set(schema))(**values).SerializeToString()
+        data: bytes = _class_of(topic)(**values).SerializeToString()
     except (TypeError, ValueError) as error:
-        raise RigError(f"{topic}: {' '.join(str(error).split())}; fields are {[f[0] for f in schema.fields]}") from None
+        fields = [name for name, *_ in schema_of(topic).fields]
+        raise RigError(f"{topic}: {' '.join(str(error).split())}; fields are {fields}") from None
     return data

@@ -230,7 +230,7 @@ def test_no_sequence_of_sets_travels_faster_than_the_limit(seed: int) -> None:
         now_s += random.choice([0.0, 1e-4, 1e-2, 0.3])
         wanted_pa = round(random.choice([at_pa + step, at_pa - step, random.uniform(-40e3, 60e3)]) / step) * step
         if leash.why_not(wanted_pa, rate, now_s) is None:
-            leash.arrived(wanted_pa, now_s)
+            leash.arrived(wanted_pa)
             passed.append((now_s, wanted_pa))
             at_pa = wanted_pa
     time_s, pressure_pa = np.array(passed).T
@@ -243,25 +243,49 @@ def test_no_sequence_of_sets_travels_faster_than_the_limit(seed: int) -> None:
 
 def test_a_set_that_may_have_arrived_counts_as_both() -> None:
     leash = Leash(100.0)
-    leash.arrived(0.0, 0.0)
+    leash.arrived(0.0)
     assert leash.why_not(2e3, 10e3, 1.0) is None  # sent, never acknowledged
     assert leash.why_not(-2e3, 10e3, 1.3) is not None  # from 2 kPa it would be 4 kPa at once
     assert leash.why_not(1e3, 10e3, 1.3) is None
 
 
-def test_an_exact_zero_is_not_believed_while_everything_told_is_far_from_it(straw: object) -> None:
+@pytest.fixture
+def quick(straw: object) -> Iterator[tuple[Emulation, Controller]]:
     clock = SteppedClock()
     with (
         Emulation(straw, plant=PressurePlant(noise_pa=0.0), clock=clock) as emulation,
         make_controller("ob1-mk4", emulation.url, clock=clock) as controller,
     ):
-        controller.set_pressure(1, -25e3)
-        assert controller.read()[0].pressure_pa > -25e3  # on its way, and a zero right now could be true
-        clock.sleep(1.0)
-        assert controller.read()[0].pressure_pa == -25e3
-        plants, emulation.device.plants = emulation.device.plants, {}
-        with pytest.raises(RigError, match=r"reads exactly 0 .* as lost links do; not used"):
+        yield emulation, controller
+
+
+def test_a_zero_that_comes_from_nowhere_is_not_believed(quick: tuple[Emulation, Controller]) -> None:
+    emulation, controller = quick
+    controller.set_pressure(1, -25e3)
+    controller.read()  # on its way from 0
+    controller.clock.sleep(1.0)
+    assert controller.read()[0].pressure_pa == -25e3
+    plants, emulation.device.plants = emulation.device.plants, {}
+    for _ in range(3):
+        with pytest.raises(RigError, match=r"reads exactly 0 all at once, as a lost link does .*; not used"):
             controller.read()
-        emulation.device.plants = plants
-        controller.set_pressure(1, 25e3)
+    emulation.device.plants = plants
+    controller.set_pressure(1, 25e3)  # the way there leads through 0
+    for _ in range(40):
+        controller.clock.sleep(0.002)
         controller.read()
+
+
+def test_a_reading_that_cannot_be_is_refused_once_and_believed_when_it_stays(
+    quick: tuple[Emulation, Controller],
+) -> None:
+    emulation, controller = quick
+    controller.set_pressure(1, -25e3)
+    controller.clock.sleep(1.0)
+    controller.read()
+    emulation.plant.max_pa = emulation.plant.min_pa = -10e3  # the vacuum pump stops
+    emulation.plant.command(emulation.twin.now(), -25e3)
+    controller.clock.sleep(1.0)
+    with pytest.raises(RigError, match="reads -10 kPa where only -25 to -25 kPa can be"):
+        controller.read()
+    assert controller.read()[0].pressure_pa == -10e3
