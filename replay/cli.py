@@ -78,6 +78,8 @@ def parser() -> argparse.ArgumentParser:
     _straw(p, "the straw behind the emulator")
     _json(p)
 
+    _runs(commands)
+
     p = _command(commands, "track", "from a video to the tip's X, Z and Phi")
     p.add_argument("video", type=Path, metavar="VIDEO")
     p.add_argument("--camera", type=Path, required=True, metavar="CAMERA.json", help="lens, and placement if known")
@@ -128,6 +130,49 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--partial", action="store_true", help="take damaged or cut recordings for what is left of them")
     _json(p)
     return top
+
+
+def _runs(commands: argparse._SubParsersAction[_Parser]) -> None:
+    """Every action of ``straw runs``."""
+    runs = commands.add_parser("runs", help="the catalogue of recordings")
+    actions = runs.add_subparsers(title="commands", metavar="COMMAND", required=True)
+
+    def action(name: str, text: str, *, run: bool = True) -> argparse.ArgumentParser:
+        p = _command(actions, name, text, module="runs")
+        p.set_defaults(action=name)
+        p.add_argument("--dir", type=Path, default=Path(), metavar="DIR", help="where the recordings are (.)")
+        if run:
+            p.add_argument("run", metavar="RUN", help="its file, its run id, or the start of its SHA-256")
+        return p
+
+    p = action("list", "what recordings there are", run=False)
+    p.add_argument("--tag", metavar="TAG", help="only with this tag")
+    p.add_argument("--specimen", metavar="NAME", help="only of this specimen")
+    p.add_argument("--rebuild", action="store_true", help="read every file anew")
+    _json(p)
+    p = action("show", "all that is known of one recording")
+    p.add_argument("--events", type=int, default=20, metavar="N", help="so many events (20)")
+    _json(p)
+    p = action("tag", "put tags on a recording")
+    p.add_argument("tags", nargs="+", metavar="TAG")
+    p.add_argument("--remove", action="store_true", help="take them off")
+    p = action("note", "write a note beside a recording")
+    p.add_argument("text", nargs="+", metavar="TEXT")
+    p = action("attach", "enter a run's video and other files into its manifest")
+    p.add_argument("files", nargs="+", type=Path, metavar="FILE")
+    p = action("compare", "two recordings side by side", run=False)
+    p.add_argument("runs", nargs=2, metavar="RUN")
+    _json(p)
+    p = action("verify", "every file against its SHA-256", run=False)
+    p.add_argument("runs", nargs="*", metavar="RUN", help="only these (all)")
+    _json(p)
+    p = action("export", "an RO-Crate with all that belongs to a run")
+    p.add_argument("-o", "--output", type=Path, required=True, metavar="CRATE", help="a new folder, or a .zip")
+    p.add_argument("--licence", default="", metavar="TEXT", help="under which others may use it")
+    p = action("recover", "a readable run out of a .part or a damaged file", run=False)
+    p.add_argument("run", type=Path, metavar="FILE")
+    p.add_argument("-o", "--output", type=Path, metavar="RUN.mcap", help="the recovered run (its name without .part)")
+    _json(p)
 
 
 def _controller(p: argparse.ArgumentParser) -> None:

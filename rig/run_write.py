@@ -13,6 +13,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from rig.errors import RigError
+from rig.manifest import seal
 from rig.provenance import software
 from rig.schema import descriptor_set, encode, schema_of
 
@@ -182,6 +183,7 @@ class RunWriter:
             self._file.abandon()
             raise self._failure
         self._file.finish(closing)
+        seal(self.path)
 
     def __enter__(self) -> Self:
         return self

@@ -71,7 +71,7 @@ def draw(protocol: PressureProtocol, path: Path) -> None:
     axes.set_xlim(time_s[0], time_s[-1])
     axes.set(xlabel="time from the start of the main part / s", ylabel="gauge pressure / kPa", title=protocol.name)
     axes.grid(alpha=0.25)
-    axes.legend(loc="best", frameon=False)
+    figure.legend(loc="outside lower center", ncols=4, frameon=False)
     try:
         figure.savefig(path, dpi=130)
     except (OSError, ValueError) as error:
