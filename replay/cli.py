@@ -86,6 +86,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("-o", "--output", type=Path, required=True, metavar="TIP.mcap")
     p.add_argument("--run", type=Path, metavar="RUN.mcap", help="the run it filmed: gives clock, names and rest pose")
     p.add_argument("--start", type=float, default=0.0, metavar="S", help="first frame, s after the run's zero (0)")
+    p.add_argument("--clock", type=Path, metavar="CLOCK.json", help="instead of --start: the camera's clock (clock)")
     p.add_argument("--rest", metavar="X,Z,PHI", help="tip pose while still at the start (mm,mm,deg); else from --run")
     _straw(p, "the straw whose rest pose places the camera")
     _json(p)
@@ -121,6 +122,14 @@ def parser() -> argparse.ArgumentParser:
     _json(p)
 
     p = _command(commands, "terms", "the laws that can be added to a straw, and what each does to the paper's two runs")
+    _json(p)
+
+    p = _command(commands, "clock", "the camera's clock against the host's, from the LED burst or the motion")
+    p.add_argument("video", type=Path, metavar="VIDEO|TIP.mcap", help="a video with the LED in view, or a track")
+    p.add_argument("--run", type=Path, required=True, metavar="RUN.mcap", help="the run it filmed")
+    p.add_argument("-o", "--output", type=Path, metavar="CLOCK.json", help="for straw track --clock")
+    p.add_argument("--retimed", type=Path, metavar="OUT.mcap", help="the track with its times corrected")
+    _straw(p, "the straw whose motion tells the time")
     _json(p)
 
     p = _command(commands, "replay", "lay recordings over the model's prediction, with metrics and a page to look at")

@@ -17,6 +17,7 @@ from replay.errors import ReplayError
 from replay.gather import read_whole
 from replay.output import check_new, write_json
 from replay.progress import prepare, progress_bar, say
+from rig.camera_clock import CameraClock, load_clock
 from rig.run import Run
 from rig.run_derived import write_tip
 from tracking.board import Board
@@ -32,7 +33,8 @@ def run(args: argparse.Namespace) -> int:
     filmed = read_whole(args.run) if args.run else None
     prepare()
     rest = rest_of(args.rest, filmed, camera, load_straw(args.straw))
-    tracked = track_to_file(args.video, camera, rest, args.output, filmed, args.start)
+    clock = load_clock(args.clock) if args.clock else None
+    tracked = track_to_file(args.video, camera, rest, args.output, filmed, args.start, clock)
     if args.json:
         write_json(args.json, as_data(tracked, args.output))
     print(f"{summary(tracked)}; written to {args.output}")
@@ -65,14 +67,27 @@ def model_rest(straw: StrawParameters, deployed: tuple[int, ...]) -> Pose:
 
 
 def track_to_file(
-    video: Path, camera: Camera, rest: Pose | None, output: Path, filmed: Run | None, start_s: float
+    video: Path,
+    camera: Camera,
+    rest: Pose | None,
+    output: Path,
+    filmed: Run | None,
+    start_s: float,
+    clock: CameraClock | None = None,
 ) -> Track:
     """Track a video and write the tip on the run's clock; without a run, on the wall clock of now."""
     check_new(output)
     with progress_bar(f"track {video.name}", "frame") as progress:
-        tracked = track(video, camera, Board(), rest_pose=rest, start_s=start_s, progress=progress)
+        tracked = track(video, camera, Board(), rest_pose=rest, start_s=0.0 if clock else start_s, progress=progress)
+    if clock:
+        trace = dataclasses.replace(tracked.trace, time_s=clock.host_s(tracked.trace.time_s))
+        tracked = dataclasses.replace(tracked, trace=trace)
     metadata = dict(filmed.metadata) if filmed else {"run_id": video.stem}
-    metadata |= {"video": video.name, "decode": str(tracked.decode), "clock": f"first frame given at {start_s:g} s"}
+    metadata |= {
+        "video": video.name,
+        "decode": str(tracked.decode),
+        "clock": str(clock or f"first frame given at {start_s:g} s"),
+    }
     if not filmed:
         say(f"{video.name}: without --run nothing says when it was filmed; its times count from now")
     zero_ns = filmed.zero_time_ns if filmed else time.time_ns()
