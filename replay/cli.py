@@ -54,6 +54,8 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--controller", default="ob1-mk4", metavar="NAME", help="kind of controller (ob1-mk4)")
     p.add_argument("--listen", default="127.0.0.1:0", metavar="URL", help="host:port, or pty (127.0.0.1, any port)")
     p.add_argument("--deployed", default="", metavar="CELLS", help="cells deployed at the start, as 1,4 (none)")
+    p.add_argument("--faults", type=float, default=0.0, metavar="SHARE", help="spoil this share of exchanges (0)")
+    p.add_argument("--seed", type=_seed, default=0, help="seed of the faults (0)")
     _straw(p)
 
     p = _command(rig_commands, "show", "draw a protocol, and check it against its limits", module="rig_show")
@@ -186,7 +188,7 @@ def _runs(commands: argparse._SubParsersAction[_Parser]) -> None:
 
 def _controller(p: argparse.ArgumentParser) -> None:
     p.add_argument("--controller", default="ob1-mk4", metavar="NAME", help="ob1-mk4 (default), ob1-sdk or alicat")
-    p.add_argument("--limits", metavar="MIN,MAX[,RATE]", help="in kPa and kPa/s, below everything else (-40,60)")
+    p.add_argument("--limits", metavar="MIN,MAX[,RATE]", help="in kPa, kPa/s, below all else: --limits=-40,60,50")
     p.add_argument("--setting", action="append", default=[], metavar="KEY=VALUE", help="of the driver, as unit=B")
 
 

@@ -258,5 +258,8 @@ def make_controller(name: str, port: str, **settings: Any) -> Controller:
     if name not in controller_names():
         raise RigError(f"controller {name!r} is unknown; known: {', '.join(controller_names())}")
     driver = importlib.import_module(f"rig.controllers.{name.replace('-', '_')}")
-    made: Controller = driver.CONTROLLER(port, **settings)
+    try:
+        made: Controller = driver.CONTROLLER(port, **settings)
+    except TypeError as error:
+        raise RigError(f"controller {name}: {error}; its docstring names the settings it takes") from None
     return made

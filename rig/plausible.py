@@ -31,7 +31,7 @@ class Expectation:
         low, high = min(self._within, default=pressure_pa), max(self._within, default=pressure_pa)
         margin_pa = MARGIN_PA + OVERSHOOT * (high - low)
         if not low - margin_pa <= pressure_pa <= high + margin_pa:
-            seen_before = self._doubted_pa is not None and abs(self._doubted_pa - pressure_pa) <= MARGIN_PA
+            seen_before = self._doubted_pa is not None and abs(self._doubted_pa - pressure_pa) <= margin_pa
             self._doubted_pa = pressure_pa
             if pressure_pa == 0.0:
                 return "reads exactly 0 all at once, as a lost link does"

@@ -85,12 +85,11 @@ def decode_readings(reply: bytes, dialect: Dialect = Dialect()) -> Answer:
 class Ob1Mk4(Controller):
     """Driver of an OB1 MK4 on ``port`` (name, by-id path or ``socket://host:port``); pressures in whole mbar.
 
-    ``limits`` default to what the straw stands, never more than the -900..1000 mbar regulator. ``sigma_pa`` is the
-    standard uncertainty of one reading, NaN when nobody measured it.
+    ``range_mbar`` is the regulators', which the instrument does not tell; ``limits`` default to what the straw stands,
+    and are never more than that. ``sigma_pa`` is the standard uncertainty of one reading, NaN when nobody measured it.
     """
 
     name = "ob1-mk4"
-    span = PressureLimits(min_pa=-90e3, max_pa=100e3)
     resolution_pa = 100.0
     byte_s = 10 / BAUD  # 8N1: ten bits
 
@@ -99,9 +98,11 @@ class Ob1Mk4(Controller):
         port: str,
         *,
         timeout_s: float = 0.5,
+        range_mbar: tuple[float, float] = (-900.0, 1000.0),
         dialect: Dialect = Dialect(),
         **settings: Any,
     ) -> None:
+        self.span = PressureLimits(range_mbar[0] * 100.0, range_mbar[1] * 100.0)
         super().__init__(**settings)
         if not set(self.channels) <= set(range(1, CHANNELS + 1)):
             raise RigError(f"OB1 MK4 has channels 1..{CHANNELS}, not {self.channels}")
@@ -182,6 +183,7 @@ class Ob1Mk4(Controller):
             "port": self._line.port,
             "channels": ",".join(map(str, self.channels)),
             "limits": str(self.limits),
+            "range": str(self.span),
             "dialect": str(self.dialect),
         }
 

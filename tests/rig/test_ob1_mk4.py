@@ -116,6 +116,8 @@ def test_rounding_never_steps_over_a_limit(emulation: Emulation, sets: Callable[
 def test_the_operator_cannot_widen_what_the_regulator_can_do(emulation: Emulation) -> None:
     controller = make_controller("ob1-mk4", emulation.url, limits=PressureLimits(-1e6, 1e6))
     assert controller.limits == PressureLimits(-90e3, 100e3)
+    small = make_controller("ob1-mk4", emulation.url, range_mbar=(0.0, 200.0))
+    assert small.limits == PressureLimits(0.0, 20e3)
 
 
 def test_a_rate_limit_stops_a_jump_even_after_a_long_hold(emulation: Emulation, sets: Callable[[], list[int]]) -> None:

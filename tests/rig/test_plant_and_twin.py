@@ -52,6 +52,30 @@ def test_the_sensor_has_the_noise_and_resolution_it_was_given_and_repeats_with_i
     assert {coarse.reading(0.0) % 100.0 for _ in range(50)} == {0.0}
 
 
+def test_a_leak_makes_a_droop_while_regulated_and_a_decay_while_the_valves_are_held() -> None:
+    plant = PressurePlant(leak_per_s=2.0, noise_pa=0.0)
+    plant.command(0.0, 20e3)
+    assert plant.pressure(5.0) == pytest.approx(20e3 * 50 / 52)  # where 50 (P_set - P) = 2 P
+    plant.hold(5.0, closed=True)
+    assert plant.pressure(5.5) == pytest.approx(20e3 * 50 / 52 * math.exp(-1.0))
+    plant.command(6.0, -10e3)  # held valves do nothing about it
+    assert plant.pressure(6.5) == pytest.approx(20e3 * 50 / 52 * math.exp(-3.0))
+    plant.hold(7.0, closed=False)
+    assert plant.pressure(9.0) == pytest.approx(-10e3 * 50 / 52)
+    tight = PressurePlant()
+    tight.command(0.0, 20e3)
+    tight.hold(1.0, closed=True)
+    assert tight.pressure(1e6) == pytest.approx(20e3)
+
+
+def test_what_the_straw_takes_in_expands_the_air_in_the_line_and_shows_as_flow() -> None:
+    plant = PressurePlant(air_m3=1e-4)
+    plant.take(1.0, 1e-7, 0.001)  # 0.1 ml out of 100 ml of air: p V is constant, 0.1 % of 101 kPa
+    assert plant.pressure(1.0) == pytest.approx(-101.325)
+    assert plant.pressure(1.02) == pytest.approx(-101.325 * math.exp(-1.0))
+    assert plant.flow(1.0) == pytest.approx(1e-4)
+
+
 def test_the_straw_follows_the_outlet_pressure_millisecond_by_millisecond(straw: object) -> None:
     plant, clock = PressurePlant(), SteppedClock()
     twin = Twin(straw, plant, clock)
