@@ -15,6 +15,7 @@ from typing import Any, Self
 from rig.errors import RigError
 from rig.manifest import seal
 from rig.provenance import software
+from rig.reading import Command, Reading
 from rig.schema import descriptor_set, encode, schema_of
 
 WAKE_S = 0.05
@@ -167,6 +168,26 @@ class RunWriter:
         if self._finished:
             raise RigError(f"recording {self.path} is finished; what happens later needs a recording of its own")
         self._queue.put((topic, happened_ns, encoded(topic, happened_ns, values), time.time_ns()))
+
+    def command(self, command: Command) -> None:
+        """Queue what a controller was told."""
+        self._told("/pressure/command", command)
+
+    def reading(self, reading: Reading) -> None:
+        """Queue what a controller read."""
+        self._told("/pressure/measured", reading, sigma_pa=reading.sigma_pa, flow_m3_s=reading.flow_m3_s)
+
+    def _told(self, topic: str, what: Command | Reading, **more: float) -> None:
+        self.add(
+            topic,
+            what.wall_ns,
+            pressure_pa=what.pressure_pa,
+            channel=what.channel,
+            monotonic_ns=what.monotonic_ns,
+            half_width_ns=what.half_width_ns,
+            raw=what.raw,
+            **more,
+        )
 
     def event(self, kind: str, text: str, happened_ns: int | None = None) -> None:
         """Queue an event, now if no time is given."""

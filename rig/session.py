@@ -11,7 +11,6 @@ from rig.errors import LimitError, LinkLostError, RigError
 from rig.interrupts import Interrupts
 from rig.led import BURST_S, blink
 from rig.protocol import PressureProtocol
-from rig.reading import Command, Reading
 from rig.run import CELLS
 from rig.run_write import RunWriter
 
@@ -144,12 +143,12 @@ class _Session:
                     told_pa = None  # until it is acknowledged; otherwise the next cycle asks for what is due by then
                     command = controller.set_pressure(protocol.channel, wanted_pa)
                     told_pa = command.pressure_pa
-                    self.log("/pressure/command", command)
+                    self.writer.command(command)
                     if steps and steps[0] <= now_s:
                         steps = [step_s for step_s in steps if step_s > now_s]
                         self.event("step", f"to {told_pa:g} Pa", command.wall_ns)
                 for reading in controller.read():
-                    self.log("/pressure/measured", reading, sigma_pa=reading.sigma_pa, flow_m3_s=reading.flow_m3_s)
+                    self.writer.reading(reading)
                     if reading.channel == protocol.channel:
                         measured_pa = reading.pressure_pa
                 misses = 0
@@ -214,15 +213,3 @@ class _Session:
 
     def event(self, kind: str, text: str, wall_ns: int | None = None) -> None:
         self.writer.event(kind, text, self.controller.clock.wall_ns() if wall_ns is None else wall_ns)
-
-    def log(self, topic: str, what: Command | Reading, **more: float) -> None:
-        self.writer.add(
-            topic,
-            what.wall_ns,
-            pressure_pa=what.pressure_pa,
-            channel=what.channel,
-            monotonic_ns=what.monotonic_ns,
-            half_width_ns=what.half_width_ns,
-            raw=what.raw,
-            **more,
-        )

@@ -194,9 +194,7 @@ class _Search:
         start_s = clock.monotonic_s()
         self.watcher.hold(command.pressure_pa)
         if self.writer:
-            self.writer.add(
-                "/pressure/command", command.wall_ns, pressure_pa=command.pressure_pa, channel=command.channel
-            )
+            self.writer.command(command)
         readings: list[Reading] = []
         limit_s = at_most_s or self.plan.longest_hold_s
         while True:
@@ -205,17 +203,7 @@ class _Search:
             readings.append(reading)
             self.watcher.look(reading)
             if self.writer:
-                self.writer.add(
-                    "/pressure/measured",
-                    reading.wall_ns,
-                    pressure_pa=reading.pressure_pa,
-                    sigma_pa=reading.sigma_pa,
-                    channel=reading.channel,
-                    monotonic_ns=reading.monotonic_ns,
-                    half_width_ns=reading.half_width_ns,
-                    raw=reading.raw,
-                    flow_m3_s=reading.flow_m3_s,
-                )
+                self.writer.reading(reading)
             lasted_s = clock.monotonic_s() - start_s
             if self.watcher.steady(lasted_s) or lasted_s > limit_s:
                 break

@@ -13,10 +13,10 @@ import re
 import time
 from typing import Any, NamedTuple
 
-from rig.controller import Controller
-from rig.errors import LinkLostError, RigError
+from rig.errors import RigError
 from rig.limits import PressureLimits
 from rig.line import Line
+from rig.line_controller import LineController
 from rig.reading import Answer
 
 CR = b"\r"
@@ -55,7 +55,7 @@ def decode_frame(reply: bytes, unit: str) -> Frame:
     return Frame(float(values[0]), float(values[SETPOINT_AT[len(values)]]), status, reply)
 
 
-class Alicat(Controller):
+class Alicat(LineController):
     """Driver of one Alicat on ``port`` (name, by-id path or ``socket://host:port``); one channel.
 
     ``unit`` is its letter on the line, ``unit_pa`` what one of its pressure units is in Pa (kPa by default),
@@ -80,39 +80,16 @@ class Alicat(Controller):
         self.span = PressureLimits(*span_pa)
         self.resolution_pa = unit_pa * 10.0**-decimals
         self.byte_s = 10 / baud
-        super().__init__(**settings)
+        super().__init__(Line(port, baud=baud), **settings)
         if self.channels != (1,) or not re.fullmatch("[A-Z]", unit):
             raise RigError(
-                f"Alicat {unit!r}, channels {self.channels}: it is called by one letter and has channel 1 only"
+                f"Alicat {unit!r}, channels {self.channels}: it has one letter for a name and channel 1 only"
             )
         self.timeout_s = timeout_s
         self.model = ""
-        self._behind = True  # an answer may still be on its way
-        self._line = Line(port, baud=baud)
-
-    def _open(self) -> None:
-        self._line.open()
-        try:
-            self._catch_up()
-            self._poll()
-        except BaseException:
-            self._line.close()
-            raise
-
-    def _close(self) -> None:
-        self._line.close()
-
-    def _ask(self, request: bytes) -> Frame:
-        """One exchange; nothing is sent twice, and no frame is taken that answers an earlier request."""
-        if self._behind:
-            self._catch_up()
-        self._behind = True
-        frame = decode_frame(self._line.exchange(request, CR, self.timeout_s), self.unit)
-        self._behind = False
-        return frame
 
     def _catch_up(self) -> None:
-        """Frames bear no mark of their request, so after a failure ask for what only the model table answers."""
+        """Frames bear no mark of their request, so ask for what only the model table answers."""
         self._line.drain()
         self._line.write(self.unit.encode() + b"??M*" + CR)
         deadline = time.monotonic() + self.timeout_s
@@ -121,41 +98,37 @@ class Alicat(Controller):
                 raise RigError(f"Alicat answered {reply!r} when asked for its model; check unit letter, port and baud")
         self.model = reply.decode("ascii", errors="replace").strip()
         self._line.quiet(0.03)  # the rest of the table
-        self._behind = False
 
-    def _poll(self) -> Frame:
-        return self._ask(self.unit.encode() + CR)
+    def _exchange(self, request: bytes) -> bytes:
+        reply = self._line.exchange(request, CR, self.timeout_s)
+        decode_frame(reply, self.unit)  # a damaged one may be the beginning of another
+        return reply
 
     def _send(self, channel: int, pressure_pa: float) -> bytes:
-        wanted = round(pressure_pa / self.unit_pa, self.decimals)
-        frame = self._ask(encode_set(self.unit, wanted, self.decimals))
+        request = encode_set(self.unit, pressure_pa / self.unit_pa, self.decimals)
+        reply = self._ask(request)
+        self._confirm(request, reply)
+        return reply
+
+    def _confirm(self, request: bytes, reply: bytes) -> None:
+        frame = decode_frame(reply, self.unit)
+        if request[1:2] != b"S":
+            return
+        wanted = float(request[2:])
         if abs(frame.setpoint - wanted) > 0.5 * 10.0**-self.decimals:
             raise RigError(f"Alicat shows a setpoint of {frame.setpoint:g} when told {wanted:g}; check range and cable")
         if "HLD" in frame.status:
             raise RigError("Alicat holds its valves (HLD), so the setpoint does nothing; cancel the hold on its panel")
-        return frame.raw
 
     def _read(self) -> Answer:
-        frame = self._poll()
+        frame = decode_frame(self._ask(self.unit.encode() + CR), self.unit)
         for word in frame.status & DISTRUSTED.keys():
             raise RigError(f"Alicat reports {word}: {DISTRUSTED[word]}; the reading {frame.pressure:g} was not used")
         return Answer({1: frame.pressure * self.unit_pa}, frame.raw)
 
-    def _vent(self, channel: int) -> None:
-        """Cancel a hold, which would keep the valves where they are, and set 0; both may be repeated."""
-        stop = self.unit.encode() + b"C" + CR
-        if self._behind:  # out with it at once; catching up and having it confirmed come after
-            self._line.write(stop + encode_set(self.unit, 0.0, self.decimals))
-        for attempt in range(3):
-            try:
-                self._ask(stop)
-                self._send(channel, 0.0)
-                return
-            except LinkLostError:
-                raise
-            except RigError:
-                if attempt == 2:
-                    raise
+    def _vent_requests(self, channel: int) -> tuple[bytes, bytes]:
+        """Cancel a hold, which would keep the valves where they are, and set 0."""
+        return self.unit.encode() + b"C" + CR, encode_set(self.unit, 0.0, self.decimals)
 
     def snapshot(self) -> dict[str, str]:
         """Model, port and settings, as strings for the record."""

@@ -13,10 +13,10 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from rig.controller import Controller
-from rig.errors import LinkLostError, RigError
+from rig.errors import RigError
 from rig.limits import PressureLimits
 from rig.line import Line
+from rig.line_controller import LineController
 from rig.reading import Answer
 
 FIRMWARE = b"<FIRMV?\n"
@@ -82,7 +82,7 @@ def decode_readings(reply: bytes, dialect: Dialect = Dialect()) -> Answer:
     )
 
 
-class Ob1Mk4(Controller):
+class Ob1Mk4(LineController):
     """Driver of an OB1 MK4 on ``port`` (name, by-id path or ``socket://host:port``); pressures in whole mbar.
 
     ``range_mbar`` is the regulators', which the instrument does not tell; ``limits`` default to what the straw stands,
@@ -103,39 +103,15 @@ class Ob1Mk4(Controller):
         **settings: Any,
     ) -> None:
         self.span = PressureLimits(range_mbar[0] * 100.0, range_mbar[1] * 100.0)
-        super().__init__(**settings)
+        super().__init__(Line(port, baud=BAUD), **settings)
         if not set(self.channels) <= set(range(1, CHANNELS + 1)):
             raise RigError(f"OB1 MK4 has channels 1..{CHANNELS}, not {self.channels}")
         self.timeout_s = timeout_s
         self.dialect = dialect
         self.firmware = ""
-        self._behind = False  # an answer may still be on its way
-        self._line = Line(port, baud=BAUD)
 
-    def _open(self) -> None:
-        self._line.open()
-        self._behind = False
-        try:
-            self.firmware = decode_payload(self._ask(FIRMWARE), self.dialect)
-        except BaseException:
-            self._line.close()
-            raise
-
-    def _close(self) -> None:
-        self._line.close()
-
-    def _ask(self, request: bytes) -> bytes:
-        """One exchange; late answers to earlier requests are passed over, and nothing is sent twice.
-
-        After an exchange that failed its answer may still be on its way, and would be taken for the answer to the next
-        request of the same keyword. The instrument answers in order: once it tells its firmware, nothing older comes.
-        """
-        if self._behind:
-            self._exchange(FIRMWARE)
-        self._behind = True
-        reply = self._exchange(request)
-        self._behind = False
-        return reply
+    def _catch_up(self) -> None:
+        self.firmware = decode_payload(self._exchange(FIRMWARE), self.dialect)
 
     def _exchange(self, request: bytes) -> bytes:
         deadline = time.monotonic() + self.timeout_s
@@ -150,27 +126,20 @@ class Ob1Mk4(Controller):
     def _send(self, channel: int, pressure_pa: float) -> bytes:
         request = encode_set(channel, pressure_pa, self.dialect)
         reply = self._ask(request)
+        self._confirm(request, reply)
+        return reply
+
+    def _confirm(self, request: bytes, reply: bytes) -> None:
         echo, told = decode_payload(reply, self.dialect), request.decode().strip().partition(":")[2]
         # That it echoes what it was told is inferred; where it does, a set that was garbled on its way there shows.
         if ECHO.fullmatch(echo) and echo != told:
             raise RigError(f"OB1 MK4 understood {echo} when it was told {told}; check the cable")
-        return reply
 
     def _read(self) -> Answer:
         return decode_readings(self._ask(READ_ALL), self.dialect)
 
-    def _vent(self, channel: int) -> None:
-        if self._behind:  # out with it at once; catching up and having it confirmed come after
-            self._line.write(encode_set(channel, 0.0, self.dialect))
-        for attempt in range(3):
-            try:
-                self._send(channel, 0.0)
-                return
-            except LinkLostError:
-                raise
-            except RigError:  # unlike any other set, a vent may be repeated: doing it twice does no harm
-                if attempt == 2:
-                    raise
+    def _vent_requests(self, channel: int) -> tuple[bytes]:
+        return (encode_set(channel, 0.0, self.dialect),)
 
     def _trigger(self, high: bool) -> None:
         decode_payload(self._ask(b"<TRIGO!%d\n" % high), self.dialect)
