@@ -18,7 +18,7 @@ from rig.provenance import software
 from rig.reading import Command, Reading
 from rig.schema import descriptor_set, encode, schema_of
 
-WAKE_S = 0.05
+WAKE_S = 0.1
 FLUSH_S = 0.9  # with WAKE_S what a killed program may lose at most, a second: a chunk that was never flushed is gone
 LAST_NS = 2**63 - 1
 
