@@ -16,7 +16,7 @@ from rig.errors import RigError
 from rig.manifest import seal
 from rig.provenance import software
 from rig.reading import Command, Reading
-from rig.schema import descriptor_set, encode, schema_of
+from rig.schema import check, descriptor_set, encode, schema_of
 
 WAKE_S = 0.1
 FLUSH_S = 0.9  # with WAKE_S what a killed program may lose at most, a second: a chunk that was never flushed is gone
@@ -146,7 +146,7 @@ class RunWriter:
     ) -> None:
         self._file = RunFile(path, metadata, attachments)
         self.path = self._file.path
-        self._queue: queue.SimpleQueue[tuple[str, int, bytes, int]] = queue.SimpleQueue()
+        self._queue: queue.SimpleQueue[tuple[str, int, dict[str, Any], int]] = queue.SimpleQueue()
         self._ending = threading.Event()
         self._failure: BaseException | None = None
         self._finished = False
@@ -167,7 +167,9 @@ class RunWriter:
             raise self._failure
         if self._finished:
             raise RigError(f"recording {self.path} is finished; what happens later needs a recording of its own")
-        self._queue.put((topic, happened_ns, encoded(topic, happened_ns, values), time.time_ns()))
+        check_time(topic, happened_ns)
+        check(topic, values)
+        self._queue.put((topic, happened_ns, values, time.time_ns()))
 
     def command(self, command: Command) -> None:
         """Queue what a controller was told."""
@@ -221,7 +223,8 @@ class RunWriter:
                 ending = self._ending.wait(WAKE_S)
                 with suppress(queue.Empty):
                     while True:
-                        self._file.add(*self._queue.get_nowait())
+                        topic, happened_ns, values, log_ns = self._queue.get_nowait()
+                        self._file.add(topic, happened_ns, encode(topic, values), log_ns)
                 if time.monotonic() >= flush_at:
                     self._file.flush()
                     flush_at = time.monotonic() + FLUSH_S
@@ -231,6 +234,11 @@ class RunWriter:
 
 def encoded(topic: str, happened_ns: int, values: Mapping[str, Any]) -> bytes:
     """One message as bytes, with its time checked; RigError when a value does not fit its field."""
+    check_time(topic, happened_ns)
+    return encode(topic, values)
+
+
+def check_time(topic: str, happened_ns: int) -> None:
+    """RigError for a time that no clock shows."""
     if not 0 < happened_ns <= LAST_NS:  # a message at t = 0 breaks viewers
         raise RigError(f"{topic} at {happened_ns} ns is no time since 1970; check zero_time_ns")
-    return encode(topic, values)
