@@ -35,6 +35,8 @@ MOST_STEPS_PER_S = 30_000
 NEWTON_LIMIT = 8
 #: Newton stops when what is missing is this small in units of the tolerance; snaps amplify what is left.
 NEWTON_SHARE = 1e-3
+#: It stops as well at corrections as small as rounding makes them: at rest there are no others, and they do not shrink.
+ROUNDING = 1e-6
 #: How much of Newton's rate of convergence is still believed a stage later.
 RATE_FADES = 0.3
 #: An angle's tolerance is the length's over this: about what turns it into a displacement of the tip, with a margin.
@@ -211,7 +213,7 @@ def integrate(
                 if iteration > 0:
                     rate = max(change / before, RATE_FADES * rate)
                 # what is still missing after this iteration is about change * rate / (1 - rate)
-                if rate < 0.9 and change * rate / (1 - rate) < NEWTON_SHARE:
+                if change < ROUNDING or (rate < 0.9 and change * rate / (1 - rate) < NEWTON_SHARE):
                     converged = True
                     break
                 if rate > 2:

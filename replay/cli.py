@@ -42,15 +42,20 @@ def parser() -> argparse.ArgumentParser:
     where = p.add_mutually_exclusive_group(required=True)
     where.add_argument("--port", metavar="URL", help="serial port, by-id path, or socket://host:port")
     where.add_argument("--emulate", action="store_true", help="no hardware: an emulator with the straw behind it")
-    p.add_argument("--controller", default="ob1-mk4", metavar="NAME", help="kind of controller (ob1-mk4)")
+    _controller(p)
     p.add_argument("-o", "--output", type=Path, required=True, metavar="RUN.mcap", help="the recording")
     p.add_argument("--rate", type=float, default=100.0, metavar="HZ", help="samples a second (100)")
+    p.add_argument("--led", action="store_true", help="blink a code on the trigger output, for the camera's clock")
+    p.add_argument("--fast", action="store_true", help="with --emulate: as fast as the arithmetic, not in real time")
+    p.add_argument("--tip", type=Path, metavar="TIP.mcap", help="with --emulate: what a perfect camera would have seen")
     _straw(p, "the straw behind the emulator")
     _json(p)
     p = _command(rig_commands, "emulate", "a controller on the wire with the straw behind it", module="rig_emulate")
     p.add_argument("--controller", default="ob1-mk4", metavar="NAME", help="kind of controller (ob1-mk4)")
     p.add_argument("--listen", default="127.0.0.1:0", metavar="URL", help="host:port, or pty (127.0.0.1, any port)")
     p.add_argument("--deployed", default="", metavar="CELLS", help="cells deployed at the start, as 1,4 (none)")
+    p.add_argument("--faults", type=float, default=0.0, metavar="SHARE", help="spoil this share of exchanges (0)")
+    p.add_argument("--seed", type=_seed, default=0, help="seed of the faults (0)")
     _straw(p)
 
     p = _command(commands, "calibrate", "a lens from videos or stills of a checkerboard")
@@ -60,12 +65,37 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--picture", type=Path, metavar="P.png", help="the projection's uncertainty over the picture")
     _json(p)
 
+    p = _command(rig_commands, "show", "draw a protocol, and check it against its limits", module="rig_show")
+    p.add_argument("protocol", type=Path, metavar="P.toml")
+    p.add_argument("-o", "--output", type=Path, metavar="PICTURE", help="png, svg or pdf (the protocol's name, png)")
+    _json(p)
+    p = _command(rig_commands, "snap-search", "find the pressure at which a cell snaps", module="rig_snap_search")
+    where = p.add_mutually_exclusive_group(required=True)
+    where.add_argument("--port", metavar="URL", help="serial port, by-id path, or socket://host:port")
+    where.add_argument("--emulate", action="store_true", help="no hardware: an emulator with the straw behind it")
+    _controller(p)
+    p.add_argument("--cell", type=int, metavar="N", help="the cell that is to snap, alone in its state")
+    p.add_argument("--deployed", metavar="CELLS", help='instead: cells deployed at the start, as 1,4 or ""')
+    p.add_argument("--direction", required=True, choices=("fold", "deploy"), help="suction folds, pressure deploys")
+    p.add_argument("--step", type=float, default=0.5, metavar="KPA", help="quasi-static step (0.5)")
+    p.add_argument("--resolution", type=float, default=0.1, metavar="KPA", help="bisect down to this (0.1)")
+    p.add_argument("--from", type=float, default=0.0, dest="start", metavar="KPA", help="first pressure (0)")
+    p.add_argument("--to", type=float, metavar="KPA", help="last pressure (the limit)")
+    p.add_argument("--repeats", type=int, default=1, metavar="N", help="searches (1)")
+    p.add_argument("--ask", action="store_true", help="on a rig without a flow sensor: somebody says what snapped")
+    p.add_argument("-o", "--output", type=Path, metavar="RUN.mcap", help="record all of it")
+    _straw(p, "the straw behind the emulator")
+    _json(p)
+
+    _runs(commands)
+
     p = _command(commands, "track", "from a video to the tip's X, Z and Phi")
     p.add_argument("videos", type=Path, nargs="+", metavar="VIDEO", help="a file, or the chapters of one recording")
     p.add_argument("--camera", type=Path, required=True, metavar="CAMERA.json", help="lens, and placement if known")
     p.add_argument("-o", "--output", type=Path, required=True, metavar="TIP.mcap")
     p.add_argument("--run", type=Path, metavar="RUN.mcap", help="the run it filmed: gives clock, names and rest pose")
     p.add_argument("--start", type=float, default=0.0, metavar="S", help="first frame, s after the run's zero (0)")
+    p.add_argument("--clock", type=Path, metavar="CLOCK.json", help="instead of --start: the camera's clock (clock)")
     p.add_argument("--rest", metavar="X,Z,PHI", help="tip pose while still at the start (mm,mm,deg); else from --run")
     p.add_argument("--level", action="store_true", help="the camera stands level: phi at rest is measured, not taken")
     p.add_argument("--reference", type=Path, metavar="REF.json", help="a second board, fixed, that places the camera")
@@ -112,6 +142,14 @@ def parser() -> argparse.ArgumentParser:
     p = _command(commands, "terms", "the laws that can be added to a straw, and what each does to the paper's two runs")
     _json(p)
 
+    p = _command(commands, "clock", "the camera's clock against the host's, from the LED burst or the motion")
+    p.add_argument("video", type=Path, metavar="VIDEO|TIP.mcap", help="a video with the LED in view, or a track")
+    p.add_argument("--run", type=Path, required=True, metavar="RUN.mcap", help="the run it filmed")
+    p.add_argument("-o", "--output", type=Path, metavar="CLOCK.json", help="for straw track --clock")
+    p.add_argument("--retimed", type=Path, metavar="OUT.mcap", help="the track with its times corrected")
+    _straw(p, "the straw whose motion tells the time")
+    _json(p)
+
     p = _command(commands, "replay", "lay recordings over the model's prediction, with metrics and a page to look at")
     p.add_argument("runs", type=Path, nargs="+", metavar="RUN.mcap", help="runs, and tracks derived from them")
     _straw(p)
@@ -119,6 +157,55 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--partial", action="store_true", help="take damaged or cut recordings for what is left of them")
     _json(p)
     return top
+
+
+def _runs(commands: argparse._SubParsersAction[_Parser]) -> None:
+    """Every action of ``straw runs``."""
+    runs = commands.add_parser("runs", help="the catalogue of recordings")
+    actions = runs.add_subparsers(title="commands", metavar="COMMAND", required=True)
+
+    def action(name: str, text: str, *, run: bool = True) -> argparse.ArgumentParser:
+        p = _command(actions, name, text, module="runs")
+        p.set_defaults(action=name)
+        p.add_argument("--dir", type=Path, default=Path(), metavar="DIR", help="where the recordings are (.)")
+        if run:
+            p.add_argument("run", metavar="RUN", help="its file, its run id, or the start of its SHA-256")
+        return p
+
+    p = action("list", "what recordings there are", run=False)
+    p.add_argument("--tag", metavar="TAG", help="only with this tag")
+    p.add_argument("--specimen", metavar="NAME", help="only of this specimen")
+    p.add_argument("--rebuild", action="store_true", help="read every file anew")
+    _json(p)
+    p = action("show", "all that is known of one recording")
+    p.add_argument("--events", type=int, default=20, metavar="N", help="so many events (20)")
+    _json(p)
+    p = action("tag", "put tags on a recording")
+    p.add_argument("tags", nargs="+", metavar="TAG")
+    p.add_argument("--remove", action="store_true", help="take them off")
+    p = action("note", "write a note beside a recording")
+    p.add_argument("text", nargs="+", metavar="TEXT")
+    p = action("attach", "enter a run's video and other files into its manifest")
+    p.add_argument("files", nargs="+", type=Path, metavar="FILE")
+    p = action("compare", "two recordings side by side", run=False)
+    p.add_argument("runs", nargs=2, metavar="RUN")
+    _json(p)
+    p = action("verify", "every file against its SHA-256", run=False)
+    p.add_argument("runs", nargs="*", metavar="RUN", help="only these (all)")
+    _json(p)
+    p = action("export", "an RO-Crate with all that belongs to a run")
+    p.add_argument("-o", "--output", type=Path, required=True, metavar="CRATE", help="a new folder, or a .zip")
+    p.add_argument("--licence", default="", metavar="TEXT", help="under which others may use it")
+    p = action("recover", "a readable run out of a .part or a damaged file", run=False)
+    p.add_argument("run", type=Path, metavar="FILE")
+    p.add_argument("-o", "--output", type=Path, metavar="RUN.mcap", help="the recovered run (its name without .part)")
+    _json(p)
+
+
+def _controller(p: argparse.ArgumentParser) -> None:
+    p.add_argument("--controller", default="ob1-mk4", metavar="NAME", help="ob1-mk4 (default), ob1-sdk or alicat")
+    p.add_argument("--limits", metavar="MIN,MAX[,RATE]", help="in kPa, kPa/s, below all else: --limits=-40,60,50")
+    p.add_argument("--setting", action="append", default=[], metavar="KEY=VALUE", help="of the driver, as unit=B")
 
 
 def _seed(text: str) -> int:

@@ -5,68 +5,50 @@ from __future__ import annotations
 import importlib
 import math
 import pkgutil
+import threading
 from abc import ABC, abstractmethod
-from contextlib import suppress
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from types import TracebackType
-from typing import Any, ClassVar, Self, final
+from typing import Any, Self, final
 
 from rig.clock import Clock
-from rig.errors import LinkLostError, RigError
-from rig.limits import STRAW_LIMITS, PressureLimits
-
-RATE_WINDOW_S = 0.25  # after a long hold a rate limit must not allow one long jump: credit is saved for this long only
-
-
-@dataclass(frozen=True)
-class Stamp:
-    """When something happened: half-way between asking and the answer's first byte, sure to within half of that."""
-
-    monotonic_ns: int
-    wall_ns: int
-    half_width_ns: int
-
-
-@dataclass(frozen=True)
-class Reading(Stamp):
-    """One measured gauge pressure (Pa) of one channel, with the raw bytes it came in; sigma NaN when unknown."""
-
-    channel: int
-    pressure_pa: float
-    sigma_pa: float
-    raw: bytes
-
-
-@dataclass(frozen=True)
-class Command(Stamp):
-    """One set pressure (Pa) as the instrument got it, after rounding to what it can take."""
-
-    channel: int
-    pressure_pa: float
+from rig.errors import LimitError, LinkLostError, RigError
+from rig.limits import STRAW_LIMITS, Leash, PressureLimits
+from rig.plausible import Expectation
+from rig.reading import Answer, Command, Reading, Stamp
 
 
 class Controller(ABC):
     """A pressure controller. Channels are numbered from 1; pressures are gauge, in Pa.
 
-    A driver is one file in ``rig/controllers`` that ends in ``CONTROLLER = ItsClass`` and fills in the five methods
-    with an underscore. Every set passes ``set_pressure``, which no driver overrides: nothing beyond ``limits`` can
-    reach the wire. ``open`` vents, so that the state is known; ``close`` vents, so that nothing stays under pressure.
+    A driver is one file in ``rig/controllers`` that ends in ``CONTROLLER = ItsClass`` and fills in the methods with an
+    underscore. Every set passes ``set_pressure``, which no driver overrides: nothing beyond ``limits`` can reach the
+    wire. ``open`` vents, so that the state is known; ``close`` vents, so that nothing stays under pressure.
     """
 
-    name: ClassVar[str]
-    span: ClassVar[PressureLimits]  # what the instrument itself can do
-    resolution_pa: ClassVar[float]  # smallest step the instrument can be told
-    byte_s: ClassVar[float] = 0.0  # what one byte of an answer spends on the line
+    name: str
+    span: PressureLimits  # what the instrument itself can do
+    resolution_pa: float  # smallest step the instrument can be told
+    byte_s: float = 0.0  # what one byte of an answer spends on the line
 
     def __init__(
-        self, *, channels: tuple[int, ...] = (1,), limits: PressureLimits = STRAW_LIMITS, sigma_pa: float = math.nan
+        self,
+        *,
+        channels: tuple[int, ...] = (1,),
+        limits: PressureLimits = STRAW_LIMITS,
+        sigma_pa: float = math.nan,
+        clock: Clock | None = None,
     ) -> None:
         self.channels = channels
-        self.limits = self.span.and_also(limits)
         self.sigma_pa = sigma_pa
-        self.clock = Clock()
+        self.clock = clock or Clock()
         self.is_open = False
-        self._last: dict[int, tuple[float, float]] = {}  # channel: (monotonic s, Pa), for the rate limit
+        self._limits = self.span.and_also(limits)
+        self._leashes = {channel: Leash(self.resolution_pa) for channel in channels}
+        self._expected = {channel: Expectation() for channel in channels}
+        self._lock = threading.RLock()  # one exchange at a time, whoever asks: replies must not be mixed up
 
     @abstractmethod
     def _open(self) -> None:
@@ -77,12 +59,12 @@ class Controller(ABC):
         """Close the link; never raises."""
 
     @abstractmethod
-    def _send(self, channel: int, pressure_pa: float) -> None:
-        """Tell the instrument one pressure, already checked and rounded, once; return when it acknowledged."""
+    def _send(self, channel: int, pressure_pa: float) -> bytes:
+        """Tell the instrument one pressure, already checked and rounded, once; its answer when it acknowledged."""
 
     @abstractmethod
-    def _read(self) -> tuple[dict[int, float], bytes]:
-        """Pressure (Pa) of each channel the instrument reports, and the raw reply."""
+    def _read(self) -> Answer:
+        """What each channel of the instrument shows."""
 
     @abstractmethod
     def _vent(self, channel: int) -> None:
@@ -92,11 +74,37 @@ class Controller(ABC):
     def snapshot(self) -> dict[str, str]:
         """What a record should say about the instrument: firmware, port, settings."""
 
+    def _trigger(self, high: bool) -> None:
+        """Set the trigger output."""
+        raise RigError(f"{self.name}: has no trigger output; drive the LED from another instrument, or leave it out")
+
+    def beat(self) -> None:  # noqa: B027  only a guarded controller has somebody to tell
+        """Say that the script is alive, for pauses in which it neither sets nor reads."""
+
+    def record_in(self, path: Path) -> None:  # noqa: B027  likewise
+        """Where whoever outlives the script may note what it did."""
+
+    @property
+    def limits(self) -> PressureLimits:
+        """What may be asked of it; only ``narrowed`` changes it, and only ever to less."""
+        return self._limits
+
+    @contextmanager
+    def narrowed(self, limits: PressureLimits) -> Iterator[PressureLimits]:
+        """Within the block these limits bind as well."""
+        before, self._limits = self._limits, self._limits.and_also(limits)
+        try:
+            yield self._limits
+        finally:
+            self._limits = before
+
     @final
     def open(self) -> None:
         """Open the link, check the instrument, and vent: a known state to start from."""
         self._open()
         self.is_open = True
+        for expected in self._expected.values():
+            expected.forget()
         try:
             self.vent()
         except BaseException:
@@ -135,26 +143,44 @@ class Controller(ABC):
     @final
     def set_pressure(self, channel: int, pressure_pa: float) -> Command:
         """Command one gauge pressure (Pa); RigError, with nothing sent, when it is not within the limits."""
-        self._check_channel(channel)
-        if reason := self.limits.why_not(pressure_pa):
-            raise RigError(f"{self.name}: {reason} (channel {channel}); nothing was sent; lower the pressure")
-        pressure_pa = self.rounded(pressure_pa)
-        before_ns = self.clock.monotonic_ns()
-        self._check_rate(channel, pressure_pa, before_ns * 1e-9)
-        self._send(channel, pressure_pa)
-        self._last[channel] = (before_ns * 1e-9, pressure_pa)
-        return Command(**self._stamp(before_ns), channel=channel, pressure_pa=pressure_pa)
+        if channel not in self.channels:
+            raise RigError(
+                f"{self.name}: channel {channel} is not in use; open the controller with channels=({channel},)"
+            )
+        reason = self.limits.why_not(pressure_pa)
+        with self._lock:
+            before_ns = self.clock.monotonic_ns()
+            if reason is None:
+                pressure_pa = self.rounded(pressure_pa)
+                reason = self._leashes[channel].why_not(pressure_pa, self.limits.max_rate_pa_s, before_ns * 1e-9)
+            if reason is not None:
+                raise LimitError(
+                    f"{self.name}: {reason} (channel {channel}); nothing was sent; ask for less, or for a slower ramp"
+                )
+            self._expected[channel].told(pressure_pa)
+            raw = self._send(channel, pressure_pa)
+            stamp = self._stamp(before_ns, len(raw))
+            self._leashes[channel].arrived(pressure_pa)
+        return Command(**stamp, channel=channel, pressure_pa=pressure_pa, raw=raw)
 
     @final
     def read(self) -> tuple[Reading, ...]:
-        """Measured pressure of every channel in use."""
-        before_ns = self.clock.monotonic_ns()
-        pressure_pa, raw = self._read()
-        stamp = self._stamp(before_ns, len(raw))
-        if missing := [channel for channel in self.channels if channel not in pressure_pa]:
-            raise RigError(f"{self.name}: channel {missing[0]} is not in its reply {raw!r}; check the channel number")
+        """Measured pressure of every channel in use; RigError rather than a value that cannot be true."""
+        with self._lock:
+            before_ns = self.clock.monotonic_ns()
+            answer = self._read()
+            stamp = self._stamp(before_ns, len(answer.raw))
+        for channel in self.channels:
+            self._check_plausible(channel, answer)
         return tuple(
-            Reading(**stamp, channel=channel, pressure_pa=pressure_pa[channel], sigma_pa=self.sigma_pa, raw=raw)
+            Reading(
+                **stamp,
+                channel=channel,
+                pressure_pa=answer.pressure_pa[channel],
+                sigma_pa=self.sigma_pa,
+                raw=answer.raw,
+                flow_m3_s=answer.flow_m3_s.get(channel, math.nan),
+            )
             for channel in self.channels
         )
 
@@ -162,47 +188,51 @@ class Controller(ABC):
     def vent(self) -> None:
         """Bring every channel in use to ambient pressure; tries each of them before it complains."""
         failures: list[str] = []
-        for channel in self.channels:
-            try:
-                self._vent_through_any_link(channel)
-                self._last[channel] = (self.clock.monotonic_ns() * 1e-9, 0.0)
-            except RigError as error:
-                failures.append(str(error))
+        with self._lock:
+            for channel in self.channels:
+                try:
+                    self.vent_channel(channel)
+                except RigError as error:
+                    failures.append(str(error))
         if failures:
             raise RigError(f"{self.name}: THE VENT IS NOT CONFIRMED, vent by hand now: {failures[0]}")
 
-    def _vent_through_any_link(self, channel: int) -> None:
+    @final
+    def trigger(self, high: bool) -> Stamp:
+        """Set the trigger output, an LED in the camera's view for one; when it changed."""
+        with self._lock:
+            before_ns = self.clock.monotonic_ns()
+            self._trigger(high)
+            return Stamp(**self._stamp(before_ns))
+
+    @final
+    def vent_channel(self, channel: int) -> None:
+        """Bring one channel to ambient pressure, over a fresh link if the old one is lost."""
+        self._expected[channel].told(0.0)
         try:
             self._vent(channel)
-        except LinkLostError:
+        except LinkLostError as lost:
             if not self.is_open:
                 raise
             # A loose plug may be back by now: a fresh link costs little, a straw left under pressure much.
             self._close()
-            with suppress(RigError):
+            try:
                 self._open()
-                return self._vent(channel)
-            raise
-        return None
+                self._vent(channel)
+            except RigError:
+                raise lost from None
+        self._leashes[channel].arrived(0.0)
 
-    def _check_channel(self, channel: int) -> None:
-        if channel not in self.channels:
-            raise RigError(
-                f"{self.name}: channel {channel} is not in use; open the controller with channels=({channel},)"
-            )
-
-    def _check_rate(self, channel: int, pressure_pa: float, now_s: float) -> None:
-        rate = self.limits.max_rate_pa_s
-        if rate is None or channel not in self._last:
-            return
-        last_s, last_pa = self._last[channel]
-        # One step of the instrument is always allowed, or rounding alone could break a slow ramp.
-        allowed_pa = rate * min(now_s - last_s, RATE_WINDOW_S) * 1.2 + 1.5 * self.resolution_pa
-        if abs(pressure_pa - last_pa) > allowed_pa:
-            raise RigError(
-                f"{self.name}: {last_pa / 1e3:g} to {pressure_pa / 1e3:g} kPa at once breaks the limit of "
-                f"{rate / 1e3:g} kPa/s (channel {channel}); nothing was sent; use a ramp"
-            )
+    def _check_plausible(self, channel: int, answer: Answer) -> None:
+        raw = answer.raw
+        if channel not in answer.pressure_pa:
+            raise RigError(f"{self.name}: channel {channel} is not in its reply {raw!r}; check the channel number")
+        pressure_pa = answer.pressure_pa[channel]
+        slack_pa = 0.05 * (self.span.max_pa - self.span.min_pa)
+        if not self.span.min_pa - slack_pa <= pressure_pa <= self.span.max_pa + slack_pa:
+            raise RigError(f"{self.name}: reads {pressure_pa / 1e3:g} kPa ({raw!r}), beyond its own range; not used")
+        if reason := self._expected[channel].why_not(pressure_pa, self._leashes[channel].places_pa):
+            raise RigError(f"{self.name}: {reason} ({raw!r}); not used")
 
     def _stamp(self, before_ns: int, answer_bytes: int = 0) -> dict[str, Any]:
         # The instrument measured before it began to answer, and the answer's own bytes take milliseconds.
@@ -228,5 +258,8 @@ def make_controller(name: str, port: str, **settings: Any) -> Controller:
     if name not in controller_names():
         raise RigError(f"controller {name!r} is unknown; known: {', '.join(controller_names())}")
     driver = importlib.import_module(f"rig.controllers.{name.replace('-', '_')}")
-    made: Controller = driver.CONTROLLER(port, **settings)
+    try:
+        made: Controller = driver.CONTROLLER(port, **settings)
+    except TypeError as error:
+        raise RigError(f"controller {name}: {error}; its docstring names the settings it takes") from None
     return made

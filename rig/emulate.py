@@ -1,18 +1,21 @@
-"""Emulation: a controller on the wire with the straw behind it, all in this process and in real time."""
+"""Emulation: a controller on the wire with the straw behind it, all in this process, in real time or faster."""
 
 from __future__ import annotations
 
 import importlib
+import pkgutil
 import threading
 from collections.abc import Callable, Mapping
 from types import TracebackType
 from typing import Self
 
-from rig.controller import controller_names
+import rig.emulators
+from rig.clock import Clock, SteppedClock
+from rig.emulator import Emulator
 from rig.errors import RigError
 from rig.plant import Plant, PressurePlant
-from rig.twin import StrawStepper, Twin
-from rig.wire import Device, Wire
+from rig.twin import STEP_S, StrawStepper, Twin
+from rig.wire import Faults, Wire
 
 
 class Emulation:
@@ -20,7 +23,7 @@ class Emulation:
 
     ``name`` is a controller of ``rig.controllers`` that has an emulator. Each of ``addresses`` is ``"host:port"``
     (port 0 for any) or ``"pty"``; the one device answers on all of them, ``urls`` says where. The straw hangs on
-    channel 1.
+    channel 1. Time is real unless ``clock`` is a SteppedClock, which the program that drives it has to share.
     """
 
     def __init__(
@@ -30,15 +33,30 @@ class Emulation:
         *addresses: str,
         plant: PressurePlant | None = None,
         latency_s: float = 1e-3,
+        faults: Faults | None = None,
+        clock: Clock | None = None,
+        step_s: float = STEP_S,
     ) -> None:
         emulator = emulator_of(name)
         self.plant = plant or PressurePlant()
-        self.twin = Twin(stepper, self.plant)
-        self._device = _Shared(emulator({1: self.plant}))
+        self.twin = Twin(stepper, self.plant, clock, step_s=step_s)
+        self.clock = self.twin.clock
+        self.device = emulator({1: self.plant})
+        lock = threading.Lock()
         self.wires: list[Wire] = []
         try:
             for address in addresses or ("127.0.0.1:0",):
-                self.wires.append(Wire(self._device, address, clock=self.twin.now, latency_s=latency_s))
+                self.wires.append(
+                    Wire(
+                        self.device,
+                        address,
+                        clock=self.clock,
+                        now=self.twin.now,
+                        latency_s=latency_s,
+                        faults=faults,
+                        lock=lock,
+                    )
+                )
         except RigError:
             self._hang_up()
             raise
@@ -62,34 +80,29 @@ class Emulation:
         for wire in self.wires:
             wire.close()
 
+    def catch_up(self) -> None:
+        """Move the straw on to now: for a clock that does not run by itself, between two exchanges."""
+        self.twin.advance_to(self.twin.now())
+
     def __enter__(self) -> Self:
-        self.twin.start()
+        if not isinstance(self.clock, SteppedClock):
+            self.twin.start()
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
         self._hang_up()
-        self.twin.stop()
+        if isinstance(self.clock, SteppedClock):
+            self.catch_up()
+        else:
+            self.twin.stop()
 
 
-def emulator_of(name: str) -> Callable[[Mapping[int, Plant]], Device]:
+def emulator_of(name: str) -> Callable[[Mapping[int, Plant]], Emulator]:
     """The emulator of a controller's name; RigError with the known ones where there is none."""
     try:
         module = importlib.import_module(f"rig.emulators.{name.replace('-', '_')}")
     except ModuleNotFoundError:
-        raise RigError(f"controller {name!r} has no emulator; known: {', '.join(controller_names())}") from None
-    made: Callable[[Mapping[int, Plant]], Device] = module.EMULATOR
+        known = [module.name.replace("_", "-") for module in pkgutil.iter_modules(rig.emulators.__path__)]
+        raise RigError(f"controller {name!r} has no emulator; known: {', '.join(sorted(known))}") from None
+    made: Callable[[Mapping[int, Plant]], Emulator] = module.EMULATOR
     return made
-
-
-class _Shared:
-    """One device on several wires: it answers one request at a time."""
-
-    def __init__(self, device: Device) -> None:
-        self.terminator, self.baud = device.terminator, device.baud
-        self._device = device
-        self._lock = threading.Lock()
-
-    def answer(self, line: bytes, time_s: float) -> bytes:
-        """As the device's own."""
-        with self._lock:
-            return self._device.answer(line, time_s)

@@ -7,3 +7,7 @@ class RigError(Exception):
 
 class LinkLostError(RigError):
     """The way to an instrument is gone (unplugged, closed, refused): nothing more will come through it."""
+
+
+class LimitError(RigError):
+    """What was asked is not allowed; nothing was sent, and asking again changes nothing."""

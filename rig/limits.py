@@ -1,4 +1,4 @@
-"""PressureLimits: what the straw and the operator allow, checked below every script that asks for pressure."""
+"""PressureLimits: what the straw and the operator allow, and Leash: how far one channel may go from where it is."""
 
 from __future__ import annotations
 
@@ -50,3 +50,43 @@ class PressureLimits:
 STRAW_LIMITS = PressureLimits(min_pa=-40e3, max_pa=60e3)
 """Used when nobody says otherwise: the paper's straw folds and deploys between -25 and +35 kPa; this leaves half as
 much again and stays far below the regulator's 100 kPa."""
+
+
+SAVED_S = 0.25  # after a long hold a rate limit must not allow one long jump: change is saved up for this long only
+
+
+class Leash:
+    """Where one channel may be, and what a limit in Pa/s still leaves it; times in s on any one clock.
+
+    Over any time T the told pressure travels no more than ``rate * (T + 0.25 s)`` and one step of the instrument,
+    however often it is told: every change is paid for from an account that fills at the rate. A set that was not
+    acknowledged may or may not have arrived, so until the next one the channel counts as being in both places.
+    """
+
+    def __init__(self, step_pa: float) -> None:
+        self.step_pa = step_pa
+        self.places_pa: tuple[float, ...] = (0.0,)  # what it was told last, and what it may have been told since
+        self._credit_pa = math.inf
+        self._at_s = -math.inf
+
+    def why_not(self, pressure_pa: float, rate_pa_s: float | None, now_s: float) -> str | None:
+        """None when the channel may be told this pressure now, else the reason; counts as told when allowed."""
+        farthest_pa = max(self.places_pa, key=lambda place: abs(pressure_pa - place))
+        change_pa = abs(pressure_pa - farthest_pa)
+        if rate_pa_s is not None:
+            # One step of the instrument is always affordable, or rounding alone could break a slow ramp.
+            full_pa = rate_pa_s * SAVED_S + self.step_pa
+            credit_pa = min(self._credit_pa + rate_pa_s * (now_s - self._at_s), full_pa) if change_pa else full_pa
+            if change_pa > credit_pa * (1 + 1e-9):
+                return (
+                    f"{farthest_pa / 1e3:g} to {pressure_pa / 1e3:g} kPa at once breaks the limit of "
+                    f"{rate_pa_s / 1e3:g} kPa/s"
+                )
+            if change_pa:
+                self._credit_pa, self._at_s = credit_pa - change_pa, now_s
+        self.places_pa = (*self.places_pa, pressure_pa)
+        return None
+
+    def arrived(self, pressure_pa: float) -> None:
+        """The instrument acknowledged this pressure, a vent included, which no rate holds back."""
+        self.places_pa = (pressure_pa,)

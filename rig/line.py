@@ -83,6 +83,13 @@ class Line:
             reply += self._guarded(lambda port: bytes(port.read(1)))
         return reply
 
+    def quiet(self, time_s: float) -> None:
+        """Throw away what comes until nothing has come for ``time_s`` seconds."""
+        since = time.monotonic()
+        while time.monotonic() - since < time_s:
+            if self._guarded(lambda port: port.read(1)):
+                since = time.monotonic()
+
     def exchange(self, request: bytes, until: bytes, timeout_s: float) -> bytes:
         """Drop stale input, send the request once, and return the reply up to ``until``."""
         self.drain()
@@ -113,8 +120,8 @@ def _ports() -> str:
 
 def _low_latency(port: str) -> None:
     # FTDI chips wait 16 ms to fill a packet, which caps polling near 60 Hz; lowering it needs rights we may not have.
-    timer = Path("/sys/bus/usb-serial/devices") / Path(port).resolve().name / "latency_timer"
     try:
+        timer = Path("/sys/bus/usb-serial/devices") / Path(port).resolve().name / "latency_timer"
         if timer.exists():
             timer.write_text("1")
     except OSError:

@@ -18,11 +18,11 @@ LAST_NS = 2**63 - 1
 
 @dataclass
 class Scan:
-    """What a file holds: messages as (channel id, happened ns, data), and what of it is lost in plain words."""
+    """What a file holds: messages as (channel id, happened ns, data, logged ns), and in words what of it is lost."""
 
     schemas: dict[int, Any] = field(default_factory=dict)
     channels: dict[int, Any] = field(default_factory=dict)
-    messages: list[tuple[int, int, bytes]] = field(default_factory=list)
+    messages: list[tuple[int, int, bytes, int]] = field(default_factory=list)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
     lost: list[str] = field(default_factory=list)
@@ -69,7 +69,7 @@ def _take(found: Scan, opcode: int, payload: bytes, position: int, depth: int) -
             happened_ns = publish_ns or log_ns  # 0 is what loggers write that do not know the publish time
             if happened_ns > LAST_NS:
                 raise ValueError("impossible time")
-            found.messages.append((channel_id, happened_ns, payload[22:]))
+            found.messages.append((channel_id, happened_ns, payload[22:], log_ns))
         elif opcode == CHUNK and depth == 0:
             _take_chunk(found, payload, position)
         elif opcode in _PARSERS:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -69,7 +69,8 @@ class Run:
     ``damage`` is the part of it that concerns the file itself: cut short, checksums that fail, records unreadable.
 
     ``zero_time_ns`` is time 0 of every log in ns since the Unix epoch. ``metadata`` is the file's ``straw.run`` with
-    its ``straw.stop``; ``sha256`` is of the file, the name under which derived files know their parent.
+    its ``straw.stop``, ``software`` its ``straw.software``; ``sha256`` is of the file, the name under which derived
+    files know their parent.
     """
 
     path: Path
@@ -89,3 +90,4 @@ class Run:
     events: tuple[Event, ...]
     lost: tuple[str, ...]
     damage: tuple[str, ...] = ()
+    software: Mapping[str, str] = field(default_factory=dict)

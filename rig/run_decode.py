@@ -17,7 +17,7 @@ from rig.schema import PREDICTION, TOPICS, Schema, descriptor_set, message_class
 # What a field that is absent, or null as JSON spells NaN, stands for; a field that is not here must be present.
 ABSENT: dict[str, Any] = {"sigma_pa": np.nan, "channel": 1, "valid": True, "frame": -1, "kind": "", "text": ""}
 ABSENT |= {name: np.nan for axis in ("x_m", "z_m", "phi_rad") for name in (axis, f"sigma_{axis}")}
-EXTRA = {"monotonic_ns", "half_width_ns", "raw"}  # our own, beyond the contract
+EXTRA = {"monotonic_ns", "half_width_ns", "raw", "flow_m3_s"}  # our own, beyond the contract
 Row = tuple[int, tuple[Any, ...]]  # happened ns, the values of the schema's contract fields
 
 
@@ -26,7 +26,7 @@ def decode(found: Scan) -> dict[str, list[Row]]:
     rows: dict[str, list[Row]] = {}
     readers: dict[int, tuple[list[Row], Callable[[bytes], tuple[Any, ...]]] | None] = {}
     damaged: Counter[str] = Counter()
-    for channel_id, happened_ns, data in found.messages:
+    for channel_id, happened_ns, data, _ in found.messages:
         if channel_id not in readers:
             readers[channel_id] = _reader(found, channel_id, rows)
         reader = readers[channel_id]

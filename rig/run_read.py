@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import RigError
+from rig.manifest import read_manifest
 from rig.mcap_scan import scan
 from rig.run import CELLS, Event, Predicted, PressureLog, Run
 from rig.run_decode import EXTRA, Row, decode
@@ -32,6 +33,9 @@ def read_run(path: str | Path) -> Run:
     found = scan(data, str(path))
     lost = found.lost
     rows = decode(found)
+    sha256 = hashlib.sha256(data).hexdigest()
+    if read_manifest(path).get(path.name, sha256) != sha256:
+        lost.append("its SHA-256 is not the one in its manifest: it was changed after it was recorded")
     damage = tuple(lost)
     if not rows:
         why = f": {lost[0]}" if lost else "; it is a recording of something else"
@@ -58,7 +62,7 @@ def read_run(path: str | Path) -> Run:
     models = sorted({match[1] for topic in rows if (match := PREDICTION.fullmatch(topic))})
     return Run(
         path=path,
-        sha256=hashlib.sha256(data).hexdigest(),
+        sha256=sha256,
         run_id=metadata.get("run_id", path.stem),
         specimen=metadata.get("specimen", ""),
         initial_deployed=_deployed(metadata, cells, lost),
@@ -74,6 +78,7 @@ def read_run(path: str | Path) -> Run:
         events=tuple(Event((ns - zero_ns) * 1e-9, *values) for ns, values in sorted(rows.get("/events", []))),
         lost=tuple(lost),
         damage=damage,
+        software=found.metadata.get("straw.software.recorded") or found.metadata.get("straw.software", {}),
     )
 
 

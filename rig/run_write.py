@@ -13,9 +13,13 @@ from types import TracebackType
 from typing import Any, Self
 
 from rig.errors import RigError
-from rig.schema import descriptor_set, encode, schema_of
+from rig.manifest import seal
+from rig.provenance import software
+from rig.reading import Command, Reading
+from rig.schema import check, descriptor_set, encode, schema_of
 
-FLUSH_S = 1.0  # what a killed program may lose at most: a chunk that was never flushed is gone
+WAKE_S = 0.1
+FLUSH_S = 0.9  # with WAKE_S what a killed program may lose at most, a second: a chunk that was never flushed is gone
 LAST_NS = 2**63 - 1
 
 
@@ -27,12 +31,18 @@ class RunFile:
     """
 
     def __init__(
-        self, path: str | Path, metadata: Mapping[str, str], attachments: Mapping[str, bytes] | None = None
+        self,
+        path: str | Path,
+        metadata: Mapping[str, str],
+        attachments: Mapping[str, bytes] | None = None,
+        parent: Path | None = None,
     ) -> None:
         from mcap.writer import CompressionType, Writer
 
         self.path = Path(path)
         self.part = self.path.with_name(self.path.name + ".part")
+        if parent == self.part:  # it is being recovered, and must stay as it is until that is done
+            self.part = self.path.with_name(self.path.name + ".recovering")
         for taken in (self.path, self.part):
             if taken.exists():
                 raise RigError(f"recording {taken} exists and is not overwritten; choose another name or move it away")
@@ -46,6 +56,7 @@ class RunFile:
         try:
             self._mcap.start(profile="straw", library="straw rig")
             self._mcap.add_metadata("straw.run", {key: str(value) for key, value in metadata.items()})
+            self._mcap.add_metadata("straw.software", software())
             for name, data in (attachments or {}).items():
                 now_ns = time.time_ns()
                 self._mcap.add_attachment(now_ns, now_ns, name, "text/plain", data)
@@ -67,9 +78,25 @@ class RunFile:
             schema = schema_of(topic)
             schema_id = self._mcap.register_schema(schema.name, "protobuf", descriptor_set(schema))
             self._channels[topic] = self._mcap.register_channel(topic, "protobuf", schema_id, schema.units)
-        log_ns = time.time_ns() if log_time_ns is None else log_time_ns
+        self._add(self._channels[topic], happened_ns, data, time.time_ns() if log_time_ns is None else log_time_ns)
+
+    def add_raw(self, channel: Any, schema: Any, happened_ns: int, data: bytes, log_time_ns: int) -> None:
+        """Write one message of another file, with the channel and schema records it had there."""
+        key = f"{channel.id} {channel.topic}"
+        if key not in self._channels:
+            schema_id = self._mcap.register_schema(schema.name, schema.encoding, schema.data) if schema else 0
+            self._channels[key] = self._mcap.register_channel(
+                channel.topic, channel.message_encoding, schema_id, dict(channel.metadata)
+            )
+        self._add(self._channels[key], happened_ns, data, log_time_ns)
+
+    def add_metadata(self, name: str, record: Mapping[str, str]) -> None:
+        """Write one more metadata record."""
+        self._mcap.add_metadata(name, dict(record))
+
+    def _add(self, channel: int, happened_ns: int, data: bytes, log_time_ns: int) -> None:
         try:
-            self._mcap.add_message(self._channels[topic], log_ns, data, happened_ns)
+            self._mcap.add_message(channel, log_time_ns, data, happened_ns)
         except OSError as error:
             raise self._disk(error) from None
 
@@ -124,11 +151,17 @@ class RunWriter:
     ) -> None:
         self._file = RunFile(path, metadata, attachments)
         self.path = self._file.path
-        self._queue: queue.SimpleQueue[tuple[str, int, bytes] | None] = queue.SimpleQueue()
+        self._queue: queue.SimpleQueue[tuple[str, int, dict[str, Any], int]] = queue.SimpleQueue()
+        self._ending = threading.Event()
         self._failure: BaseException | None = None
         self._finished = False
         self._thread = threading.Thread(target=self._write, name=f"writer {self.path.name}", daemon=True)
         self._thread.start()
+
+    @property
+    def failed(self) -> bool:
+        """Whether the disk refused; ``add`` and ``finish`` tell how."""
+        return self._failure is not None
 
     def add(self, topic: str, happened_ns: int, **values: Any) -> None:
         """Queue one message that happened at ``happened_ns`` (ns since the Unix epoch); never waits for the disk.
@@ -139,7 +172,29 @@ class RunWriter:
             raise self._failure
         if self._finished:
             raise RigError(f"recording {self.path} is finished; what happens later needs a recording of its own")
-        self._queue.put((topic, happened_ns, encoded(topic, happened_ns, values)))
+        check_time(topic, happened_ns)
+        check(topic, values)
+        self._queue.put((topic, happened_ns, values, time.time_ns()))
+
+    def command(self, command: Command) -> None:
+        """Queue what a controller was told."""
+        self._told("/pressure/command", command)
+
+    def reading(self, reading: Reading) -> None:
+        """Queue what a controller read."""
+        self._told("/pressure/measured", reading, sigma_pa=reading.sigma_pa, flow_m3_s=reading.flow_m3_s)
+
+    def _told(self, topic: str, what: Command | Reading, **more: float) -> None:
+        self.add(
+            topic,
+            what.wall_ns,
+            pressure_pa=what.pressure_pa,
+            channel=what.channel,
+            monotonic_ns=what.monotonic_ns,
+            half_width_ns=what.half_width_ns,
+            raw=what.raw,
+            **more,
+        )
 
     def event(self, kind: str, text: str, happened_ns: int | None = None) -> None:
         """Queue an event, now if no time is given."""
@@ -150,12 +205,13 @@ class RunWriter:
         if self._finished:
             return
         self._finished = True
-        self._queue.put(None)
+        self._ending.set()
         self._thread.join()
         if self._failure is not None:
             self._file.abandon()
             raise self._failure
         self._file.finish(closing)
+        seal(self.path)
 
     def __enter__(self) -> Self:
         return self
@@ -166,14 +222,14 @@ class RunWriter:
     def _write(self) -> None:
         flush_at = time.monotonic() + FLUSH_S
         try:
-            while True:
-                try:
-                    item = self._queue.get(timeout=max(flush_at - time.monotonic(), 0.0))
-                    if item is None:
-                        return
-                    self._file.add(*item)
-                except queue.Empty:
-                    pass
+            ending = False
+            while not ending:
+                # Waking up costs more than writing: at 1 kHz a thread that wakes for each message doubles the price.
+                ending = self._ending.wait(WAKE_S)
+                with suppress(queue.Empty):
+                    while True:
+                        topic, happened_ns, values, log_ns = self._queue.get_nowait()
+                        self._file.add(topic, happened_ns, encode(topic, values), log_ns)
                 if time.monotonic() >= flush_at:
                     self._file.flush()
                     flush_at = time.monotonic() + FLUSH_S
@@ -183,6 +239,11 @@ class RunWriter:
 
 def encoded(topic: str, happened_ns: int, values: Mapping[str, Any]) -> bytes:
     """One message as bytes, with its time checked; RigError when a value does not fit its field."""
+    check_time(topic, happened_ns)
+    return encode(topic, values)
+
+
+def check_time(topic: str, happened_ns: int) -> None:
+    """RigError for a time that no clock shows."""
     if not 0 < happened_ns <= LAST_NS:  # a message at t = 0 breaks viewers
         raise RigError(f"{topic} at {happened_ns} ns is no time since 1970; check zero_time_ns")
-    return encode(topic, dict(values))

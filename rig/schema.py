@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -16,13 +17,14 @@ if TYPE_CHECKING:
 Fields = tuple[tuple[str, str, str], ...]
 
 WHEN: Fields = (("monotonic_ns", "int64", "ns"), ("half_width_ns", "int64", "ns"))
-COMMAND: Fields = (("pressure_pa", "double", "Pa"), ("channel", "int32", ""), *WHEN)
+COMMAND: Fields = (("pressure_pa", "double", "Pa"), ("channel", "int32", ""), *WHEN, ("raw", "bytes", ""))
 MEASURED: Fields = (
     ("pressure_pa", "double", "Pa"),
     ("sigma_pa", "double", "Pa"),
     ("channel", "int32", ""),
     *WHEN,
     ("raw", "bytes", ""),
+    ("flow_m3_s", "double", "m^3/s"),
 )
 TIP: Fields = (
     ("x_m", "double", "m"),
@@ -123,11 +125,41 @@ def _in_order(files: Any) -> list[FileDescriptorProto]:
     return ordered
 
 
-def encode(topic: str, values: dict[str, Any]) -> bytes:
-    """One message of a topic as protobuf bytes; a value that does not fit its field is a RigError."""
+@cache
+def _class_of(topic: str) -> Any:
     schema = schema_of(topic)
+    return message_class(schema.name, descriptor_set(schema))
+
+
+@cache
+def _python_types(topic: str) -> dict[str, tuple[type, ...]]:
+    return {name: _TYPES[kind] for name, kind, _ in schema_of(topic).fields}
+
+
+_TYPES: dict[str, tuple[type, ...]] = {
+    "double": (float, int),
+    "int32": (int,),
+    "int64": (int,),
+    "bool": (bool,),
+    "string": (str,),
+    "bytes": (bytes,),
+}
+
+
+def check(topic: str, values: Mapping[str, Any]) -> None:
+    """RigError when a value does not fit its field, at a fraction of what encoding costs a loop that just woke up."""
+    types = _python_types(topic)
+    for name, value in values.items():
+        if type(value) not in types.get(name, ()):
+            encode(topic, values)  # which knows numpy's numbers, and says what is wrong with the rest
+            return
+
+
+def encode(topic: str, values: Mapping[str, Any]) -> bytes:
+    """One message of a topic as protobuf bytes; a value that does not fit its field is a RigError."""
     try:
-        data: bytes = message_class(schema.name, descriptor_set(schema))(**values).SerializeToString()
+        data: bytes = _class_of(topic)(**values).SerializeToString()
     except (TypeError, ValueError) as error:
-        raise RigError(f"{topic}: {' '.join(str(error).split())}; fields are {[f[0] for f in schema.fields]}") from None
+        fields = [name for name, *_ in schema_of(topic).fields]
+        raise RigError(f"{topic}: {' '.join(str(error).split())}; fields are {fields}") from None
     return data

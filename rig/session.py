@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from rig.controller import Command, Controller, Reading
-from rig.errors import LinkLostError, RigError
+from rig.controller import Controller
+from rig.errors import LimitError, LinkLostError, RigError
 from rig.interrupts import Interrupts
+from rig.led import BURST_S, blink
 from rig.protocol import PressureProtocol
 from rig.run import CELLS
 from rig.run_write import RunWriter
 
 ARM_S = 0.2  # between writing the file's head, which names the run's zero, and the start
-MISSES = 3  # readings in a row that may fail before the run is given up
+MISSES = 3  # cycles in a row that may fail before the run is given up
+BEAT_S = 0.5  # a long wait between two samples is no silence
 Progress = Callable[[float, float, float], None]  # (time s, duration s, measured Pa)
 
 
@@ -37,30 +38,27 @@ def run_protocol(
     rate_hz: float = 100.0,
     metadata: Mapping[str, str] | None = None,
     progress: Progress | None = None,
+    led: bool = False,
 ) -> Outcome:
     """Drive an opened controller through the protocol, read every cycle, and record all of it in ``path`` (MCAP).
 
     Time 0 of the recording is the start of the protocol's main part. ``metadata`` joins the record ``straw.run``.
+    ``led`` blinks a coded burst on the trigger output before and after, for the camera's clock (see rig/led.py).
     Limits in force are those of the protocol and of the controller together, and every point is checked before
     anything moves. On the normal end, an error, Ctrl-C (KeyboardInterrupt), or SIGTERM (SystemExit) the straw is
     vented first, then the file is finished with the reason in it; a second Ctrl-C changes nothing about that.
     """
     if not controller.is_open:
         raise RigError(f"controller {controller.name} is not open; write: with controller: run_protocol(...)")
-    allowed = controller.limits.and_also(protocol.limits)
-    protocol.check_limits(allowed)
+    protocol.check_limits(controller.limits.and_also(protocol.limits))
     if protocol.channel not in controller.channels:
         raise RigError(f"protocol {protocol.name} wants channel {protocol.channel}, in use: {controller.channels}")
     if not 0.0 < rate_hz <= 1000.0:
         raise RigError(f"loop rate {rate_hz:g} Hz must be above 0 and at most 1000")
-    limits_before, controller.limits = controller.limits, allowed
-    try:
-        with Interrupts() as interrupts:
-            outcome = _Session(controller, protocol, Path(path), rate_hz, metadata or {}, progress, interrupts).run()
-            interrupts.check()  # a signal that came during the last vent still counts
-            return outcome
-    finally:
-        controller.limits = limits_before
+    with controller.narrowed(protocol.limits), Interrupts() as interrupts:
+        outcome = _Session(controller, protocol, Path(path), rate_hz, metadata or {}, progress, interrupts, led).run()
+        interrupts.check()  # a signal that came during the last vent still counts
+        return outcome
 
 
 class _Session:
@@ -75,15 +73,17 @@ class _Session:
         metadata: Mapping[str, str],
         progress: Progress | None,
         interrupts: Interrupts,
+        led: bool,
     ) -> None:
         self.controller = controller
         self.protocol = protocol
         self.period_s = 1.0 / rate_hz
         self.progress = progress
         self.interrupts = interrupts
+        self.led = led
         self.cycles = self.missed = 0
         self.run_s = 0.0
-        self.start_ns = controller.clock.monotonic_ns() + round(ARM_S * 1e9)
+        self.start_ns = controller.clock.monotonic_ns() + round((ARM_S + BURST_S * led) * 1e9)
         wall_start_ns = controller.clock.wall_ns(self.start_ns)
         self.writer = RunWriter(
             path,
@@ -98,6 +98,7 @@ class _Session:
             },
             {"protocol.toml": protocol.text.encode()} if protocol.text else {},
         )
+        controller.record_in(path.with_name(path.name + ".guardian"))
 
     def run(self) -> Outcome:
         """Arm, loop, and vent whatever happens; what went wrong is raised after the file is finished."""
@@ -105,7 +106,11 @@ class _Session:
         try:
             self.event("arm", f"limits {self.controller.limits}")
             self.controller.vent()
+            self.burst()
             self.loop()
+            if self.led:
+                self.controller.vent()
+                self.burst()
             status, reason = "success", "the protocol ended"
         except RigError as error:
             reason = str(error)
@@ -132,23 +137,26 @@ class _Session:
         now_s = due_s = self.now_s()
         while now_s < protocol.duration_s:
             self.interrupts.check()
-            wanted_pa = float(protocol(now_s))
-            if controller.rounded(wanted_pa) != told_pa:
-                command = controller.set_pressure(protocol.channel, wanted_pa)
-                told_pa = command.pressure_pa
-                self.log("/pressure/command", command)
-                if steps and steps[0] <= now_s:
-                    steps = [step_s for step_s in steps if step_s > now_s]
-                    self.event("step", f"to {told_pa:g} Pa", command.wall_ns)
             try:
+                wanted_pa = float(protocol(now_s))
+                if controller.rounded(wanted_pa) != told_pa:
+                    told_pa = None  # until it is acknowledged; otherwise the next cycle asks for what is due by then
+                    command = controller.set_pressure(protocol.channel, wanted_pa)
+                    told_pa = command.pressure_pa
+                    self.writer.command(command)
+                    if steps and steps[0] <= now_s:
+                        steps = [step_s for step_s in steps if step_s > now_s]
+                        self.event("step", f"to {told_pa:g} Pa", command.wall_ns)
                 for reading in controller.read():
-                    self.log("/pressure/measured", reading, sigma_pa=reading.sigma_pa, raw=reading.raw)
+                    self.writer.reading(reading)
                     if reading.channel == protocol.channel:
                         measured_pa = reading.pressure_pa
                 misses = 0
-            except LinkLostError:
+            except (LinkLostError, LimitError):
                 raise
             except RigError as error:  # one garbled answer is no reason to end a run, but it is on record
+                if self.writer.failed:
+                    raise
                 misses += 1
                 self.missed += 1
                 self.event("fault", str(error))
@@ -192,19 +200,16 @@ class _Session:
         return (self.controller.clock.monotonic_ns() - self.start_ns) * 1e-9
 
     def wait_until(self, time_s: float) -> None:
-        if (left_s := time_s - self.now_s()) > 0.0:
-            time.sleep(left_s)
+        while (left_s := time_s - self.now_s()) > BEAT_S:
+            self.controller.clock.sleep(BEAT_S)
+            self.controller.beat()
+            self.interrupts.check()
+        self.controller.clock.sleep(left_s)
+
+    def burst(self) -> None:
+        """The coded burst, if wanted, each edge with the time it was acknowledged."""
+        for stamp, high in blink(self.controller) if self.led else ():
+            self.event("led", f"{high:d} +-{stamp.half_width_ns} ns", stamp.wall_ns)
 
     def event(self, kind: str, text: str, wall_ns: int | None = None) -> None:
         self.writer.event(kind, text, self.controller.clock.wall_ns() if wall_ns is None else wall_ns)
-
-    def log(self, topic: str, what: Command | Reading, **more: float | bytes) -> None:
-        self.writer.add(
-            topic,
-            what.wall_ns,
-            pressure_pa=what.pressure_pa,
-            channel=what.channel,
-            monotonic_ns=what.monotonic_ns,
-            half_width_ns=what.half_width_ns,
-            **more,
-        )

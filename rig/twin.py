@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Protocol, Self
@@ -13,10 +11,11 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.clock import Clock
 from rig.plant import PressurePlant
 
 Floats = NDArray[np.float64]
-STEP_S = 1e-3  # a step of the history; outlet pressure is taken as straight within it
+STEP_S = 1e-3  # of the history, where nobody says otherwise; outlet pressure is taken as straight within it
 TICK_S = 5e-3  # how long the twin's thread sleeps, and how far it stays behind the clock
 
 
@@ -71,34 +70,37 @@ class Twin:
         self,
         stepper: StrawStepper,
         plant: PressurePlant,
-        clock: Callable[[], float] = time.monotonic,
+        clock: Clock | None = None,
         remember_s: float = 300.0,
+        step_s: float = STEP_S,
     ) -> None:
         self.stepper = stepper
         self.plant = plant
+        self.step_s = step_s
         # One step before the clock starts: a compiled model compiles now, not while somebody waits for an answer.
         pressure_pa = plant.pressure(stepper.time_s)
-        stepper.advance(stepper.time_s + STEP_S, pressure_pa, pressure_pa)
+        stepper.advance(stepper.time_s + step_s, pressure_pa, pressure_pa)
         # An emulator may be left on for days: what it remembers must not grow with them.
-        self._rows: deque[tuple[float, ...]] = deque(maxlen=round(remember_s / STEP_S))
+        self._rows: deque[tuple[float, ...]] = deque(maxlen=round(remember_s / step_s))
         self._remember(pressure_pa)
-        self._clock = clock
-        self._zero = clock() - stepper.time_s
-        self.zero_wall_ns = time.time_ns() - round(stepper.time_s * 1e9)
+        self.clock = clock or Clock()
+        self._zero_ns = self.clock.monotonic_ns() - round(stepper.time_s * 1e9)
+        self.zero_wall_ns = self.clock.wall_ns(self._zero_ns)
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self._failure: BaseException | None = None
 
     def now(self) -> float:
         """Seconds since the twin's zero."""
-        return self._clock() - self._zero
+        return (self.clock.monotonic_ns() - self._zero_ns) * 1e-9
 
     def advance_to(self, time_s: float) -> None:
-        """Move the straw on in whole milliseconds, up to ``time_s``; only one thread may do so."""
-        while (end_s := self.stepper.time_s + STEP_S) <= time_s:
+        """Move the straw on in whole steps, up to ``time_s``; only one thread may do so."""
+        while (end_s := self.stepper.time_s + self.step_s) <= time_s:
             start_s = self.stepper.time_s
-            external_pa = self.plant.pressure(end_s)
+            external_pa, before_m3 = self.plant.pressure(end_s), self.stepper.volume_m3
             self.stepper.advance(end_s, self.plant.pressure(start_s), external_pa)
+            self.plant.take(end_s, self.stepper.volume_m3 - before_m3, self.step_s)
             self._remember(external_pa)
 
     def start(self) -> None:
@@ -124,7 +126,7 @@ class Twin:
 
     @property
     def history(self) -> TwinHistory:
-        """What is remembered, one row a millisecond."""
+        """What is remembered, one row a step."""
         columns = np.array(self._rows, dtype=np.float64).T
         return TwinHistory(self.zero_wall_ns, *columns)
 

@@ -1,4 +1,4 @@
-"""Wire: serves an emulated device on TCP or on a pty, with the latency and the line rate of the real port."""
+"""Wire: serves an emulated device on TCP or on a pty, with the latency, the line rate and the faults of a real port."""
 
 from __future__ import annotations
 
@@ -9,43 +9,59 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from types import TracebackType
 from typing import Protocol, Self
 
+from rig.clock import Clock
+from rig.emulator import Emulator
 from rig.errors import RigError
 
 POLL_S = 0.05  # how soon a closed wire is noticed
 
 
-class Device(Protocol):
-    """What speaks at the far end: one reply for one request line, at a time given to it."""
+@dataclass(frozen=True)
+class Sent:
+    """What comes back over the wire: bytes, how late (s), and whether the plug is pulled after them for ``away_s``."""
 
-    terminator: bytes
-    baud: int
+    data: bytes
+    late_s: float = 0.0
+    away_s: float = 0.0
 
-    def answer(self, line: bytes, time_s: float) -> bytes:
-        """The bytes sent back, empty for silence."""
+
+class Faults(Protocol):
+    """What comes between a device and its wire; ``rig.faults`` makes them from a seed."""
+
+    def answer(self, device: Emulator, line: bytes, time_s: float) -> Sent:
+        """What the wire brings back for this request line."""
 
 
 class Wire:
     """Serves one client at a time from a daemon thread until ``close``; ``url`` is what ``rig.line.Line`` opens.
 
-    ``address`` is ``"pty"`` (POSIX) or ``"[socket://]host:port"`` with port 0 for any. ``clock`` gives the device its
-    time in seconds. ``received`` keeps the last request lines with their times, so that a test can prove what was sent.
+    ``address`` is ``"pty"`` (POSIX) or ``"[socket://]host:port"`` with port 0 for any. ``now`` gives the device its
+    time in seconds; the wire spends its own on ``clock``. ``received`` keeps the last request lines with their times,
+    so that a test can prove what was sent. Wires of one device share its ``lock``: it answers one request at a time.
     """
 
     def __init__(
         self,
-        device: Device,
+        device: Emulator,
         address: str = "127.0.0.1:0",
         *,
-        clock: Callable[[], float] = time.monotonic,
+        clock: Clock | None = None,
+        now: Callable[[], float] | None = None,
         latency_s: float = 1e-3,
+        faults: Faults | None = None,
+        lock: threading.Lock | None = None,
     ) -> None:
         self.device = device
-        self.clock = clock
+        self.clock = clock or Clock()
+        self.now = now or self.clock.monotonic_s
         self.latency_s = latency_s
+        self.faults = faults
+        self._lock = lock or threading.Lock()
         self.received: deque[tuple[float, bytes]] = deque(maxlen=100_000)
         self._open = True
         if address == "pty":
@@ -68,28 +84,40 @@ class Wire:
 
     def _listen_tcp(self, address: str) -> tuple[str, Callable[[], None]]:
         host, _, port = address.removeprefix("socket://").rpartition(":")
+        host = host or "127.0.0.1"
         try:
-            listener = socket.create_server((host or "127.0.0.1", int(port)))
+            listener = socket.create_server((host, int(port)))
         except (OSError, ValueError, OverflowError) as error:
             raise RigError(f"cannot listen on {address!r}: {error}; use host:port with a free port, or 0") from None
-        listener.settimeout(POLL_S)
+        place: tuple[str, int] = (host, listener.getsockname()[1])
 
         def serve() -> None:
-            with listener:
-                while self._open:
-                    try:
-                        client, _ = listener.accept()
-                    except TimeoutError:
-                        continue
-                    with client:
-                        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                        self._talk(client.fileno(), partial(client.recv, 4096), client.sendall)
+            away_s = self._accept(listener)
+            while self._open:  # unplugged: for a while there is no such port
+                time.sleep(away_s)
+                away_s = self._accept(socket.create_server(place))
 
-        return f"socket://{host or '127.0.0.1'}:{listener.getsockname()[1]}", serve
+        return f"socket://{place[0]}:{place[1]}", serve
+
+    def _accept(self, listener: socket.socket) -> float:
+        """Serve one client after the other; how long the plug stays out (s) when it is pulled."""
+        listener.settimeout(POLL_S)
+        with listener:
+            while self._open:
+                try:
+                    client, _ = listener.accept()
+                except TimeoutError:
+                    continue
+                with client:
+                    client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                    if away_s := self._talk(client.fileno(), partial(client.recv, 4096), client.sendall):
+                        return away_s
+        return 0.0
 
     def _listen_pty(self) -> tuple[str, Callable[[], None]]:
         try:
             import pty
+            import termios
             import tty
         except ImportError:
             raise RigError("a pty needs Linux or macOS; use host:port here") from None
@@ -99,15 +127,17 @@ class Wire:
 
         def serve() -> None:
             try:  # our own slave fd stays open, or the master reads EIO for ever once the client is gone
-                self._talk(master, lambda: os.read(master, 4096), lambda data: os.write(master, data))
+                while self._open:  # a terminal cannot be unplugged and keep its name: it falls silent instead
+                    time.sleep(self._talk(master, lambda: os.read(master, 4096), lambda data: os.write(master, data)))
+                    termios.tcflush(slave, termios.TCIOFLUSH)
             finally:
                 os.close(master)
                 os.close(slave)
 
         return path, serve
 
-    def _talk(self, fd: int, read: Callable[[], bytes], write: Callable[[bytes], object]) -> None:
-        """Answer request lines until the client hangs up or the wire is closed."""
+    def _talk(self, fd: int, read: Callable[[], bytes], write: Callable[[bytes], object]) -> float:
+        """Answer request lines until the client hangs up or the wire is closed; s until it is plugged in again."""
         waiting = b""
         while self._open:
             try:
@@ -115,21 +145,31 @@ class Wire:
                     continue
                 data = read()
                 if not data:
-                    return
+                    return 0.0
                 waiting += data
                 while self.device.terminator in waiting:
                     line, waiting = waiting.split(self.device.terminator, 1)
                     line += self.device.terminator
                     self._spend(len(line))
-                    now_s = self.clock()
-                    self.received.append((now_s, line))
-                    reply = self.device.answer(line, now_s)
-                    self._spend(len(reply))
-                    if self._open and reply:
-                        write(reply)
+                    sent = self._answer(line)
+                    self._spend(len(sent.data))
+                    self.clock.sleep(sent.late_s)
+                    if self._open and sent.data:
+                        write(sent.data)
+                    if sent.away_s:
+                        return sent.away_s
             except OSError:
-                return  # the client is gone; the next one is welcome
+                return 0.0  # the client is gone; the next one is welcome
+        return 0.0
+
+    def _answer(self, line: bytes) -> Sent:
+        now_s = self.now()
+        self.received.append((now_s, line))
+        with self._lock:
+            if self.faults:
+                return self.faults.answer(self.device, line, now_s)
+            return Sent(self.device.answer(line, now_s))
 
     def _spend(self, n_bytes: int) -> None:
         # 8N1 is ten bits a byte; half of the latency on the way in, half on the way out.
-        time.sleep(self.latency_s / 2 + 10.0 * n_bytes / self.device.baud)
+        self.clock.sleep(self.latency_s / 2 + 10.0 * n_bytes / self.device.baud)

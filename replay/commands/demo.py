@@ -23,6 +23,7 @@ from replay.gather import gather
 from replay.output import write_json, write_text
 from replay.progress import progress_bar, say
 from replay.report.page import page
+from rig.guarded import GuardedController
 from rig.protocol import PressureProtocol, load_protocol
 from rig.run_read import read_run
 from rig.twin import TwinHistory
@@ -110,7 +111,8 @@ def drive_emulated(straw: StrawParameters, protocol: PressureProtocol, output: P
     addresses = ("pty", "127.0.0.1:0") if os.name == "posix" else ("127.0.0.1:0",)
     with emulation(straw, protocol.initial_deployed, "ob1-mk4", *addresses) as emulated:
         say(f"    the controller answers at {' and '.join(emulated.urls)}; driving {emulated.url}")
-        drive("ob1-mk4", emulated.url, protocol, output, straw.cells, run_id=protocol.name, specimen="twin")
+        rig = GuardedController("ob1-mk4", emulated.url)
+        drive(rig, protocol, output, straw.cells, run_id=protocol.name, specimen="twin")
     return emulated.twin.history
 
 

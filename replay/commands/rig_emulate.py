@@ -4,21 +4,32 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections import Counter
 
 from model.parameters import load_straw
 from replay.commands.rig_run import emulation
 from replay.errors import ReplayError
+from rig.faults import SeededFaults
 from rig.interrupts import Interrupts
 
 
 def run(args: argparse.Namespace) -> int:
     """Serve, and print where."""
     straw, deployed = load_straw(args.straw), cells_of(args.deployed)
-    with Interrupts() as interrupts, emulation(straw, deployed, args.controller, args.listen) as emulated:
+    if not 0.0 <= args.faults <= 1.0:
+        raise ReplayError(f"--faults {args.faults:g}: expected a share of exchanges, 0 to 1")
+    faults = SeededFaults(args.faults, seed=args.seed) if args.faults else None
+    with (
+        Interrupts() as interrupts,
+        emulation(straw, deployed, args.controller, args.listen, faults=faults) as emulated,
+    ):
         print(f"{args.controller} with a straw of {straw.cells} cells at {emulated.url}; Ctrl-C ends it", flush=True)
         while interrupts.pending is None:
             time.sleep(0.1)
         x_m, z_m, _ = emulated.twin.stepper.tip
+    if faults:
+        kinds = Counter(fault.kind for fault in faults.log)
+        print("faults:", ", ".join(f"{kind} {count}" for kind, count in sorted(kinds.items())) or "none")
     print(f"ended; the tip stood at X {x_m * 1e3:.2f} mm, Z {z_m * 1e3:.2f} mm")
     return 0
 

@@ -3,17 +3,30 @@
 from __future__ import annotations
 
 import argparse
+import ast
 from collections.abc import Collection
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from model.parameters import StrawParameters, load_straw
 from model.simulate import Stepper
-from replay.output import write_json
+from replay.errors import ReplayError
+from replay.output import check_new, write_json
 from replay.progress import prepare, progress_bar
-from rig.controller import make_controller
+from rig.clock import SteppedClock
+from rig.controller import Controller, make_controller
 from rig.emulate import Emulation, emulator_of
+from rig.guarded import GuardedController
+from rig.limits import PressureLimits
 from rig.protocol import PressureProtocol, load_protocol
+from rig.run import Run
+from rig.run_derived import write_tip
+from rig.run_read import read_run
 from rig.session import Outcome, run_protocol
+from rig.twin import TwinHistory
+from tracking.trace import TipTrace
 
 
 def run(args: argparse.Namespace) -> int:
@@ -21,10 +34,12 @@ def run(args: argparse.Namespace) -> int:
     protocol = load_protocol(args.protocol)
     straw = load_straw(args.straw)
     if args.emulate:
-        with emulation(straw, protocol.initial_deployed, args.controller) as emulated:
-            outcome = drive(args.controller, emulated.url, protocol, args.output, straw.cells, args.rate)
+        outcome = drive_emulated(args, straw, protocol)
+    elif args.fast or args.tip:
+        raise ReplayError("--fast and --tip belong to --emulate: a real rig runs in real time and is filmed")
     else:
-        outcome = drive(args.controller, args.port, protocol, args.output, straw.cells, args.rate)
+        rig = GuardedController(args.controller, args.port, **settings_of(args))
+        outcome = drive(rig, protocol, args.output, straw.cells, args.rate, args.led)
     if args.json:
         write_json(args.json, {"recording": str(outcome.path), "cycles": outcome.cycles, "missed": outcome.missed})
     print(
@@ -34,29 +49,89 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def emulation(straw: StrawParameters, deployed: Collection[int], controller: str, *addresses: str) -> Emulation:
+def drive_emulated(args: argparse.Namespace, straw: StrawParameters, protocol: PressureProtocol) -> Outcome:
+    """Run it on the emulator, in real time behind a guardian or as fast as the arithmetic; keep the tip if asked."""
+    clock = SteppedClock() if args.fast else None
+    if args.tip:
+        check_new(args.tip)
+    with emulation(straw, protocol.initial_deployed, args.controller, clock=clock) as emulated:
+        rig = (
+            make_controller(args.controller, emulated.url, clock=clock, **settings_of(args))
+            if clock
+            else GuardedController(args.controller, emulated.url, **settings_of(args))
+        )
+        outcome = drive(rig, protocol, args.output, straw.cells, args.rate, args.led)
+    if args.tip:
+        write_true_tip(args.tip, read_run(outcome.path), emulated.twin.history)
+    return outcome
+
+
+def write_true_tip(path: Path, recorded: Run, truth: TwinHistory) -> None:
+    """The emulated straw's tip at 240 frames/s, as a track of the run it belongs to."""
+    behind_s = (recorded.zero_time_ns - truth.zero_wall_ns) * 1e-9
+    time_s = np.arange(truth.time_s[0] - behind_s, truth.time_s[-1] - behind_s, 1 / 240)
+    x_m, z_m, phi_rad = (
+        np.interp(time_s + behind_s, truth.time_s, axis) for axis in (truth.x_m, truth.z_m, truth.phi_rad)
+    )
+    n, unknown = len(time_s), np.full(len(time_s), np.nan)
+    trace = TipTrace(time_s, x_m, z_m, phi_rad, unknown, unknown, unknown, np.ones(n, bool), np.arange(n))
+    write_tip(
+        path,
+        trace,
+        {**recorded.metadata, "tracker": "none: the emulated straw"},
+        recorded.sha256,
+        recorded.zero_time_ns,
+    )
+
+
+def settings_of(args: argparse.Namespace) -> dict[str, Any]:
+    """Limits and driver settings as given on the command line."""
+    settings: dict[str, Any] = {}
+    for text in args.setting:
+        key, equals, value = text.partition("=")
+        if not equals or not key.isidentifier():
+            raise ReplayError(f"--setting {text}: expected KEY=VALUE, as unit=B or regulators=4,0,0,0")
+        try:
+            settings[key] = ast.literal_eval(value)
+        except (ValueError, SyntaxError):
+            settings[key] = value  # text needs no quotes
+    if args.limits:
+        try:
+            low, high, *rate = (float(part) * 1e3 for part in args.limits.split(","))
+            settings["limits"] = PressureLimits(low, high, *rate)
+        except (ValueError, TypeError):
+            raise ReplayError(
+                f"--limits {args.limits}: expected MIN,MAX or MIN,MAX,RATE in kPa, as -40,60,50"
+            ) from None
+    return settings
+
+
+def emulation(
+    straw: StrawParameters, deployed: Collection[int], controller: str, *addresses: str, **settings: Any
+) -> Emulation:
     """An emulated controller with the straw in a configuration behind it, ready to be entered."""
     emulator_of(controller)  # a wrong name is answered before half a minute is spent
     prepare()
-    return Emulation(Stepper(straw, deployed), controller, *addresses)
+    return Emulation(Stepper(straw, deployed), controller, *addresses, **settings)
 
 
 def drive(
-    controller: str,
-    port: str,
+    controller: Controller,
     protocol: PressureProtocol,
     output: Path,
     cells: int,
     rate_hz: float = 100.0,
+    led: bool = False,
     **metadata: str,
 ) -> Outcome:
-    """Run a protocol on the controller at a port and record it, with a bar; ``metadata`` joins ``straw.run``."""
-    with make_controller(controller, port) as opened, progress_bar(f"drive {protocol.name}", "ms") as progress:
+    """Run a protocol on a controller and record it, with a bar; ``metadata`` joins ``straw.run``."""
+    with controller as opened, progress_bar(f"drive {protocol.name}", "ms") as progress:
         return run_protocol(
             opened,
             protocol,
             output,
             rate_hz=rate_hz,
+            led=led,
             metadata={"cells": str(cells), **metadata},
             progress=lambda now_s, whole_s, _: progress(round(now_s * 1e3), round(whole_s * 1e3)),
         )

@@ -20,6 +20,7 @@ from replay.errors import ReplayError
 from replay.gather import read_whole
 from replay.output import check_new, write_json, write_text
 from replay.progress import prepare, progress_bar, say
+from rig.camera_clock import CameraClock, load_clock
 from rig.run import Run
 from rig.run_track import write_track
 from tracking.board import Board
@@ -42,11 +43,12 @@ def run(args: argparse.Namespace) -> int:
         camera = place_by_reference(in_order(args.videos), camera, args.reference)
     prepare()
     rest = rest_of(args.rest, filmed, camera, load_straw(args.straw))
+    clock = load_clock(args.clock) if args.clock else None
     task: dict[str, Any] = {"level": args.level, "near_px": pair(args.near) if args.near else None}
     outputs = [path for path in (args.csv, args.overlay, args.report, args.save_camera) if path]
     for path in outputs:
         check_folder(path)
-    tracked = track_to_file(args.videos, camera, rest, args.output, filmed, args.start, board=board, **task)
+    tracked = track_to_file(args.videos, camera, rest, args.output, filmed, args.start, clock, board=board, **task)
     assert tracked.record is not None
     try:
         if args.csv:
@@ -127,6 +129,7 @@ def track_to_file(
     output: Path,
     filmed: Run | None,
     start_s: float,
+    clock: CameraClock | None = None,
     *,
     board: Board | None = None,
     **task: Any,
@@ -142,17 +145,25 @@ def track_to_file(
         say(f"{files[0].name}: {', '.join(path.name for path in beside)} beside it belong to it; name all to join them")
     with progress_bar(f"track {files[0].name}", "frame") as progress:
         try:
-            known: dict[str, Any] = {"rest_pose": rest, "start_s": start_s, "record": record, "progress": progress}
+            known: dict[str, Any] = {
+                "rest_pose": rest,
+                "start_s": 0.0 if clock else start_s,
+                "record": record,
+                "progress": progress,
+            }
             tracked = track(files, camera, board or Board(), **known, **task)
         except KeyboardInterrupt:
             say(f"{files[0].name}: what was tracked is kept in {record}; the same command goes on from there")
             raise
+    if clock:
+        trace = dataclasses.replace(tracked.trace, time_s=clock.host_s(tracked.trace.time_s))
+        tracked = dataclasses.replace(tracked, trace=trace)
     assert tracked.record is not None
     metadata = dict(filmed.metadata) if filmed else {"run_id": files[0].stem}
     metadata |= {
         "video": ", ".join(path.name for path in files),
         "decode": str(tracked.decode),
-        "clock": f"first frame given at {start_s:g} s",
+        "clock": str(clock or f"first frame given at {start_s:g} s"),
         "camera": str(tracked.telemetry),
     }
     if not filmed:

@@ -3,26 +3,28 @@
 Source: micro-manager/mmCoreAndDevices ``DeviceAdapters/Elveflow/ob1_mk4.cpp`` and micro-manager.org/Elveflow, the only
 public description. A request is ``<`` + keyword of five letters + ``?`` or ``!`` + parameters + newline, the answer one
 line that starts with ``>``. Not shown in public, so settable in ``Dialect``: the words between keyword and values, how
-a refusal looks, the unit of the readings. There is no checksum, no vent command and no watchdog: venting is setting 0.
+a refusal looks, the units of the readings. There is no checksum, no vent command and no watchdog: venting is setting 0.
 """
 
 from __future__ import annotations
 
-import math
 import re
 import time
 from dataclasses import dataclass
 from typing import Any
 
-from rig.controller import Controller
-from rig.errors import LinkLostError, RigError
+from rig.errors import RigError
 from rig.limits import PressureLimits
 from rig.line import Line
+from rig.line_controller import LineController
+from rig.reading import Answer
 
 FIRMWARE = b"<FIRMV?\n"
 READ_ALL = b"<PINGA?\n"
 CHANNELS = 4
 BAUD = 115200
+NUMBER = re.compile(r"-?\d{1,6}(\.\d{1,6})?")
+ECHO = re.compile(r"[0-4]:-?\d+")
 
 
 @dataclass(frozen=True)
@@ -30,13 +32,14 @@ class Dialect:
     """What the public sources leave open, with the inferred answer as default.
 
     ``ok`` follows the keyword in every good answer; ``first_channel`` is the instrument's number of its first channel;
-    ``reading_unit_pa`` is the unit of the regulator values (mbar).
+    ``reading_unit_pa`` is the unit of the regulator values (mbar), ``flow_unit_m3_s`` that of a flow sensor (ul/min).
     """
 
     ok: str = "OK"
     separator: str = "|"
     first_channel: int = 0
     reading_unit_pa: float = 100.0
+    flow_unit_m3_s: float = 1e-9 / 60
 
 
 def encode_set(channel: int, pressure_pa: float, dialect: Dialect = Dialect()) -> bytes:
@@ -63,29 +66,30 @@ def decode_payload(reply: bytes, dialect: Dialect = Dialect()) -> str:
     return dialect.separator.join(rest[1:])
 
 
-def decode_pressures(reply: bytes, dialect: Dialect = Dialect()) -> dict[int, float]:
-    """Regulator pressure (Pa) by channel (from 1) out of a PINGA answer ``reg0:sens0:type0:...:reg3:sens3:type3``."""
+def decode_readings(reply: bytes, dialect: Dialect = Dialect()) -> Answer:
+    """Regulators (Pa) and flow sensors by channel (from 1) of ``reg0:sens0:type0:...:reg3:sens3:type3``.
+
+    A sensor of type 0 is none. RigError when the line is damaged.
+    """
     fields = decode_payload(reply, dialect).split(":")
-    try:
-        if len(fields) != 3 * CHANNELS:
-            raise ValueError
-        pressures = {i + 1: float(fields[3 * i]) * dialect.reading_unit_pa for i in range(CHANNELS)}
-        if not all(math.isfinite(pressure) for pressure in pressures.values()):
-            raise ValueError
-    except ValueError:
-        raise RigError(f"OB1 MK4 sent a damaged reading {reply!r}; it was not used") from None
-    return pressures
+    if len(fields) != 3 * CHANNELS or not all(map(NUMBER.fullmatch, fields)):
+        raise RigError(f"OB1 MK4 sent a damaged reading {reply!r}; it was not used")
+    regulators, sensors, kinds = (dict(enumerate(map(float, fields[k::3]), 1)) for k in range(3))
+    return Answer(
+        {channel: value * dialect.reading_unit_pa for channel, value in regulators.items()},
+        reply,
+        {channel: value * dialect.flow_unit_m3_s for channel, value in sensors.items() if kinds[channel]},
+    )
 
 
-class Ob1Mk4(Controller):
+class Ob1Mk4(LineController):
     """Driver of an OB1 MK4 on ``port`` (name, by-id path or ``socket://host:port``); pressures in whole mbar.
 
-    ``limits`` default to what the straw stands, never more than the -900..1000 mbar regulator. ``sigma_pa`` is the
-    standard uncertainty of one reading, NaN when nobody measured it.
+    ``range_mbar`` is the regulators', which the instrument does not tell; ``limits`` default to what the straw stands,
+    and are never more than that. ``sigma_pa`` is the standard uncertainty of one reading, NaN when nobody measured it.
     """
 
     name = "ob1-mk4"
-    span = PressureLimits(min_pa=-90e3, max_pa=100e3)
     resolution_pa = 100.0
     byte_s = 10 / BAUD  # 8N1: ten bits
 
@@ -94,30 +98,22 @@ class Ob1Mk4(Controller):
         port: str,
         *,
         timeout_s: float = 0.5,
+        range_mbar: tuple[float, float] = (-900.0, 1000.0),
         dialect: Dialect = Dialect(),
         **settings: Any,
     ) -> None:
-        super().__init__(**settings)
+        self.span = PressureLimits(range_mbar[0] * 100.0, range_mbar[1] * 100.0)
+        super().__init__(Line(port, baud=BAUD), **settings)
         if not set(self.channels) <= set(range(1, CHANNELS + 1)):
             raise RigError(f"OB1 MK4 has channels 1..{CHANNELS}, not {self.channels}")
         self.timeout_s = timeout_s
         self.dialect = dialect
         self.firmware = ""
-        self._line = Line(port, baud=BAUD)
 
-    def _open(self) -> None:
-        self._line.open()
-        try:
-            self.firmware = decode_payload(self._ask(FIRMWARE), self.dialect)
-        except BaseException:
-            self._line.close()
-            raise
+    def _catch_up(self) -> None:
+        self.firmware = decode_payload(self._exchange(FIRMWARE), self.dialect)
 
-    def _close(self) -> None:
-        self._line.close()
-
-    def _ask(self, request: bytes) -> bytes:
-        """One exchange; late answers to earlier requests are passed over, and nothing is sent twice."""
+    def _exchange(self, request: bytes) -> bytes:
         deadline = time.monotonic() + self.timeout_s
         reply = self._line.exchange(request, b"\n", self.timeout_s)
         while not is_answer_to(request, reply):
@@ -127,23 +123,26 @@ class Ob1Mk4(Controller):
             reply = self._line.read_until(b"\n", left_s)
         return reply
 
-    def _send(self, channel: int, pressure_pa: float) -> None:
-        decode_payload(self._ask(encode_set(channel, pressure_pa, self.dialect)), self.dialect)
+    def _send(self, channel: int, pressure_pa: float) -> bytes:
+        request = encode_set(channel, pressure_pa, self.dialect)
+        reply = self._ask(request)
+        self._confirm(request, reply)
+        return reply
 
-    def _read(self) -> tuple[dict[int, float], bytes]:
-        reply = self._ask(READ_ALL)
-        return decode_pressures(reply, self.dialect), reply
+    def _confirm(self, request: bytes, reply: bytes) -> None:
+        echo, told = decode_payload(reply, self.dialect), request.decode().strip().partition(":")[2]
+        # That it echoes what it was told is inferred; where it does, a set that was garbled on its way there shows.
+        if ECHO.fullmatch(echo) and echo != told:
+            raise RigError(f"OB1 MK4 understood {echo} when it was told {told}; check the cable")
 
-    def _vent(self, channel: int) -> None:
-        for attempt in range(3):
-            try:
-                return self._send(channel, 0.0)
-            except LinkLostError:
-                raise
-            except RigError:  # unlike any other set, a vent may be repeated: doing it twice does no harm
-                if attempt == 2:
-                    raise
-        return None
+    def _read(self) -> Answer:
+        return decode_readings(self._ask(READ_ALL), self.dialect)
+
+    def _vent_requests(self, channel: int) -> tuple[bytes]:
+        return (encode_set(channel, 0.0, self.dialect),)
+
+    def _trigger(self, high: bool) -> None:
+        decode_payload(self._ask(b"<TRIGO!%d\n" % high), self.dialect)
 
     def snapshot(self) -> dict[str, str]:
         """Firmware, port and settings, as strings for the record."""
@@ -153,6 +152,7 @@ class Ob1Mk4(Controller):
             "port": self._line.port,
             "channels": ",".join(map(str, self.channels)),
             "limits": str(self.limits),
+            "range": str(self.span),
             "dialect": str(self.dialect),
         }
 

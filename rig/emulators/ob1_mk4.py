@@ -5,23 +5,21 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
+from rig.emulator import Emulator
 from rig.plant import Plant
 
 SET = re.compile(r"<PRESS!:([0-3]):(-?\d{1,5})")
 TRIGGER_SET = re.compile(r"<TRIGO!([01])")
 
 
-class Ob1Mk4Emulator:
-    """Answers one request line at a time; ``plants`` maps channels (from 1) to whatever holds the pressure.
-
-    Channels without a plant read 0. A refusal is spelt ``>KEYWD?|KO|``: how the real one spells it is not public.
-    """
+class Ob1Mk4Emulator(Emulator):
+    """A refusal is spelt ``>KEYWD?|KO|``: how the real one spells it is not public. Flow sensors are of type 1."""
 
     terminator = b"\n"
     baud = 115200
 
     def __init__(self, plants: Mapping[int, Plant], firmware: str = "1.4.1") -> None:
-        self.plants = plants
+        super().__init__(plants)
         self.firmware = firmware
         self.trigger_out = 0
 
@@ -31,13 +29,17 @@ class Ob1Mk4Emulator:
         if not re.fullmatch(r"<[A-Z]{5}[?!].*", request):
             return b""
         value = self._value(request, time_s)
-        return f">{request[1:7]}|{'KO' if value is None else 'OK'}|{value or ''}\n".encode()
+        return self.refusal(line) if value is None else f">{request[1:7]}|OK|{value}\n".encode()
+
+    def refusal(self, line: bytes) -> bytes:
+        """How it says no."""
+        return b">" + line[1:7] + b"|KO|\n"
 
     def _value(self, request: str, time_s: float) -> str | None:
         if request == "<FIRMV?":
             return self.firmware
         if request == "<PINGA?":
-            return ":".join(f"{self._mbar(channel, time_s)}:0:0" for channel in (1, 2, 3, 4))
+            return ":".join(self._shown(channel, time_s) for channel in (1, 2, 3, 4))
         if request in ("<TRIGI?", "<TRIGO?"):
             return "0" if request == "<TRIGI?" else str(self.trigger_out)
         if match := TRIGGER_SET.fullmatch(request):
@@ -50,8 +52,12 @@ class Ob1Mk4Emulator:
                 return f"{match[1]}:{mbar}"
         return None
 
-    def _mbar(self, channel: int, time_s: float) -> int:
-        return round(self.plants[channel].reading(time_s) / 100.0) if channel in self.plants else 0
+    def _shown(self, channel: int, time_s: float) -> str:
+        """Regulator in mbar, flow in ul/min and the type of its sensor."""
+        if channel not in self.plants:
+            return "0:0:0"
+        plant = self.plants[channel]
+        return f"{round(plant.reading(time_s) / 100.0)}:{round(plant.flow(time_s) * 60e9)}:1"
 
 
 EMULATOR = Ob1Mk4Emulator

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from rig.controller import Controller, controller_names, make_controller
-from rig.controllers.ob1_mk4 import READ_ALL, Dialect, decode_payload, decode_pressures, encode_set, is_answer_to
+from rig.controllers.ob1_mk4 import READ_ALL, Dialect, decode_payload, decode_readings, encode_set, is_answer_to
 from rig.emulate import Emulation
 from rig.emulators.ob1_mk4 import Ob1Mk4Emulator
 from rig.errors import LinkLostError, RigError
@@ -55,9 +55,9 @@ def test_a_set_is_spelt_in_whole_mbar_from_channel_zero() -> None:
 )
 def test_a_damaged_reading_is_refused_never_guessed(reply: bytes) -> None:
     with pytest.raises(RigError):
-        decode_pressures(reply)
+        decode_readings(reply)
     with pytest.raises(RigError):
-        decode_pressures(b">PINGA?|OK|nan" + b":0" * 11)
+        decode_readings(b">PINGA?|OK|nan" + b":0" * 11)
 
 
 @pytest.mark.parametrize("address", ADDRESSES)
@@ -116,6 +116,8 @@ def test_rounding_never_steps_over_a_limit(emulation: Emulation, sets: Callable[
 def test_the_operator_cannot_widen_what_the_regulator_can_do(emulation: Emulation) -> None:
     controller = make_controller("ob1-mk4", emulation.url, limits=PressureLimits(-1e6, 1e6))
     assert controller.limits == PressureLimits(-90e3, 100e3)
+    small = make_controller("ob1-mk4", emulation.url, range_mbar=(0.0, 200.0))
+    assert small.limits == PressureLimits(0.0, 20e3)
 
 
 def test_a_rate_limit_stops_a_jump_even_after_a_long_hold(emulation: Emulation, sets: Callable[[], list[int]]) -> None:
@@ -153,7 +155,7 @@ def test_a_late_answer_is_not_taken_for_the_next_one() -> None:
         line.open()
         controller = make_controller("ob1-mk4", line.port)
         controller._line = line  # type: ignore[attr-defined]
-        assert controller._read()[0][1] == 7700.0
+        assert controller._read().pressure_pa[1] == 7700.0
         assert is_answer_to(READ_ALL, b">PINGA?|OK|\n")
         line.close()
         thread.join()

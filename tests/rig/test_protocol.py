@@ -2,9 +2,11 @@
 
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import scipy.signal
 
 from rig.errors import RigError
 from rig.limits import PressureLimits
@@ -49,6 +51,54 @@ def test_a_last_row_without_for_s_marks_the_end() -> None:
     np.testing.assert_array_equal(protocol(np.array([1.9, 2.0, 3.0])), [1e3, 0.0, 0.0])
 
 
+MAIN = HEAD + "main = ["
+
+
+def test_a_sine_is_drawn_to_a_thousandth_of_its_amplitude() -> None:
+    entry = "{ sine = { mean = 2, amplitude = 10, frequency_hz = 0.7, phase_deg = 30 }, for_s = 3.3 }]"
+    protocol = protocol_from_toml(MAIN + entry, "p.toml")
+    time_s = np.linspace(0, 3.3, 20_001)[:-1]
+    truth_pa = 2e3 + 10e3 * np.sin(2 * np.pi * 0.7 * time_s + np.pi / 6)
+    assert np.abs(protocol(time_s) - truth_pa).max() <= 10e3 * (1 - np.cos(np.pi / 72)) * 1.001
+    assert protocol.duration_s == 3.3
+
+
+@pytest.mark.parametrize("sweep", ["linear", "logarithmic"])
+@pytest.mark.parametrize(("f0", "f1"), [(0.1, 3.0), (3.0, 0.1)])
+def test_a_chirp_is_scipys_and_ends_on_time(sweep: str, f0: float, f1: float) -> None:
+    chirp = f'chirp = {{ amplitude = 5, from_hz = {f0}, to_hz = {f1}, sweep = "{sweep}" }}'
+    protocol = protocol_from_toml(MAIN + f"{{ {chirp}, for_s = 10 }}, {{ hold = 1, for_s = 1 }}]", "p.toml")
+    time_s = np.linspace(0, 10, 40_001)[:-1]
+    truth_pa = 5e3 * scipy.signal.chirp(time_s, f0, 10.0, f1, method=sweep, phi=-90)
+    # A chord of phase step d misses a sine by d^2 / 8; where a linear sweep starts slow, its phase is a parabola
+    # within the chord, which bends it by up to d / 4 more.
+    step = 2 * np.pi / 72
+    assert np.abs(protocol(time_s) - truth_pa).max() <= 5e3 * (step**2 / 8 + (step / 4 if sweep == "linear" else 1e-4))
+    assert protocol.duration_s == 11.0
+    assert protocol(10.0) == 1e3
+
+
+def test_a_prbs_is_balanced_white_and_the_same_for_the_same_seed() -> None:
+    def bits(seed: int) -> Any:
+        entry = f"{{ prbs = {{ low = -5, high = 5, bit_s = 0.1, order = 7, seed = {seed} }}, for_s = 12.7 }}]"
+        return protocol_from_toml(MAIN + entry, "p.toml")(np.arange(127) * 0.1 + 0.05) / 5e3
+
+    one = bits(3)
+    assert set(one) == {-1.0, 1.0}
+    assert abs(one.sum()) == 1  # a maximum-length sequence has one more of the one than of the other
+    correlation = [float(np.dot(one, np.roll(one, k))) for k in range(1, 127)]
+    assert correlation == [-1.0] * 126
+    assert np.array_equal(one, bits(3))
+    assert not np.array_equal(one, bits(4))
+
+
+def test_repeats_nest_and_are_checked_inside() -> None:
+    inner = "{ repeat = 2, do = [{ hold = 1, for_s = 0.5 }, { ramp = [1, 2], for_s = 0.5 }] }"
+    protocol = protocol_from_toml(MAIN + f"{{ repeat = 3, do = [{inner}, {{ hold = 0, for_s = 1 }}] }}]", "p.toml")
+    assert protocol.duration_s == 9.0
+    np.testing.assert_allclose(protocol(np.array([0.2, 0.75, 1.2, 1.75, 2.5, 3.2])), [1e3, 1.5e3, 1e3, 1.5e3, 0, 1e3])
+
+
 @pytest.mark.parametrize(("unit", "pa"), [("Pa", 2.0), ("mbar", 200.0), ("kPa", 2000.0)])
 def test_units_are_honoured(unit: str, pa: float) -> None:
     text = f'pressure_unit = "{unit}"\ninitial_deployed = []\nmain = [{{ hold = 2, for_s = 1 }}]'
@@ -81,6 +131,20 @@ def test_units_are_honoured(unit: str, pa: float) -> None:
         (HEAD + "[[main]]\nrows = [[0, 1], [3, 1]]\nfor_s = 2", ["before its last row"]),
         (HEAD + "[[main]]\nrows = 3\nfor_s = 2", ["rows must be"]),
         (HEAD + "[[main]]\nhold = 0\nfor_s = 1\nfor_m = 2", ["unknown key 'for_m'", "for_s"]),
+        (MAIN + "{ sine = 3, for_s = 1 }]", ["sine = 3", "table"]),
+        (MAIN + "{ sine = { amplitude = 1 }, for_s = 1 }]", ["sine lacks frequency_hz"]),
+        (MAIN + "{ sine = { amplitude = 1, frequency_hz = 0 }, for_s = 1 }]", ["frequency_hz = 0", "above 0"]),
+        (MAIN + "{ sine = { amplitude = 61, frequency_hz = 1 }, for_s = 1 }]", ["above the limit of 60 kPa"]),
+        (MAIN + "{ sine = { amplitude = 1, frequency_hz = 1e9 }, for_s = 1 }]", ["1000000 points"]),
+        (MAIN + "{ sine = { amplitude = 1, hz = 1 }, for_s = 1 }]", ["unknown key 'hz'"]),
+        (MAIN + "{ chirp = { amplitude = 1, from_hz = 1, to_hz = 1 }, for_s = 1 }]", ["write a sine"]),
+        (MAIN + "{ chirp = { amplitude = 1, from_hz = 1, to_hz = 2, sweep = 'x' }, for_s = 1 }]", ["linear"]),
+        (MAIN + "{ prbs = { low = 0, high = 1, bit_s = 0.1, order = 40 }, for_s = 1 }]", ["order = 40"]),
+        (MAIN + "{ prbs = { low = 0, high = 1 }, for_s = 1 }]", ["prbs lacks bit_s"]),
+        (MAIN + "{ repeat = 2, for_s = 1 }]", ["needs do"]),
+        (MAIN + "{ repeat = 2, do = [{ hold = 99, for_s = 1 }] }]", ["main", "do entry 1", "99 kPa is above"]),
+        (MAIN + "{ repeat = 10_000_000, do = [{ hold = 0, for_s = 1 }] }]", ["1000000 points"]),
+        (MAIN + "{ hold = 1, do = [], for_s = 1 }]", ["unknown key 'do'"]),
         (HEAD + "[[mian]]\nhold = 0\nfor_s = 1", ["unknown key 'mian'"]),
         (HEAD + "main = 3", ["[[main]] entries"]),
         (HEAD + "main = []", ["main is empty"]),

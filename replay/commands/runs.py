@@ -1,0 +1,211 @@
+"""straw runs: the catalogue of recordings: list, show, tag, note, attach, compare, verify, export, recover."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from dataclasses import asdict
+from datetime import UTC, datetime
+
+from replay.commands.runs_compare import compare_runs
+from replay.output import write_json
+from replay.progress import progress_bar
+from rig.catalogue import Entry, catalogue, family, find, kind_of, span_s
+from rig.crate import export
+from rig.errors import RigError
+from rig.manifest import check, manifest_of, read_manifest, seal
+from rig.notes import notes_of, read_notes, say
+from rig.recover import recover
+from rig.run_read import read_run
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do what the command's name says."""
+    return ACTIONS[args.action](args)
+
+
+def list_runs(args: argparse.Namespace) -> int:
+    """One line for each recording."""
+    entries = [entry for entry in _catalogue(args) if _wanted(entry, args)]
+    if args.json:
+        write_json(args.json, [asdict(entry) for entry in entries])
+    if not entries:
+        print(f"no recordings in {args.dir}" + (" that match" if args.tag or args.specimen else ""))
+        return 0
+    rows = [("start (UTC)", "kind", "run", "specimen", "s", "status", "tags", "file")]
+    rows += [
+        (
+            _when(entry.start_ns),
+            entry.kind,
+            entry.run_id or "?",
+            entry.specimen or "-",
+            f"{entry.duration_s:.1f}",
+            "damaged" if entry.problem else entry.status or "-",
+            ",".join(entry.tags) or "-",
+            entry.name,
+        )
+        for entry in entries
+    ]
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    for row in rows:
+        print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+    return 0
+
+
+def show(args: argparse.Namespace) -> int:
+    """All that is known of one recording."""
+    path = find(args.dir, args.run)
+    found, notes = read_run(path), read_notes(path)
+    start_s, end_s = span_s(found)
+    files = {one.path.name: one.problem or "as recorded" for one in check(path)}
+    derived = [str(one) for one in family(path, args.dir)]
+    data = {
+        "file": str(path),
+        "kind": kind_of(found),
+        "sha256": found.sha256,
+        "start": _when(found.zero_time_ns + round(start_s * 1e9)),
+        "duration_s": end_s - start_s,
+        "samples": {
+            "pressure": len(found.pressure or ()),
+            "command": len(found.command or ()),
+            "tip": len(found.tip or ()),
+        },
+        "metadata": dict(found.metadata),
+        "software": dict(found.software),
+        "attachments": sorted(found.attachments),
+        "events": [{"time_s": event.time_s, "kind": event.kind, "text": event.text} for event in found.events],
+        "tags": list(notes.tags),
+        "notes": [f"{when} {text}" for when, text in notes.notes],
+        "manifest": files,
+        "derived": derived,
+        "lost": list(found.lost),
+    }
+    if args.json:
+        write_json(args.json, data)
+    for key, value in data.items():
+        if isinstance(value, dict):
+            print(f"{key}:" + (" -" if not value else ""))
+            for name, text in value.items():
+                print(f"  {name:<20} {text}")
+        elif key == "events":
+            print("events:" + (" -" if not found.events else ""))
+            for event in found.events[: args.events]:
+                print(f"  {event.time_s:9.3f} s  {event.kind:<8} {event.text}")
+            if len(found.events) > args.events:
+                print(f"  ... and {len(found.events) - args.events} more (--events N)")
+        elif isinstance(value, list):
+            print(f"{key}: {', '.join(value) if key in ('tags', 'attachments') else ''}" + (" -" if not value else ""))
+            if key not in ("tags", "attachments"):
+                for text in value:
+                    print(f"  {text}")
+        else:
+            print(f"{key}: {value:.3f}" if isinstance(value, float) else f"{key}: {value}")
+    return 0
+
+
+def tag(args: argparse.Namespace) -> int:
+    """Put tags on a recording, or take them off."""
+    path = find(args.dir, args.run)
+    for word in args.tags:
+        say(path, "untag" if args.remove else "tag", word)
+    print(f"{path}: tags {', '.join(read_notes(path).tags) or 'none'}")
+    return 0
+
+
+def note(args: argparse.Namespace) -> int:
+    """Write a note beside a recording."""
+    path = find(args.dir, args.run)
+    say(path, "note", " ".join(args.text))
+    print(f"noted in {notes_of(path)}")
+    return 0
+
+
+def attach(args: argparse.Namespace) -> int:
+    """Enter files that belong to a run, a video for one, into its manifest."""
+    path = find(args.dir, args.run)
+    seal(path, args.files)
+    print(f"{manifest_of(path)}: {len(read_manifest(path))} files")
+    return 0
+
+
+def verify(args: argparse.Namespace) -> int:
+    """Every file against its sum, every recording against its checksums; 1 when something is wrong."""
+    entries = _catalogue(args, rebuild=True)
+    wanted = {find(args.dir, name, entries).resolve() for name in args.runs}
+    problems: list[str] = []
+    files = 0
+    known = {entry.sha256 for entry in entries}
+    for entry in entries:
+        path = args.dir / entry.name
+        if wanted and path.resolve() not in wanted:
+            continue
+        files += 1
+        if entry.problem:
+            problems.append(f"{path}: {entry.problem}")
+        if entry.parent and entry.parent not in known:
+            problems.append(f"{path}: the run it was derived from (sha256 {entry.parent[:12]}...) is not in {args.dir}")
+        try:
+            checked = [one for one in check(path) if one.path != path or not entry.problem]
+        except RigError as error:
+            problems.append(str(error))
+            continue
+        files += sum(one.path != path for one in checked)
+        problems += [f"{one.path}: {one.problem} since it was entered in {manifest_of(path)}"
+                     for one in checked if one.problem]  # fmt: skip
+    if args.json:
+        write_json(args.json, {"files": files, "problems": problems})
+    for text in problems:
+        print(text)
+    print(f"{files} files checked, {len(problems)} problems" if problems else f"{files} files checked, all as recorded")
+    return 1 if problems else 0
+
+
+def export_run(args: argparse.Namespace) -> int:
+    """An RO-Crate with all that belongs to a run."""
+    path = find(args.dir, args.run)
+    found = read_run(path)
+    bad = [one for one in check(path) if one.problem]
+    if bad:
+        raise RigError(f"{bad[0].path} {bad[0].problem}, so the run cannot be exported as recorded; restore it first")
+    beside = [p for p in (manifest_of(path), notes_of(path)) if p.exists()]
+    files = [path.parent / name for name in read_manifest(path) if name != path.name]
+    held = export(found, [*beside, *files, *family(path, args.dir)], args.output, args.licence)
+    print(f"{args.output}: RO-Crate with {len(held)} files: {', '.join(map(str, held))}")
+    return 0
+
+
+def recover_runs(args: argparse.Namespace) -> int:
+    """A readable run out of a .part or a damaged file, and what was lost."""
+    done = recover(args.run, args.output)
+    if args.json:
+        write_json(args.json, {"recording": str(done.path), "messages": done.messages, "lost": list(done.lost)})
+    print(f"{done.path}: {done.messages} messages recovered from {args.run}, which stays")
+    for text in done.lost:
+        print(f"lost: {text}")
+    return 0
+
+
+def _catalogue(args: argparse.Namespace, rebuild: bool = False) -> list[Entry]:
+    with progress_bar(f"read {args.dir}", "recording") as progress:
+        return catalogue(args.dir, rebuild=rebuild or getattr(args, "rebuild", False), progress=progress)
+
+
+def _wanted(entry: Entry, args: argparse.Namespace) -> bool:
+    return (not args.tag or args.tag in entry.tags) and (not args.specimen or args.specimen == entry.specimen)
+
+
+def _when(wall_ns: int) -> str:
+    return datetime.fromtimestamp(wall_ns * 1e-9, UTC).strftime("%Y-%m-%d %H:%M:%S") if wall_ns else "-"
+
+
+ACTIONS: dict[str, Callable[[argparse.Namespace], int]] = {
+    "list": list_runs,
+    "show": show,
+    "tag": tag,
+    "note": note,
+    "attach": attach,
+    "compare": compare_runs,
+    "verify": verify,
+    "export": export_run,
+    "recover": recover_runs,
+}

@@ -1,0 +1,45 @@
+"""Emulator: what every emulated device has: a grammar towards the wire, plants behind it, and ways to misbehave."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import ClassVar
+
+from rig.plant import Plant
+
+
+class Emulator(ABC):
+    """One device as its port shows it: wire grammar only, no pressure physics, and time as an argument.
+
+    ``plants`` maps channels (from 1) to whatever holds the pressure; channels without one read 0. A new emulator is
+    one file in ``rig/emulators`` that ends in ``EMULATOR = ItsClass``.
+    """
+
+    terminator: ClassVar[bytes]
+    baud: ClassVar[int]
+
+    def __init__(self, plants: Mapping[int, Plant]) -> None:
+        self.plants = plants
+
+    @abstractmethod
+    def answer(self, line: bytes, time_s: float) -> bytes:
+        """The reply to one request line; empty for silence."""
+
+    @abstractmethod
+    def refusal(self, line: bytes) -> bytes:
+        """How it says no to this request."""
+
+    def zeroed(self, line: bytes, time_s: float) -> bytes:
+        """The reply it gives, valid in form, when every sensor shows zero: a board that lost its regulators."""
+        plants, self.plants = self.plants, {}
+        try:
+            return self.answer(line, time_s)
+        finally:
+            self.plants = plants
+
+    def reboot(self, time_s: float) -> None:
+        """Start anew: no channel is told anything any more."""
+        for plant in self.plants.values():
+            plant.hold(time_s, closed=False)
+            plant.command(time_s, 0.0)

@@ -1,0 +1,94 @@
+"""Seeded faults on the wire: what loose plugs, noise and unhappy firmware do, repeatable and on record."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rig.emulator import Emulator
+from rig.wire import Sent
+
+KINDS = ("garble", "truncate", "merge", "late", "nak", "silence", "deaf", "zero", "unplug", "reboot")
+BANNER = b"\x00\xff boot 1.4.1 \x00"
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One fault as it was made: when (s, the device's time), which, and what the wire brought instead of the truth."""
+
+    time_s: float
+    kind: str
+    request: bytes
+    truth: bytes
+    sent: bytes
+
+
+class SeededFaults:
+    """Spoils a share ``rate`` of all exchanges; equal seeds spoil equal exchanges alike. ``log`` keeps every one.
+
+    garble: a byte or three are others. truncate: the end is lost. merge: the terminator is lost, so that the next
+    answer follows on the same line. late: longer than anybody waits. nak: refused. silence: done, not answered. deaf:
+    neither. zero: a good answer with zeros in it. unplug: the port is gone for ``away_s``. reboot: it forgets what it
+    was told, is deaf for ``away_s``, and greets with noise.
+    """
+
+    def __init__(
+        self,
+        rate: float,
+        *,
+        seed: int = 0,
+        kinds: Sequence[str] = KINDS,
+        late_s: tuple[float, float] = (0.0, 1.0),
+        away_s: float = 0.5,
+    ) -> None:
+        self.rate, self.kinds, self.late_s, self.away_s = rate, tuple(kinds), late_s, away_s
+        self.log: list[Fault] = []
+        self._random = np.random.default_rng(seed)
+        self._deaf_until_s = -np.inf
+        self._greeting = b""
+
+    def answer(self, device: Emulator, line: bytes, time_s: float) -> Sent:
+        """What the wire brings back for this request line."""
+        if time_s < self._deaf_until_s:
+            self.log.append(Fault(time_s, "rebooting", line, b"", b""))
+            return Sent(b"")
+        kind = self.kinds[self._random.integers(len(self.kinds))] if self._random.random() < self.rate else ""
+        if kind == "deaf":
+            truth, sent = b"", Sent(b"")
+        elif kind == "nak":
+            truth, sent = b"", Sent(device.refusal(line))
+        elif kind == "reboot":
+            device.reboot(time_s)
+            self._deaf_until_s, self._greeting = time_s + self.away_s, BANNER
+            truth, sent = b"", Sent(b"")
+        else:
+            truth = device.answer(line, time_s)
+            zeroed = device.zeroed(line, time_s) if kind == "zero" else truth
+            sent = self._spoilt(kind, zeroed, device.terminator)
+        sent = Sent(self._greeting + sent.data if sent.data else b"", sent.late_s, sent.away_s)
+        if sent.data:
+            self._greeting = b""
+        if kind:
+            self.log.append(Fault(time_s, kind, line, truth, sent.data))
+        return sent
+
+    def _spoilt(self, kind: str, truth: bytes, terminator: bytes) -> Sent:
+        random = self._random
+        if kind == "garble" and truth:
+            data = bytearray(truth)
+            for at in random.integers(len(data), size=random.integers(1, 4)):
+                data[at] = random.integers(256)
+            return Sent(bytes(data))
+        if kind == "truncate":
+            return Sent(truth[: random.integers(len(truth) + 1)])
+        if kind == "merge":
+            return Sent(truth.removesuffix(terminator))
+        if kind == "late":
+            return Sent(truth, late_s=random.uniform(*self.late_s))
+        if kind == "silence":
+            return Sent(b"")
+        if kind == "unplug":
+            return Sent(b"", away_s=self.away_s)
+        return Sent(truth)

@@ -1,0 +1,24 @@
+"""LED burst: a code on the trigger output that a camera sees, and the fit t_video = a + b t_host to what it saw."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rig.controller import Controller
+from rig.reading import Stamp
+
+#: Barker's code of 13: shifted against itself it never agrees in more than one place, so a burst is found only once.
+CODE = (1, 1, 1, 1, 1, 0, 0, 1, 1, 0, 1, 0, 1)
+BIT_S = 0.05  # a dozen frames at 240 frames/s, and long against any delay of the line
+BURST_S = (len(CODE) + 2) * BIT_S
+
+
+def blink(controller: Controller) -> Iterator[tuple[Stamp, bool]]:
+    """Blink the code once; each change with the time at which the controller acknowledged it."""
+    level = False
+    start_s = controller.clock.monotonic_s()
+    for k, bit in enumerate((*CODE, 0), 1):
+        if bool(bit) != level:
+            level = bool(bit)
+            yield controller.trigger(level), level
+        controller.clock.sleep(start_s + k * BIT_S - controller.clock.monotonic_s())

@@ -1,0 +1,41 @@
+"""Expectation: what a channel can possibly read next, for wires that have no checksum and links that read as 0."""
+
+from __future__ import annotations
+
+MARGIN_PA = 2e3  # noise, drift, a straw that snaps against the controller
+OVERSHOOT = 0.1  # of the way it has to go
+
+
+class Expectation:
+    """A healthy controller reads something between where it was and what it has been told since, give or take a margin.
+
+    One reading outside of that is not believed. Two in a row that agree are, for supplies do fail; but never an exact
+    0 that comes from nowhere, for that is how a lost link reads.
+    """
+
+    def __init__(self) -> None:
+        self._within: tuple[float, ...] = ()  # empty: anything may come
+        self._doubted_pa: float | None = None
+
+    def forget(self) -> None:
+        """Expect anything: the link was opened anew."""
+        self._within, self._doubted_pa = (), None
+
+    def told(self, pressure_pa: float) -> None:
+        """It was told this, or may have been."""
+        if self._within:
+            self._within = (*self._within, pressure_pa)
+
+    def why_not(self, pressure_pa: float, in_force_pa: tuple[float, ...]) -> str | None:
+        """None when the reading can be true, and then the next one starts from it; else why it is not used."""
+        low, high = min(self._within, default=pressure_pa), max(self._within, default=pressure_pa)
+        margin_pa = MARGIN_PA + OVERSHOOT * (high - low)
+        if not low - margin_pa <= pressure_pa <= high + margin_pa:
+            seen_before = self._doubted_pa is not None and abs(self._doubted_pa - pressure_pa) <= margin_pa
+            self._doubted_pa = pressure_pa
+            if pressure_pa == 0.0:
+                return "reads exactly 0 all at once, as a lost link does"
+            if not seen_before:
+                return f"reads {pressure_pa / 1e3:g} kPa where only {low / 1e3:g} to {high / 1e3:g} kPa can be"
+        self._within, self._doubted_pa = (pressure_pa, *in_force_pa), None
+        return None

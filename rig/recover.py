@@ -1,0 +1,88 @@
+"""Recovery: a run that was killed, cut or damaged becomes a whole file again, which says what was lost."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rig.errors import RigError
+from rig.mcap_scan import Scan, scan
+from rig.run_write import RunFile, encoded
+
+
+@dataclass(frozen=True)
+class Recovered:
+    """The readable run, how many messages it holds, and what is missing in plain words."""
+
+    path: Path
+    messages: int
+    lost: tuple[str, ...]
+
+
+def recover(path: str | Path, output: str | Path | None = None) -> Recovered:
+    """Write all of a ``.part`` or damaged recording that can be trusted as a finished one; the original stays.
+
+    ``output`` is the name without ``.part``, or with ``.recovered`` before the suffix where that is the damaged file
+    itself. The guardian's notes beside it, of what it did after the script's death, become events. RigError when
+    nothing can be read, when nothing is wrong with the file, or when the new name is taken.
+    """
+    path = Path(path)
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise RigError(f"recording {path} cannot be read: {error.strerror or error}; check the name") from None
+    found = scan(data, str(path))
+    if not found.lost:
+        raise RigError(f"recording {path} is whole: nothing to recover")
+    if not found.messages and not found.metadata:
+        raise RigError(f"recording {path} holds nothing that can be read: {found.lost[0]}")
+    named = path.name.removesuffix(".part")
+    whole = path.with_name(named if named != path.name else f"{path.stem}.recovered{path.suffix}")
+    file = RunFile(output or whole, found.metadata.get("straw.run", {}), found.attachments, parent=path)
+    try:
+        written = _copy(found, file)
+        notes = path.with_name(f"{named}.guardian")
+        written += _add_notes(notes, file)
+        lost = tuple(dict.fromkeys(found.lost))
+        closing = found.metadata.get("straw.stop") or {"exit_status": "fail", "exit_reason": "the recording was cut"}
+        file.finish(
+            closing | {"recovered_from_sha256": hashlib.sha256(data).hexdigest(), "recovered_lost": "; ".join(lost)}
+        )
+    except BaseException:
+        file.discard()
+        raise
+    return Recovered(file.path, written, lost)
+
+
+def _copy(found: Scan, file: RunFile) -> int:
+    """Messages as they are, in the schema and encoding they came in."""
+    known = [message for message in found.messages if message[0] in found.channels]
+    for channel_id, happened_ns, data, log_ns in known:
+        channel: Any = found.channels[channel_id]
+        file.add_raw(channel, found.schemas.get(channel.schema_id), happened_ns, data, log_ns)
+    for name, record in found.metadata.items():
+        if name not in ("straw.run", "straw.stop", "straw.software"):
+            file.add_metadata(name, record)
+    if software := found.metadata.get("straw.software"):
+        file.add_metadata("straw.software.recorded", software)
+    return len(known)
+
+
+def _add_notes(path: Path, file: RunFile) -> int:
+    count = 0
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return 0
+    for line in lines:
+        try:
+            note = json.loads(line)
+            happened_ns, values = note["wall_ns"], {"kind": note["kind"], "text": note["text"]}
+            file.add("/events", happened_ns, encoded("/events", happened_ns, values))
+            count += 1
+        except (ValueError, KeyError, TypeError, RigError):  # the guardian was cut short, too
+            continue
+    return count

@@ -1,0 +1,88 @@
+"""Recording: a minute of 1 kHz pressure and a 240 Hz track through the queue writer: its price, and its losses."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from rig.run_read import read_run
+from rig.run_write import RunWriter
+
+NAMED = {"run_id": "benchmark", "specimen": "none", "initial_deployed": "", "cycle": "0", "cells": "9"}
+RAW = b">PINGA?|OK|-250:0:1:0:0:0:0:0:0:0:0:0\n"
+
+
+def main() -> None:
+    """Print the share of a core, and what is in the file."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--seconds", type=float, default=60.0)
+    seconds = options.parse_args().seconds
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "run.mcap"
+        writer = RunWriter(path, {**NAMED, "zero_time_ns": str(time.time_ns())})
+        all_s, main_s = time.process_time(), time.thread_time()
+        adding_s, behind_s, pressures, tips = paced(seconds, writer)
+        finishing_s = time.thread_time()
+        writer.finish()
+        finishing_s = time.thread_time() - finishing_s
+        # The writer's thread, the calls that queue, and the end; not the loop that keeps the pace.
+        cpu_s = (time.process_time() - all_s) - (time.thread_time() - main_s) + adding_s + finishing_s
+        run = read_run(path)
+        size = path.stat().st_size
+    assert run.pressure is not None
+    assert run.tip is not None
+    print(f"{seconds:g} s: {pressures} pressures and {tips} poses written, {len(run.pressure)} and {len(run.tip)} read")
+    print(f"dropped {pressures - len(run.pressure) + tips - len(run.tip)}; lost: {run.lost or 'nothing'}")
+    print(f"{cpu_s / seconds:.2%} of a core, of that queueing {adding_s / seconds:.2%}")
+    print(f"the loop that keeps the pace was at most {behind_s * 1e3:.1f} ms behind; nothing waits for the disk")
+    print(f"{size / 1e6:.2f} MB, {size / (pressures + tips):.0f} bytes a message")
+
+
+def paced(seconds: float, writer: RunWriter) -> tuple[float, float, int, int]:
+    """CPU seconds spent in queueing, the longest the loop was behind (s), pressures and poses written."""
+    random = np.random.default_rng(0).normal(size=(1000, 4)).tolist()
+    pressures = tips = 0
+    behind_s = adding_s = 0.0
+    start_s, wall_ns = time.monotonic(), time.time_ns()
+    while (now_s := time.monotonic() - start_s) < seconds:
+        due_p, due_t = int(now_s * 1000) + 1, int(now_s * 240) + 1
+        behind_s = max(behind_s, now_s - pressures / 1000)
+        before_s = time.thread_time()
+        for k in range(pressures, due_p):
+            writer.add(
+                "/pressure/measured",
+                wall_ns + k * 1_000_000,
+                pressure_pa=random[k % 1000][0],
+                sigma_pa=30.0,
+                channel=1,
+                monotonic_ns=k * 1_000_000,
+                half_width_ns=2_000_000,
+                raw=RAW,
+                flow_m3_s=random[k % 1000][1],
+            )
+        for k in range(tips, due_t):
+            _, x, z, phi = random[k % 1000]
+            writer.add(
+                "/tip/state",
+                wall_ns + k * 1_000_000_000 // 240,
+                x_m=x,
+                z_m=z,
+                phi_rad=phi,
+                sigma_x_m=1e-5,
+                sigma_z_m=1e-5,
+                sigma_phi_rad=1e-4,
+                valid=True,
+                frame=k,
+            )
+        adding_s += time.thread_time() - before_s
+        pressures, tips = due_p, due_t
+        time.sleep(1e-3)
+    return adding_s, behind_s, pressures, tips
+
+
+if __name__ == "__main__":
+    main()

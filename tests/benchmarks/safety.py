@@ -1,0 +1,86 @@
+"""Safety: how long after each way of ending a script the vent arrives on the emulated controller's wire (POSIX)."""
+
+from __future__ import annotations
+
+import os
+import signal
+import statistics
+import time
+from collections.abc import Callable
+
+from rig.emulate import Emulation
+from rig.plant import PressurePlant
+from rig.wire import Wire
+from tests.benchmarks.soak import NoStraw
+from tests.rig.test_safety import READING, VENT, Script
+
+REPEATS = 5
+SAYS_WHEN = "time.sleep(0.3); print(time.monotonic_ns(), flush=True)"
+WAYS: dict[str, tuple[str, Callable[[Script], object]]] = {
+    "normal end": (SAYS_WHEN, lambda one: None),
+    "an exception": (f"{SAYS_WHEN}; 1 / 0", lambda one: None),
+    "Ctrl-C": (READING, lambda one: one.process.send_signal(signal.SIGINT)),
+    "Ctrl-C, and again during clean-up": (READING, lambda one: _twice(one, signal.SIGINT)),
+    "SIGTERM": (READING, lambda one: one.process.send_signal(signal.SIGTERM)),
+    "SIGHUP, the terminal was closed": (READING, lambda one: one.process.send_signal(signal.SIGHUP)),
+    "SIGKILL": (READING, lambda one: one.process.kill()),
+    "os.abort, a crash": (f"{SAYS_WHEN}; os.abort()", lambda one: None),
+    "frozen (SIGSTOP), heartbeat 1 s": (READING, lambda one: one.process.send_signal(signal.SIGSTOP)),
+    "its guardian killed instead": (READING, lambda one: os.kill(one.guardian_pid, signal.SIGKILL)),
+}
+
+
+def _twice(one: Script, number: signal.Signals) -> None:
+    one.process.send_signal(number)
+    time.sleep(0.002)
+    one.process.send_signal(number)
+
+
+def main() -> None:
+    """Print the median and the longest of a few repeats."""
+    print(f"{'the script ends by':<36}{'median / ms':>12}{'longest / ms':>14}")
+    for name, (then, end) in WAYS.items():
+        show(name, [vented_after(then, end) for _ in range(REPEATS)])
+    show("link lost, script dead, link returns", [vented_after_return() for _ in range(REPEATS)])
+
+
+def show(name: str, took_s: list[float]) -> None:
+    """One line of the table."""
+    print(f"{name:<36}{statistics.median(took_s) * 1e3:12.0f}{max(took_s) * 1e3:14.0f}", flush=True)
+
+
+def vented_after(then: str, end: Callable[[Script], object]) -> float:
+    """One script under pressure, ended: seconds until the vent reached the wire."""
+    with Emulation(NoStraw(), plant=PressurePlant(), latency_s=1e-3) as emulation:
+        one = Script(emulation, then)
+        try:
+            took_s = one.vent_after(lambda: end(one))
+            if not then.startswith(SAYS_WHEN):
+                return took_s
+            assert one.process.stdout is not None
+            ended_s = (int(one.process.stdout.readline()) - emulation.twin._zero_ns) * 1e-9
+            return next(at_s for at_s, line in emulation.wire.received if line == VENT and at_s > ended_s) - ended_s
+        finally:
+            one.process.kill()
+            one.process.communicate()
+
+
+def vented_after_return() -> float:
+    """Seconds from the moment the port exists again."""
+    with Emulation(NoStraw(), plant=PressurePlant(), latency_s=1e-3) as emulation:
+        one = Script(emulation, READING)
+        time.sleep(0.1)
+        emulation.wire.close()
+        one.process.wait(10.0)
+        start_s = emulation.twin.now()
+        with Wire(emulation.device, emulation.url, clock=emulation.clock, now=emulation.twin.now) as again:
+            while not again.received or again.received[-1][1] != VENT:
+                time.sleep(0.001)
+            took_s = again.received[-1][0] - start_s
+            time.sleep(0.5)  # the guardian has its vent confirmed, and ends
+        one.process.communicate()
+        return took_s
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,146 @@
+"""Soak: ten thousand exchanges over a wire of which one in twenty is spoilt, and every outcome held against the truth.
+
+A reading is wrong when no instant of the time it claims had that pressure. A wrong one may pass only where the
+protocol gives no way to tell: noise that turned one good answer into another.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from rig.controller import Controller, make_controller
+from rig.emulate import Emulation
+from rig.errors import LinkLostError, RigError
+from rig.faults import Fault, SeededFaults
+from rig.plant import PressurePlant
+from rig.reading import Reading
+from rig.run_read import read_run
+from rig.run_write import RunWriter
+
+TIMEOUT_S = 0.06
+SET_EVERY = 25
+
+
+class NoStraw:
+    """Nothing behind the wire but the plant."""
+
+    time_s = volume_m3 = pressure_pa = 0.0
+    tip = (0.0, 0.0, 0.0)
+
+    def advance(self, time_s: float, pressure_start_pa: float, pressure_end_pa: float) -> None:
+        """Let the time pass."""
+        self.time_s = time_s
+
+
+@dataclass
+class Report:
+    """What became of the exchanges."""
+
+    exchanges: int = 0
+    faults: Counter[str] = field(default_factory=Counter)
+    good: int = 0
+    refused: int = 0  # told as an error
+    reopened: int = 0
+    passed_untellable: list[str] = field(default_factory=list)  # wrong, and spelt exactly like a right one
+    passed_wrong: list[str] = field(default_factory=list)
+    events: int = 0  # read back from the recording
+    longest_s: float = 0.0
+    wall_s: float = 0.0
+
+
+def soak(name: str, exchanges: int, rate: float, seed: int, folder: Path) -> Report:
+    """Drive the named controller's emulator through seeded faults."""
+    started_s = time.monotonic()
+    report, random = Report(exchanges), np.random.default_rng(seed)
+    faults = SeededFaults(rate, seed=seed, late_s=(0.0, 3 * TIMEOUT_S), away_s=0.15)
+    plant = PressurePlant(noise_pa=0.0, resolution_pa=0.0)
+    path = folder / f"soak-{name}-{seed}.mcap"
+    with (
+        Emulation(NoStraw(), name, plant=plant, latency_s=0.0, faults=faults) as emulation,
+        RunWriter(path, {"run_id": "soak"}) as writer,
+    ):
+        controller = make_controller(name, emulation.url, timeout_s=TIMEOUT_S)
+        is_open = False
+        for k in range(exchanges):
+            before_s, seen = time.monotonic(), len(faults.log)
+            try:
+                if not is_open:
+                    controller.open()
+                    is_open = True
+                if k % SET_EVERY == 0:
+                    wanted_pa = 500.0 * random.integers(-40, 41)
+                    controller.set_pressure(1, wanted_pa)
+                    wrong = "" if plant._told_pa == wanted_pa else f"set {wanted_pa}, told {plant._told_pa}"
+                else:
+                    wrong = _wrong(controller.read()[0], plant, emulation, controller)
+                report.good += not wrong
+                if wrong:
+                    _judge(wrong, faults.log[seen:], report)
+            except RigError as error:
+                report.refused += 1
+                writer.event("fault", str(error))
+                if isinstance(error, LinkLostError):
+                    report.reopened += 1
+                    is_open = False
+                    controller._close()
+                    controller.is_open = False
+            report.longest_s = max(report.longest_s, time.monotonic() - before_s)
+        faults.rate = 0.0
+        time.sleep(0.5)
+        controller.is_open = False
+        controller._close()
+    report.faults = Counter(fault.kind for fault in faults.log)
+    report.events = sum(event.kind == "fault" for event in read_run(path).events)
+    report.wall_s = time.monotonic() - started_s
+    return report
+
+
+def _wrong(reading: Reading, plant: PressurePlant, emulation: Emulation, controller: Controller) -> str:
+    """Empty when some instant of the reading's own time span had this pressure, within half a step of the reading."""
+    zero_ns = emulation.twin._zero_ns
+    ends = [(reading.monotonic_ns + side * reading.half_width_ns - zero_ns) * 1e-9 for side in (-1, 1)]
+    # The answer's bytes on the line are taken off the span, but an idle machine wakes late: a millisecond more.
+    true_pa = np.array([plant.pressure(t) for t in np.linspace(ends[0] - 1e-3, ends[1] + 1e-3, 50)])
+    half_step_pa = controller.resolution_pa / 2 + 1.0
+    jump_pa = float(np.max(np.abs(np.diff(true_pa)), initial=0.0))
+    if np.min(np.abs(true_pa - reading.pressure_pa)) <= half_step_pa + jump_pa:
+        return ""
+    return f"read {reading.pressure_pa} ({reading.raw!r}), true {true_pa.min():.0f}..{true_pa.max():.0f}"
+
+
+def _judge(wrong: str, faults: list[Fault], report: Report) -> None:
+    spelt_alike = [f for f in faults if f.kind in ("garble", "zero", "truncate") and f.sent != f.truth]
+    if spelt_alike:
+        report.passed_untellable.append(f"{spelt_alike[0].kind}: {spelt_alike[0].truth!r} to {spelt_alike[0].sent!r}")
+    else:
+        report.passed_wrong.append(f"{wrong} after {[(f.kind, f.request, f.sent) for f in faults]}")
+
+
+def main() -> None:
+    """Print what became of each controller's exchanges."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--exchanges", type=int, default=10_000)
+    options.add_argument("--rate", type=float, default=0.05)
+    options.add_argument("--seed", type=int, default=1)
+    args = options.parse_args()
+    for name in ("ob1-mk4", "alicat"):
+        with TemporaryDirectory() as folder:
+            r = soak(name, args.exchanges, args.rate, args.seed, Path(folder))
+        kinds = ", ".join(f"{kind} {count}" for kind, count in sorted(r.faults.items()))
+        print(f"{name}: {r.exchanges} exchanges in {r.wall_s:.0f} s, {sum(r.faults.values())} spoilt ({kinds})")
+        print(f"  good {r.good}, told as errors {r.refused} (all {r.events} in the recording), reopened {r.reopened}")
+        print(f"  wrong and spelt like right {len(r.passed_untellable)}; wrong and tellable {len(r.passed_wrong)}")
+        print(f"  longest exchange, reopening included, {r.longest_s:.2f} s")
+        for line in (r.passed_untellable + r.passed_wrong)[:20]:
+            print("   ", line)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,291 @@
+"""Whatever becomes of the script, the straw is vented: each way out, proven by what reached the wire and when."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rig.clock import SteppedClock
+from rig.controller import Controller, make_controller
+from rig.emulate import Emulation
+from rig.errors import LimitError, LinkLostError, RigError
+from rig.guarded import GuardedController
+from rig.limits import Leash, PressureLimits
+from rig.plant import PressurePlant
+from rig.protocol import PressureProtocol
+from rig.run_read import read_run
+from rig.session import run_protocol
+from rig.wire import Wire
+
+Sets = Callable[[], list[int]]
+posix = pytest.mark.skipif(os.name != "posix", reason="sends POSIX signals")
+VENT = b"<PRESS!:0:0\n"
+
+# A script as an experimentalist would write one. What it does under pressure comes in as text.
+SCRIPT = """
+import os, signal, sys, time
+from rig.guarded import GuardedController
+with GuardedController("ob1-mk4", sys.argv[1], heartbeat_s=1.0, patience_s=20.0) as controller:
+    controller.set_pressure(1, -25e3)
+    print("under pressure", controller.guardian_pid, flush=True)
+    {then}
+"""
+READING = "while True: controller.read(); time.sleep(0.01)"
+
+
+class Script:
+    """A script in a process of its own, brought to where the straw is under pressure."""
+
+    def __init__(self, emulation: Emulation, then: str) -> None:
+        self.emulation = emulation
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", SCRIPT.format(then=then), emulation.url],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd=Path(__file__).parents[2],
+        )
+        assert self.process.stdout is not None
+        self.guardian_pid = int(self.process.stdout.readline().split()[2])
+
+    def vent_after(self, end: Callable[[], object], limit_s: float = 5.0) -> float:
+        """Seconds from calling ``end`` to the vent's arrival on the wire."""
+        time.sleep(0.1)
+        start_s = self.emulation.twin.now()
+        end()
+        while self.emulation.twin.now() < start_s + limit_s:
+            for at_s, line in reversed(self.emulation.wire.received):
+                if at_s > start_s and line == VENT:
+                    return at_s - start_s
+            time.sleep(0.005)
+        raise AssertionError(f"no vent within {limit_s} s")
+
+
+@pytest.fixture
+def script(emulation: Emulation) -> Iterator[Callable[[str], Script]]:
+    made: list[Script] = []
+
+    def make(then: str = READING) -> Script:
+        made.append(Script(emulation, then))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.process.kill()
+        one.process.communicate()
+        deadline = time.monotonic() + 5.0
+        while _alive(one.guardian_pid):
+            assert time.monotonic() < deadline, "a guardian outlived its duty"
+            time.sleep(0.01)
+
+
+def _alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().split()[2] != "Z"
+    except OSError:
+        return False
+
+
+@posix
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_a_script_that_dies_by_any_signal_leaves_a_vented_straw(
+    script: Callable[..., Script], number: signal.Signals
+) -> None:
+    one = script()
+    took_s = one.vent_after(lambda: one.process.send_signal(number))
+    assert took_s < 1.0  # about 10 ms on an idle machine; never as long as the heartbeat, which is the second net
+    assert one.process.wait(5.0) != 0
+
+
+@posix
+def test_a_script_that_hangs_is_vented_by_the_missing_heartbeat_and_its_later_sets_are_refused(
+    script: Callable[..., Script],
+) -> None:
+    one = script(
+        "time.sleep(0.1); controller.read(); sys.stdin.read(1) or time.sleep(2.0); controller.set_pressure(1, -5e3)"
+    )
+    took_s = one.vent_after(lambda: None)
+    assert 0.8 < took_s < 2.0  # one second without a word
+    _, said = one.process.communicate()
+    assert "silent for 1 s" in said
+    assert "nothing was sent" in said
+    assert one.emulation.wire.received[-1][1] == VENT
+
+
+@posix
+def test_a_frozen_script_is_vented_and_its_guardian_killed_alone_is_replaced(script: Callable[..., Script]) -> None:
+    frozen = script()
+    assert frozen.vent_after(lambda: frozen.process.send_signal(signal.SIGSTOP)) < 2.0
+    frozen.process.kill()
+    frozen.process.wait()
+    orphaned = script()
+    took_s = orphaned.vent_after(lambda: os.kill(orphaned.guardian_pid, signal.SIGKILL))
+    assert took_s < 3.0  # the script notices at its next reading and starts another guardian
+    _, said = orphaned.process.communicate()
+    assert "guardian process" in said
+
+
+@posix
+def test_a_lost_link_is_vented_when_it_returns_even_after_the_script_is_dead(
+    emulation: Emulation, script: Callable[..., Script]
+) -> None:
+    one = script()
+    time.sleep(0.1)
+    emulation.wire.close()
+    one.process.wait(10.0)
+    assert one.process.returncode == 1
+    time.sleep(0.5)  # nobody is left but the guardian
+    assert _alive(one.guardian_pid)
+    start_s = time.monotonic()
+    with Wire(emulation.device, emulation.url, clock=emulation.clock, now=emulation.twin.now) as again:
+        while not again.received or again.received[-1][1] != VENT:
+            assert time.monotonic() - start_s < 5.0
+            time.sleep(0.01)
+        deadline = time.monotonic() + 5.0
+        while _alive(one.guardian_pid):  # having vented, it ends
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+
+
+@posix
+def test_a_killed_run_keeps_its_record_and_the_guardian_notes_its_vent_beside_it(
+    emulation: Emulation, script: Callable[..., Script], tmp_path: Path
+) -> None:
+    one = script(
+        "from rig.protocol import protocol_from_toml; from rig.session import run_protocol; run_protocol(controller, "
+        "protocol_from_toml('pressure_unit = \"kPa\"\\ninitial_deployed = []\\nmain = [{ hold = -25, for_s = 60 }]', "
+        f"'long.toml'), {str(tmp_path / 'run.mcap')!r})"
+    )
+    time.sleep(2.0)
+    assert one.vent_after(one.process.kill) < 1.0
+    deadline = time.monotonic() + 5.0
+    while '"vent"' not in (note.read_text() if (note := tmp_path / "run.mcap.guardian").exists() else ""):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    assert read_run(tmp_path / "run.mcap.part").pressure is not None
+
+
+def test_a_guarded_controller_is_used_like_any_other(
+    emulation: Emulation, short: PressureProtocol, sets: Sets, tmp_path: Path
+) -> None:
+    with GuardedController("ob1-mk4", emulation.url) as controller:
+        outcome = run_protocol(controller, short, tmp_path / "run.mcap")
+        with pytest.raises(LimitError, match="nothing was sent"):
+            controller.set_pressure(1, 61e3)
+    assert outcome.missed == 0
+    run = read_run(tmp_path / "run.mcap")
+    assert run.metadata["firmware"] == "1.4.1"
+    assert run.metadata["guardian"] == "heartbeat 2 s"
+    assert run.metadata["exit_status"] == "success"
+    assert min(sets()) == -250
+    assert sets()[-1] == 0
+    assert not (tmp_path / "run.mcap.guardian").exists()
+    with pytest.raises(LinkLostError, match="not open"):
+        controller.read()
+
+
+def test_limits_hold_in_the_guardian_whatever_a_script_does_to_its_own_objects(
+    emulation: Emulation, sets: Sets
+) -> None:
+    with GuardedController("ob1-mk4", emulation.url, limits=PressureLimits(-20e3, 20e3)) as controller:
+        controller._limits = PressureLimits(-90e3, 90e3)  # malice, or a bug
+        with pytest.raises(LimitError, match="below the limit of -20 kPa"):
+            controller.set_pressure(1, -30e3)
+        with pytest.raises(LimitError, match="above the limit"):
+            controller._send(1, 30e3)
+    assert set(sets()) == {0}
+
+
+def test_a_port_that_does_not_open_is_told_through_the_guardian_in_one_line() -> None:
+    with pytest.raises(RigError, match="does not open") as caught:
+        GuardedController("ob1-mk4", "socket://127.0.0.1:1").open()
+    assert "\n" not in str(caught.value)
+
+
+def test_limits_can_only_be_narrowed_and_come_back(controller: Controller) -> None:
+    with pytest.raises(AttributeError):
+        controller.limits = PressureLimits(-90e3, 90e3)  # type: ignore[misc]
+    before = controller.limits
+    with controller.narrowed(PressureLimits(-1e3, 90e3)) as narrow:
+        assert narrow == PressureLimits(-1e3, 60e3)
+        with pytest.raises(LimitError):
+            controller.set_pressure(1, -2e3)
+    assert controller.limits == before
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_no_sequence_of_sets_travels_faster_than_the_limit(seed: int) -> None:
+    # An adversary who asks for anything at any time; of what is let through, every stretch of time is checked.
+    random = np.random.default_rng(seed)
+    rate, step = 10e3, 100.0
+    leash, now_s, at_pa = Leash(step), 0.0, 0.0
+    passed = [(0.0, 0.0)]
+    for _ in range(1500):
+        now_s += random.choice([0.0, 1e-4, 1e-2, 0.3])
+        wanted_pa = round(random.choice([at_pa + step, at_pa - step, random.uniform(-40e3, 60e3)]) / step) * step
+        if leash.why_not(wanted_pa, rate, now_s) is None:
+            leash.arrived(wanted_pa)
+            passed.append((now_s, wanted_pa))
+            at_pa = wanted_pa
+    time_s, pressure_pa = np.array(passed).T
+    travelled = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(pressure_pa)))])
+    later, earlier = np.tril_indices(len(passed), -1)
+    allowed_pa = rate * (time_s[later] - time_s[earlier] + 0.25) + step
+    assert len(passed) > 100
+    assert np.all(travelled[later] - travelled[earlier] <= allowed_pa * (1 + 1e-6))
+
+
+def test_a_set_that_may_have_arrived_counts_as_both() -> None:
+    leash = Leash(100.0)
+    leash.arrived(0.0)
+    assert leash.why_not(2e3, 10e3, 1.0) is None  # sent, never acknowledged
+    assert leash.why_not(-2e3, 10e3, 1.3) is not None  # from 2 kPa it would be 4 kPa at once
+    assert leash.why_not(1e3, 10e3, 1.3) is None
+
+
+@pytest.fixture
+def quick(straw: object) -> Iterator[tuple[Emulation, Controller]]:
+    clock = SteppedClock()
+    with (
+        Emulation(straw, plant=PressurePlant(noise_pa=0.0), clock=clock) as emulation,
+        make_controller("ob1-mk4", emulation.url, clock=clock) as controller,
+    ):
+        yield emulation, controller
+
+
+def test_a_zero_that_comes_from_nowhere_is_not_believed(quick: tuple[Emulation, Controller]) -> None:
+    emulation, controller = quick
+    controller.set_pressure(1, -25e3)
+    controller.read()  # on its way from 0
+    controller.clock.sleep(1.0)
+    assert controller.read()[0].pressure_pa == -25e3
+    plants, emulation.device.plants = emulation.device.plants, {}
+    for _ in range(3):
+        with pytest.raises(RigError, match=r"reads exactly 0 all at once, as a lost link does .*; not used"):
+            controller.read()
+    emulation.device.plants = plants
+    controller.set_pressure(1, 25e3)  # the way there leads through 0
+    for _ in range(40):
+        controller.clock.sleep(0.002)
+        controller.read()
+
+
+def test_a_reading_that_cannot_be_is_refused_once_and_believed_when_it_stays(
+    quick: tuple[Emulation, Controller],
+) -> None:
+    emulation, controller = quick
+    controller.set_pressure(1, -25e3)
+    controller.clock.sleep(1.0)
+    controller.read()
+    emulation.plant.max_pa = emulation.plant.min_pa = -10e3  # the vacuum pump stops
+    emulation.plant.command(emulation.twin.now(), -25e3)
+    controller.clock.sleep(1.0)
+    with pytest.raises(RigError, match="reads -10 kPa where only -25 to -25 kPa can be"):
+        controller.read()
+    assert controller.read()[0].pressure_pa == -10e3
