@@ -44,11 +44,11 @@ def run(args: argparse.Namespace) -> int:
     prepare()
     rest = rest_of(args.rest, filmed, camera, load_straw(args.straw))
     clock = load_clock(args.clock) if args.clock else None
-    task: dict[str, Any] = {"level": args.level, "near_px": pair(args.near) if args.near else None}
+    task: dict[str, Any] = {"level": args.level, "clock": clock, "near_px": pair(args.near) if args.near else None}
     outputs = [path for path in (args.csv, args.overlay, args.report, args.save_camera) if path]
     for path in outputs:
         check_folder(path)
-    tracked = track_to_file(args.videos, camera, rest, args.output, filmed, args.start, clock, board=board, **task)
+    tracked = track_to_file(args.videos, camera, rest, args.output, filmed, args.start, board=board, **task)
     assert tracked.record is not None
     try:
         if args.csv:
@@ -129,9 +129,9 @@ def track_to_file(
     output: Path,
     filmed: Run | None,
     start_s: float,
-    clock: CameraClock | None = None,
     *,
     board: Board | None = None,
+    clock: CameraClock | None = None,
     **task: Any,
 ) -> Track:
     """Track a video and write the tip on the run's clock; without a run, on the wall clock of now.
@@ -145,13 +145,8 @@ def track_to_file(
         say(f"{files[0].name}: {', '.join(path.name for path in beside)} beside it belong to it; name all to join them")
     with progress_bar(f"track {files[0].name}", "frame") as progress:
         try:
-            known: dict[str, Any] = {
-                "rest_pose": rest,
-                "start_s": 0.0 if clock else start_s,
-                "record": record,
-                "progress": progress,
-            }
-            tracked = track(files, camera, board or Board(), **known, **task)
+            known: dict[str, Any] = {"rest_pose": rest, "start_s": 0.0 if clock else start_s, "record": record}
+            tracked = track(files, camera, board or Board(), progress=progress, **known, **task)
         except KeyboardInterrupt:
             say(f"{files[0].name}: what was tracked is kept in {record}; the same command goes on from there")
             raise
