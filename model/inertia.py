@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import compiled
+from model.compiled import allocates_nothing, compiled
 from model.constants import Constants
 from model.kinematics import Chain
 from model.load import Load
@@ -13,7 +13,7 @@ from model.load import Load
 Floats = NDArray[np.float64]
 
 
-@compiled
+@allocates_nothing
 def add_inertia(c: Constants, s: Chain, load: Load) -> None:
     """Minus the left side of Lagrange's equations: -d/dt(dT/dv) + dT/dq.
 
@@ -26,10 +26,9 @@ def add_inertia(c: Constants, s: Chain, load: Load) -> None:
     for i in range(c.cells):
         half_speed2 = (s.velocity[i, 0] ** 2 + s.velocity[i, 1] ** 2) / 2
         half_spin2 = s.spin[i] ** 2 / 2
-        load.cell[i, 0] += half_speed2 * c.rho * c.S
-        load.cell[i, 1] += half_speed2 * c.rho * c.S
-        for j in range(4):
-            load.cell[i, j] += half_spin2 * s.inertia_by[i, j]
+        for j in range(2 - c.active, 2):
+            load.cell[i, j] += half_speed2 * c.rho * c.S + half_spin2 * s.inertia_by[i, j]
+            load.cell[i, 2 + j] += half_spin2 * s.inertia_by[i, 2 + j]
 
 
 @compiled

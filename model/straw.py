@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.channel import channel_of
-from model.compiled import compiled
+from model.compiled import allocates_nothing, compiled
 from model.constants import Constants
 from model.frusta import MEMORIES, add_frusta, frusta_energy
 from model.inertia import add_inertia, mass_matrix
@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 
 def _body_terms() -> Any:
     """One compiled function adding all terms that act on the bodies along the straw (see `model.frusta`)."""
-    inline = numba.njit(nogil=True, error_model="numpy")
+    inline = numba.njit(nogil=True, error_model="numpy", _nrt=False)
 
     @inline
     def total(c: Constants, k: Floats, s: Chain, load: Load) -> None:
@@ -64,7 +64,7 @@ def room_for(c: Constants) -> Room:
     return Room(still_motion(c), empty_chain(c.cells), no_load(c.cells))
 
 
-@compiled
+@allocates_nothing
 def volume_rate(c: Constants, v: Floats) -> float:
     """Rate of the volume inside, m^3/s."""
     total = 0.0
@@ -73,7 +73,7 @@ def volume_rate(c: Constants, v: Floats) -> float:
     return c.S * total
 
 
-@compiled
+@allocates_nothing
 def forces_left(
     c: Constants,
     q: Floats,
