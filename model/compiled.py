@@ -31,6 +31,6 @@ setattr(numba.config, "CACHE_DIR", str(_CACHE))  # noqa: B010  (numba makes its 
 #: Compile a function of the model: ``@compiled`` instead of ``@njit``. Division by zero gives inf as in NumPy.
 compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
 
-#: The same for functions that make no arrays. References to arrays are not counted, an atomic operation for each field
-#: of each tuple handed over, which took as long as the arithmetic.
-allocates_nothing = numba.njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
+#: The same for functions that make no arrays: written into their callers, without counting references to arrays.
+#: Handing over and counting all fields of the tuples the model is made of took longer than the arithmetic.
+allocates_nothing = numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=True, _nrt=False)
