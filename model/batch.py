@@ -42,31 +42,33 @@ def simulate_many(
 
     ``jobs`` may be endless: no more than ``ahead`` are taken before their turn, so that neither waiting jobs nor
     finished predictions (half a megabyte each for 6 s) pile up; at least twice the number of workers keeps all busy.
-    Those not yet started are cancelled when the iterator is closed.
+    Those not yet started are cancelled where the iterator is closed or fails.
     """
     waiting: deque[Future[Prediction | ModelError]] = deque()
     try:
         for job in jobs:
-            try:
-                ready = job.straw, sampled(job.pressure, job.time_s), job.time_s, job.deployed, job.tolerance_m
-            except ModelError as error:
-                waiting.append(Future())
-                waiting[-1].set_result(error)
-            else:
-                # The first of a process runs here: workers then find machine code, forked or on disk, and need not
-                # all compile at once.
-                if executor is None or not integrate.signatures:
-                    waiting.append(Future())
-                    waiting[-1].set_result(_outcome(*ready))
-                else:
-                    waiting.append(executor.submit(_outcome, *ready))
-            if len(waiting) > (0 if executor is None else ahead):
+            waiting.append(_started(job, executor))
+            if len(waiting) > (ahead if executor else 0):
                 yield waiting.popleft().result()
         while waiting:
             yield waiting.popleft().result()
     finally:
         for future in waiting:
             future.cancel()
+
+
+def _started(job: Job, executor: Executor | None) -> Future[Prediction | ModelError]:
+    here: Future[Prediction | ModelError] = Future()
+    try:
+        ready = job.straw, sampled(job.pressure, job.time_s), job.time_s, job.deployed, job.tolerance_m
+    except ModelError as error:
+        here.set_result(error)
+        return here
+    # The first of a process runs here: workers then find machine code, forked or on disk, and do not all compile.
+    if executor and integrate.signatures:
+        return executor.submit(_outcome, *ready)
+    here.set_result(_outcome(*ready))
+    return here
 
 
 def _outcome(

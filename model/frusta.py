@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import allocates_nothing, compiled
+from model.compiled import allocates_nothing, compiled, composed
 from model.constants import Constants
 from model.kinematics import Motion
 from model.load import Load
@@ -24,19 +23,16 @@ Floats = NDArray[np.float64]
 MEMORY_TERMS = [name for name, term in TERMS.items() if term.kind == "memory"]
 MEMORIES = len(MEMORY_TERMS)
 
-# Compiled into their callers, which are cached: a chain of closures cannot be cached by itself.
-_inline = numba.njit(nogil=True, error_model="numpy", _nrt=False)
-
 
 def _sum_of(kind: str) -> Any:
     """One compiled function (f, k) -> (force, moment) adding all memoryless terms of a kind."""
 
-    @_inline
+    @composed
     def total(f: Frustum, k: Floats) -> tuple[float, float]:
         return 0.0, 0.0
 
     def plus(first: Callable[..., Any], force: Callable[..., Any], start: int, end: int) -> Any:
-        @_inline
+        @composed
         def both(f: Frustum, k: Floats) -> tuple[float, float]:
             one, other = first(f, k), force(f, k[start:end])
             return one[0] + other[0], one[1] + other[1]
@@ -52,12 +48,12 @@ def _sum_of(kind: str) -> Any:
 def _energy_of(kind: str) -> Any:
     """One compiled function (f, k) -> J adding the energies of all terms of a kind that have one."""
 
-    @_inline
+    @composed
     def total(f: Frustum, k: Floats) -> float:
         return 0.0
 
     def plus(first: Callable[..., Any], energy: Callable[..., Any], start: int, end: int) -> Any:
-        @_inline
+        @composed
         def both(f: Frustum, k: Floats) -> float:
             return float(first(f, k) + energy(f, k[start:end]))
 
@@ -72,12 +68,12 @@ def _energy_of(kind: str) -> Any:
 def _memory_of() -> Any:
     """One compiled function summing the terms with memory; ``now`` gets what each remembers after the step."""
 
-    @_inline
+    @composed
     def total(f: Frustum, k: Floats, known: Floats, now: Floats, step_s: float) -> tuple[float, float]:
         return 0.0, 0.0
 
     def plus(first: Callable[..., Any], force: Callable[..., Any], start: int, end: int, at: int) -> Any:
-        @_inline
+        @composed
         def both(f: Frustum, k: Floats, known: Floats, now: Floats, step_s: float) -> tuple[float, float]:
             one = first(f, k, known, now, step_s)
             if k[start] == 0:

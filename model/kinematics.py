@@ -34,7 +34,7 @@ class Chain(NamedTuple):
 
     Bodies 0 .. cells - 1 are the fluid of each cell, body ``cells`` is the sealing at the tip. ``local`` holds the
     derivatives of a body's position along u, along w, and of its angle, by its own cell's (zeta_1, zeta_2, phi_1,
-    phi_2); the rotation of the whole cell by phi_1 is included. In the truncated form only zeta_2's and phi_2's are set.
+    phi_2); the rotation of the whole cell by phi_1 is included. The truncated form has no use for zeta_1's and phi_1's.
     """
 
     joint: Floats  # (cells + 1, 2) position, m

@@ -66,7 +66,7 @@ def sampled(pressure: Callable[[Floats], Floats], time_s: Floats) -> Table:
     start, end = float(time_s[0]), float(time_s[-1])
     points = int(np.ceil((end - start) / PRESSURE_GRID_S)) + 1
     grid = np.linspace(start, end, points)
-    pressure_pa = np.ascontiguousarray(np.broadcast_to(pressure(grid), grid.shape), dtype=np.float64)
+    pressure_pa = np.asarray(np.broadcast_to(pressure(grid), grid.shape), dtype=np.float64)
     if not np.all(np.isfinite(pressure_pa)):
         when = grid[np.flatnonzero(~np.isfinite(pressure_pa))[0]]
         raise ModelError(f"simulate: the pressure is not a number at {when:.4g} s; fill the gap or cut the run there")
@@ -77,7 +77,9 @@ def run(
     straw: StrawParameters, table: Table, time_s: Floats, deployed: Collection[int], tolerance_m: float = TOLERANCE_M
 ) -> Prediction:
     """`simulate` under a pressure that is `sampled` already; plain data in and out, so it can run anywhere."""
-    time_s = np.ascontiguousarray(time_s, dtype=np.float64)
+    # arrays that cannot be written are another type, for which all of the model would be compiled again
+    time_s = np.require(time_s, np.float64, ("C", "W"))
+    table = table._replace(pressure_pa=np.require(table.pressure_pa, np.float64, ("C", "W")))
     start, end, first_pa = float(time_s[0]), float(time_s[-1]), float(table.pressure_pa[0])
     c = straw.constants()
     q = rest_state(straw, deployed, first_pa)

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from model.channel import channel_of
-from model.compiled import allocates_nothing, compiled
+from model.compiled import allocates_nothing, compiled, composed
 from model.constants import Constants
 from model.frusta import MEMORIES, add_frusta, frusta_energy
 from model.inertia import add_inertia, mass_matrix
@@ -27,14 +26,13 @@ Floats = NDArray[np.float64]
 
 def _body_terms() -> Any:
     """One compiled function adding all terms that act on the bodies along the straw (see `model.frusta`)."""
-    inline = numba.njit(nogil=True, error_model="numpy", _nrt=False)
 
-    @inline
+    @composed
     def total(c: Constants, k: Floats, s: Chain, load: Load) -> None:
         pass
 
     def plus(first: Callable[..., Any], force: Callable[..., Any], start: int, end: int) -> Any:
-        @inline
+        @composed
         def both(c: Constants, k: Floats, s: Chain, load: Load) -> None:
             first(c, k, s, load)
             force(c, k[start:end], s, load)

@@ -15,6 +15,7 @@ import pytest
 
 from model.batch import Job, simulate_many
 from model.errors import ModelError
+from model.integrate import integrate
 from model.parameters import StrawParameters
 from model.simulate import Prediction, simulate
 
@@ -119,41 +120,33 @@ def test_an_endless_batch_is_taken_only_so_far_ahead() -> None:
     results.close()
 
 
-class Never(Executor):
-    """Takes everything and starts nothing, like a cluster whose queue is long."""
+class Only(Executor):
+    """Answers with the futures it was given: a cluster in any state."""
 
-    def __init__(self) -> None:
-        self.futures: list[Future[Any]] = []
+    def __init__(self, *futures: Future[Any]) -> None:
+        self.waiting = list(futures)
 
     def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
-        self.futures.append(Future())
-        return self.futures[-1]
+        return self.waiting.pop(0)
 
 
 @pytest.mark.usefixtures("alone")
 def test_jobs_not_started_are_cancelled_when_nobody_waits_for_them() -> None:
-    executor = Never()
-    results = simulate_many(jobs()[:2] * 2, executor, ahead=2)
-    executor_first = Future[Any]()
-    executor_first.set_result("first")
-    executor.submit = lambda *_: executor.futures.append(Future()) or executor.futures[-1]  # type: ignore[method-assign]
-    del executor_first
+    done, queued, also_queued = futures = [Future[Any]() for _ in range(3)]
+    done.set_result("first")
+    results = simulate_many(jobs() * 2, Only(*futures), ahead=2)
+    assert next(results) == "first"  # type: ignore[comparison-overlap]
     results.close()
-    assert all(f.cancelled() for f in executor.futures)
+    assert queued.cancelled()
+    assert also_queued.cancelled()
 
 
 @pytest.mark.usefixtures("alone")
 def test_anything_but_a_model_error_is_raised() -> None:
-    executor = Never()
-
-    def dies(*_: Any) -> Future[Any]:
-        future: Future[Any] = Future()
-        future.set_exception(RuntimeError("the worker died"))
-        return future
-
-    executor.submit = dies  # type: ignore[method-assign]
+    dead: Future[Any] = Future()
+    dead.set_exception(RuntimeError("the worker died"))
     with pytest.raises(RuntimeError, match="the worker died"):
-        next(simulate_many(jobs(), executor))
+        next(simulate_many(jobs(), Only(dead), ahead=0))
 
 
 def test_a_straw_that_was_pickled_is_the_same_to_the_compiled_model() -> None:
@@ -166,3 +159,13 @@ def test_a_straw_that_was_pickled_is_the_same_to_the_compiled_model() -> None:
         if isinstance(a, np.ndarray):
             assert a.flags.writeable == b.flags.writeable
             np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.usefixtures("alone")
+def test_arrays_nobody_may_write_do_not_compile_the_model_again() -> None:
+    """What a cluster sends may be read-only, and so is what a constant pressure broadcasts to."""
+    known = list(integrate.signatures)
+    times = TIME_S.copy()
+    times.setflags(write=False)
+    simulate(StrawParameters(), lambda t: np.broadcast_to(-1e3, t.shape), times, ())
+    assert integrate.signatures == known
