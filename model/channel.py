@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import compiled
+from model.compiled import allocates_nothing, compiled
 from model.constants import Constants
 from model.terms import COLUMNS
 
@@ -42,7 +42,7 @@ class Channel(NamedTuple):
     gas_m3: float  # V_g
 
 
-@compiled
+@allocates_nothing
 def channel_of(c: Constants) -> Channel:
     """The straw's channel and line."""
     k = c.terms[0, 0]
@@ -55,7 +55,7 @@ def channel_at_rest(c: Constants, external_pa: float) -> Floats:
     return np.array([external_pa, 0.0, c.terms[0, 0, GAS] / (1 + external_pa / AMBIENT_PA)])
 
 
-@compiled
+@allocates_nothing
 def inside_pressure(
     w: Channel, known: Floats, step_s: float, external_pa: float, rate_m3_per_s: float, now: Floats
 ) -> tuple[float, float]:

@@ -6,6 +6,7 @@ import hashlib
 import os
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numba
 
@@ -30,3 +31,15 @@ setattr(numba.config, "CACHE_DIR", str(_CACHE))  # noqa: B010  (numba makes its 
 
 #: Compile a function of the model: ``@compiled`` instead of ``@njit``. Division by zero gives inf as in NumPy.
 compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
+
+if TYPE_CHECKING:  # numba's types do not know ``_nrt``
+    allocates_nothing = composed = compiled
+else:
+    # Written into their callers, without counting references to arrays: handing over and counting all fields of the
+    # tuples the model is made of took longer than the arithmetic. ``_nrt`` is numba's switch for its run-time, which
+    # counts; with it steps take 1.4 times as long. Without it numba refuses to compile a function that makes an array.
+    _within = {"nogil": True, "error_model": "numpy", "forceinline": True, "_nrt": False}
+    #: The same for a function that makes no arrays.
+    allocates_nothing = numba.njit(cache=True, **_within)
+    #: The same for one made of others at import, which cannot be cached by itself: its callers' caches hold it.
+    composed = numba.njit(**_within)

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import compiled
+from model.compiled import allocates_nothing, compiled, composed
 from model.constants import Constants
 from model.kinematics import Motion
 from model.load import Load
@@ -24,19 +23,16 @@ Floats = NDArray[np.float64]
 MEMORY_TERMS = [name for name, term in TERMS.items() if term.kind == "memory"]
 MEMORIES = len(MEMORY_TERMS)
 
-# Compiled into their callers, which are cached: a chain of closures cannot be cached by itself.
-_inline = numba.njit(nogil=True, error_model="numpy")
-
 
 def _sum_of(kind: str) -> Any:
     """One compiled function (f, k) -> (force, moment) adding all memoryless terms of a kind."""
 
-    @_inline
+    @composed
     def total(f: Frustum, k: Floats) -> tuple[float, float]:
         return 0.0, 0.0
 
     def plus(first: Callable[..., Any], force: Callable[..., Any], start: int, end: int) -> Any:
-        @_inline
+        @composed
         def both(f: Frustum, k: Floats) -> tuple[float, float]:
             one, other = first(f, k), force(f, k[start:end])
             return one[0] + other[0], one[1] + other[1]
@@ -52,12 +48,12 @@ def _sum_of(kind: str) -> Any:
 def _energy_of(kind: str) -> Any:
     """One compiled function (f, k) -> J adding the energies of all terms of a kind that have one."""
 
-    @_inline
+    @composed
     def total(f: Frustum, k: Floats) -> float:
         return 0.0
 
     def plus(first: Callable[..., Any], energy: Callable[..., Any], start: int, end: int) -> Any:
-        @_inline
+        @composed
         def both(f: Frustum, k: Floats) -> float:
             return float(first(f, k) + energy(f, k[start:end]))
 
@@ -72,12 +68,12 @@ def _energy_of(kind: str) -> Any:
 def _memory_of() -> Any:
     """One compiled function summing the terms with memory; ``now`` gets what each remembers after the step."""
 
-    @_inline
+    @composed
     def total(f: Frustum, k: Floats, known: Floats, now: Floats, step_s: float) -> tuple[float, float]:
         return 0.0, 0.0
 
     def plus(first: Callable[..., Any], force: Callable[..., Any], start: int, end: int, at: int) -> Any:
-        @_inline
+        @composed
         def both(f: Frustum, k: Floats, known: Floats, now: Floats, step_s: float) -> tuple[float, float]:
             one = first(f, k, known, now, step_s)
             if k[start] == 0:
@@ -97,7 +93,7 @@ _with_memory = _memory_of()
 _stored = _energy_of("frustum")
 
 
-@compiled
+@allocates_nothing
 def frustum_at(
     c: Constants, m: Motion, i: int, j: int, dz: float = 0.0, df: float = 0.0, dv: float = 0.0, dw: float = 0.0
 ) -> Frustum:
@@ -118,7 +114,7 @@ def frustum_at(
     )
 
 
-@compiled
+@allocates_nothing
 def _force(plain: bool, f: Frustum, k: Floats, known: Floats, now: Floats, step_s: float) -> tuple[float, float]:
     elastic, damping = elastic_force(f.zeta, f.phi, f.zeta0, f.C1, f.C2, f.r_i), damping_force(f)
     if plain:
@@ -127,7 +123,7 @@ def _force(plain: bool, f: Frustum, k: Floats, known: Floats, now: Floats, step_
     return elastic[0] + damping[0] + more[0] + memory[0], elastic[1] + damping[1] + more[1] + memory[1]
 
 
-@compiled
+@allocates_nothing
 def add_frusta(c: Constants, m: Motion, known: Floats, now: Floats, step_s: float, load: Load) -> None:
     """Add all frustum terms after an implicit step (see `model.term`); a step of zero leaves memories alone."""
     for i in range(c.cells):
@@ -148,7 +144,7 @@ def frusta_energy(c: Constants, m: Motion) -> float:
     return total
 
 
-@compiled
+@allocates_nothing
 def add_tangent(c: Constants, m: Motion, known: Floats, now: Floats, step_s: float, W: Floats, K: Floats) -> None:
     """Add minus the derivative of the frusta's forces by each frustum's displacement in a step to the matrix W.
 

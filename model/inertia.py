@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import compiled
+from model.compiled import allocates_nothing
 from model.constants import Constants
 from model.kinematics import Chain
 from model.load import Load
@@ -13,7 +13,7 @@ from model.load import Load
 Floats = NDArray[np.float64]
 
 
-@compiled
+@allocates_nothing
 def add_inertia(c: Constants, s: Chain, load: Load) -> None:
     """Minus the left side of Lagrange's equations: -d/dt(dT/dv) + dT/dq.
 
@@ -26,13 +26,12 @@ def add_inertia(c: Constants, s: Chain, load: Load) -> None:
     for i in range(c.cells):
         half_speed2 = (s.velocity[i, 0] ** 2 + s.velocity[i, 1] ** 2) / 2
         half_spin2 = s.spin[i] ** 2 / 2
-        load.cell[i, 0] += half_speed2 * c.rho * c.S
-        load.cell[i, 1] += half_speed2 * c.rho * c.S
-        for j in range(4):
-            load.cell[i, j] += half_spin2 * s.inertia_by[i, j]
+        for j in range(2 - c.active, 2):
+            load.cell[i, j] += half_speed2 * c.rho * c.S + half_spin2 * s.inertia_by[i, j]
+            load.cell[i, 2 + j] += half_spin2 * s.inertia_by[i, 2 + j]
 
 
-@compiled
+@allocates_nothing
 def mass_matrix(c: Constants, s: Chain, M: Floats) -> None:
     """M(q), into M (coordinates, coordinates).
 
@@ -42,18 +41,15 @@ def mass_matrix(c: Constants, s: Chain, M: Floats) -> None:
     n, k = c.cells, c.active
     m, sx, sz = s.mass[n], s.mass[n] * s.position[n, 0], s.mass[n] * s.position[n, 1]
     second = s.inertia[n] + sx * s.position[n, 0] + sz * s.position[n, 1]
-    # columns of cell j: velocity of the composite body beyond j is (tx, tz) + R(C) turn; of body j it is own
-    own = np.empty((4, 3))
+    # column b of cell j: cell j's own body moves by (along, across, spin), (ox, oz) in the world
     for j in range(n - 1, -1, -1):
         ux, uz = s.u[j, 0], s.u[j, 1]
         mj, Ij, x, z = s.mass[j], s.inertia[j], s.position[j, 0], s.position[j, 1]
-        for b in range(4):
-            along, across = s.local[j, b, 0], s.local[j, b, 1]
-            own[b, 0], own[b, 1], own[b, 2] = along * ux + across * uz, along * uz - across * ux, s.local[j, b, 2]
         for b in range(2 * k):
-            frustum, turning = (b % k) + 2 - k, b >= k
-            col = b * n + j
-            o = own[2 * (1 if turning else 0) + frustum]
+            turning = b >= k
+            frustum = b + 2 - 2 * k if turning else b + 2 - k
+            col, own_b = b * n + j, frustum + 2 if turning else frustum
+            along, across, spin = s.local[j, own_b, 0], s.local[j, own_b, 1], s.local[j, own_b, 2]
             # momentum of all bodies from j outwards for unit rate of this coordinate: linear (gx, gz), about origin h
             if turning:
                 px, pz = s.joint[j + frustum, 0], s.joint[j + frustum, 1]
@@ -64,23 +60,26 @@ def mass_matrix(c: Constants, s: Chain, M: Floats) -> None:
                 h = ux * sz - uz * sx
             # within cell j
             for a in range(b + 1):
-                af, at = (a % k) + 2 - k, a >= k
-                w = own[2 * (1 if at else 0) + af]
-                value = mj * (o[0] * w[0] + o[1] * w[1]) + Ij * o[2] * w[2]
-                if at:
-                    value += h - (gx * s.joint[j + af, 1] - gz * s.joint[j + af, 0])
+                if a >= k:
+                    af = a + 2 - 2 * k
+                    own_a = af + 2
+                    value = h - (gx * s.joint[j + af, 1] - gz * s.joint[j + af, 0])
                 else:
-                    value += gx * ux + gz * uz
+                    own_a = a + 2 - k
+                    value = gx * ux + gz * uz
+                value += mj * (along * s.local[j, own_a, 0] + across * s.local[j, own_a, 1])
+                value += Ij * spin * s.local[j, own_a, 2]
                 M[a * n + j, col] = value
                 M[col, a * n + j] = value
             # cells nearer the base carry body j rigidly as well
-            gx += mj * o[0]
-            gz += mj * o[1]
-            h += mj * (o[0] * z - o[1] * x) + Ij * o[2]
+            ox, oz = along * ux + across * uz, along * uz - across * ux
+            gx += mj * ox
+            gz += mj * oz
+            h += mj * (ox * z - oz * x) + Ij * spin
             for i in range(j):
                 for a in range(2 * k):
-                    af = (a % k) + 2 - k
                     if a >= k:
+                        af = a + 2 - 2 * k
                         value = h - (gx * s.joint[i + af, 1] - gz * s.joint[i + af, 0])
                     else:
                         value = gx * s.u[i, 0] + gz * s.u[i, 1]

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.channel import STATES, channel_at_rest, channel_of, inside_pressure
-from model.compiled import compiled
+from model.compiled import allocates_nothing, compiled
 from model.constants import Constants
 from model.frusta import MEMORIES, add_tangent
 from model.inertia import mass_matrix
@@ -37,7 +37,7 @@ NEWTON_LIMIT = 8
 NEWTON_SHARE = 1e-3
 #: It stops as well at corrections as small as rounding makes them: at rest there are no others, and they do not shrink.
 ROUNDING = 1e-6
-#: How much of Newton's rate of convergence is still believed a stage later.
+#: How much of Newton's rate of convergence is still believed a stage (or step) later.
 RATE_FADES = 0.3
 #: An angle's tolerance is the length's over this: about what turns it into a displacement of the tip, with a margin.
 LEVER_M = 0.2
@@ -75,7 +75,7 @@ def at_rest(c: Constants, q: Floats, time_s: float, external_pa: float, first_st
     )
 
 
-@compiled
+@allocates_nothing
 def pressure_in(table: Table, time_s: float) -> float:
     """External pressure at a time, Pa."""
     last = len(table.pressure_pa) - 1
@@ -88,14 +88,15 @@ def pressure_in(table: Table, time_s: float) -> float:
     return float(table.pressure_pa[i] + (x - i) * (table.pressure_pa[i + 1] - table.pressure_pa[i]))
 
 
-@compiled
+@allocates_nothing
 def size(x: Floats, tolerance_m: float, tolerance_rad: float) -> float:
     """Root mean square of a displacement in units of the tolerance; the first half is zeta, the second phi."""
     n = len(x) // 2
-    total = 0.0
+    zeta2 = phi2 = 0.0
     for i in range(n):
-        total += (x[i] / tolerance_m) ** 2 + (x[n + i] / tolerance_rad) ** 2
-    return math.sqrt(total / (2 * n))
+        zeta2 += x[i] ** 2
+        phi2 += x[n + i] ** 2
+    return math.sqrt((zeta2 / tolerance_m**2 + phi2 / tolerance_rad**2) / (2 * n))
 
 
 @compiled
@@ -130,14 +131,14 @@ def integrate(
     remembers = c.remembers
     q_i, v_i, a_i = q.copy(), v.copy(), a.copy()
     left, dq, push, error_q, error_v = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    M, W, K = np.empty((n, n)), np.empty((n, n)), np.zeros((c.cells, 2, 2, 2))
+    M, W, K = np.empty((n, n)), np.empty((n, n)).T, np.zeros((c.cells, 2, 2, 2))  # .T: see model.linear
     order = np.empty(n, np.int64)
     filled = 0
     while filled < len(output_s) and output_s[filled] <= clock[0]:
         out_q[filled], out_v[filled], out_pa[filled] = q, v, clock[2]
         filled += 1
     most_steps = 1000 + int(MOST_STEPS_PER_S * (end_s - clock[0]))
-    tried = 0
+    tried, rate = 0, 1.0
     while clock[0] < end_s:
         tried += 1
         if tried > most_steps:
@@ -151,6 +152,7 @@ def integrate(
         elif h > remaining / 2:
             h = remaining / 2
         hg = h * GAMMA
+        per_hg, per_hg2 = 1 / hg, 1 / hg**2
 
         # Newton's matrix; gyroscopic forces and the turning of loads are left out, as they are small beside M / hg^2
         spread(c, q, v, a, room.motion)
@@ -164,18 +166,18 @@ def integrate(
             for i in range(n):
                 for j in range(n // 2):
                     M[i, j] += push[i] * way.inertance * c.S
-        for i in range(n):
-            for j in range(n):
-                W[i, j] = M[i, j] / hg**2
-            for j in range(n // 2):
-                W[i, j] -= push[i] * slope * c.S / hg
+        for j in range(n):
+            for i in range(n):
+                W[i, j] = M[i, j] * per_hg2
+        for j in range(n // 2):
+            for i in range(n):
+                W[i, j] -= push[i] * slope * c.S * per_hg
         add_tangent(c, room.motion, state.memory, memory, hg, W, K)
         factor(W, order)
         counts[2] += 1
 
         converged = True
         inside_pa = 0.0
-        rate = 1.0
         for i in range(STAGES):
             for m in range(n):
                 known_q, known_v = q[m], v[m]
@@ -188,9 +190,10 @@ def integrate(
                 a_i[m] = guess
                 v_i[m] = known_v + hg * guess
                 q_i[m] = known_q + hg * v_i[m]
-            known_way_in[:] = state.way_in
-            for j in range(i):
-                known_way_in += h * COEFFICIENTS[i, j] * stage_way_in[j]
+            for m in range(STATES):
+                known_way_in[m] = state.way_in[m]
+                for j in range(i):
+                    known_way_in[m] += h * COEFFICIENTS[i, j] * stage_way_in[j, m]
             if remembers:
                 known_memory[:] = state.memory
                 for j in range(i):
@@ -208,8 +211,8 @@ def integrate(
                     break
                 for j in range(n):
                     q_i[j] += dq[j]
-                    v_i[j] += dq[j] / hg
-                    a_i[j] += dq[j] / hg**2
+                    v_i[j] += dq[j] * per_hg
+                    a_i[j] += dq[j] * per_hg2
                 if iteration > 0:
                     rate = max(change / before, RATE_FADES * rate)
                 # what is still missing after this iteration is about change * rate / (1 - rate)
@@ -222,28 +225,30 @@ def integrate(
             if not converged:
                 break
             stage_v[i], stage_a[i] = v_i, a_i
-            for j in range(STATES):
-                stage_way_in[i, j] = (way_in[j] - known_way_in[j]) / hg
+            for m in range(STATES):
+                stage_way_in[i, m] = (way_in[m] - known_way_in[m]) * per_hg
             if remembers:
                 stage_memory[i] = (memory - known_memory) / hg
 
         if not converged:
             counts[1] += 1
+            rate = 1.0
             clock[1] = h / 4
             if h < SMALLEST_STEP_S:
                 return STEP_TOO_SMALL
             continue
 
-        error_q[:], error_v[:] = 0.0, 0.0
-        for j in range(STAGES):
-            error_q += h * ERROR[j] * stage_v[j]
-            error_v += h * ERROR[j] * stage_a[j]
+        for m in range(n):
+            error_q[m] = error_v[m] = 0.0
+            for j in range(STAGES):
+                error_q[m] += h * ERROR[j] * stage_v[j, m]
+                error_v[m] += h * ERROR[j] * stage_a[j, m]
         # (1 - hg J)^-1 error: the embedded formula alone would see stiff modes that the method damps
         for i in range(n):
             total = 0.0
             for j in range(n):
                 total += M[i, j] * error_v[j]
-            left[i] = total / hg
+            left[i] = total * per_hg
         for i in range(c.cells):
             for j in range(2 - c.active, 2):
                 z, p = (j - 2 + c.active) * c.cells + i, (j - 2 + 2 * c.active) * c.cells + i

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import compiled
+from model.compiled import allocates_nothing, compiled
 from model.constants import Constants
 
 Floats = NDArray[np.float64]
@@ -34,7 +34,7 @@ class Chain(NamedTuple):
 
     Bodies 0 .. cells - 1 are the fluid of each cell, body ``cells`` is the sealing at the tip. ``local`` holds the
     derivatives of a body's position along u, along w, and of its angle, by its own cell's (zeta_1, zeta_2, phi_1,
-    phi_2); the rotation of the whole cell by phi_1 is included.
+    phi_2); the rotation of the whole cell by phi_1 is included. The truncated form has no use for zeta_1's and phi_1's.
     """
 
     joint: Floats  # (cells + 1, 2) position, m
@@ -63,7 +63,7 @@ def still_motion(c: Constants) -> Motion:
     )
 
 
-@compiled
+@allocates_nothing
 def spread(c: Constants, q: Floats, v: Floats, a: Floats, m: Motion) -> None:
     """Spread generalised coordinates over all frusta; rigid odd frusta stay at their unloaded shape.
 
@@ -118,10 +118,10 @@ def chain_of(c: Constants, m: Motion) -> Chain:
     return s
 
 
-@compiled
+@allocates_nothing
 def place(c: Constants, m: Motion, s: Chain) -> None:
     """Fill in positions, velocities, accelerations and inertias of all bodies for the given motion."""
-    n = c.cells
+    n, k = c.cells, c.active
     r_i, r_o = c.r_i, c.r_o
     shape = 8 * (r_o**2 + r_i**2 + r_o * r_i)
     # x_bar = -x1 (phi_1 + phi_2) / L;  z_bar = z1 (zeta_2 - zeta_1) + z2 (phi_2^2 - phi_1^2) / L, with L the length;
@@ -165,30 +165,30 @@ def place(c: Constants, m: Motion, s: Chain) -> None:
         z_by_zeta = -z2 * dif * over**2
 
         r2 = x**2 + z**2
-        tilt_rate = (x * dz - z * dx) / r2
-        tilt_accel = (x * ddz - z * ddx) / r2 - 2 * tilt_rate * (x * dx + z * dz) / r2
+        over_r2 = 1 / r2
+        tilt_rate = (x * dz - z * dx) * over_r2
+        tilt_accel = (x * ddz - z * ddx - 2 * tilt_rate * (x * dx + z * dz)) * over_r2
 
-        local = s.local[i]
-        local[0, 0], local[0, 1] = 1 - z1 + z_by_zeta, x_by_zeta
-        local[1, 0], local[1, 1] = z1 + z_by_zeta, x_by_zeta
-        local[2, 0], local[2, 1] = -2 * z2 * phi_1 * over, x_by_phi
-        local[3, 0], local[3, 1] = 2 * z2 * phi_2 * over, x_by_phi
-        mass = c.rho * c.S * length
-        own = s.inertia_by[i]
-        own[0] = 3 * i1 * zeta_1**2 + i2 * phi_1**2 + i3 - c.rho * c.S * r2
-        own[1] = 3 * i1 * zeta_2**2 + i2 * phi_2**2 + i3 - c.rho * c.S * r2
-        own[2] = 2 * i2 * zeta_1 * phi_1
-        own[3] = 2 * i2 * zeta_2 * phi_2
-        for j in range(4):
-            z_by = local[j, 0] - (1.0 if j == 0 else 0.0)
-            x_by = local[j, 1]
-            local[j, 2] = (x * z_by - z * x_by) / r2
-            own[j] -= 2 * mass * (x * x_by + z * z_by)
-        # phi_1 also turns the whole cell about its base
         along = zeta_1 + z
-        local[2, 0] -= x
-        local[2, 1] += along
-        local[2, 2] += 1
+        mass = c.rho * c.S * length
+        d_inertia = 0.0
+        for j in range(2 - k, 2):
+            sign = 2.0 * j - 1
+            zeta_j, phi_j = m.zeta[i, j], m.phi[i, j]
+            z_by = sign * z1 + z_by_zeta
+            by_zeta = 3 * i1 * zeta_j**2 + i2 * phi_j**2 + i3 - c.rho * c.S * r2 - 2 * mass * (x * x_by_zeta + z * z_by)
+            s.local[i, j, 0], s.local[i, j, 1] = z_by + (1 - j), x_by_zeta
+            s.local[i, j, 2] = (x * z_by - z * x_by_zeta) * over_r2
+            z_by = sign * 2 * z2 * phi_j * over
+            by_phi = 2 * i2 * zeta_j * phi_j - 2 * mass * (x * x_by_phi + z * z_by)
+            s.local[i, 2 + j, 0], s.local[i, 2 + j, 1] = z_by, x_by_phi
+            s.local[i, 2 + j, 2] = (x * z_by - z * x_by_phi) * over_r2
+            s.inertia_by[i, j], s.inertia_by[i, 2 + j] = by_zeta, by_phi
+            d_inertia += by_zeta * m.d_zeta[i, j] + by_phi * m.d_phi[i, j]
+        if k == 2:  # phi_1 also turns the whole cell about its base
+            s.local[i, 2, 0] -= x
+            s.local[i, 2, 1] += along
+            s.local[i, 2, 2] += 1
 
         d_along, dd_along = dz1 + dz, m.dd_zeta[i, 0] + ddz
         px, pz = s.joint[i, 0], s.joint[i, 1]
@@ -197,7 +197,7 @@ def place(c: Constants, m: Motion, s: Chain) -> None:
         s.inertia[i] = (
             i1 * (zeta_1**3 + zeta_2**3) + i2 * (zeta_1 * phi_1**2 + zeta_2 * phi_2**2) + i3 * length - mass * r2
         )
-        s.d_inertia[i] = own[0] * dz1 + own[1] * dz2 + own[2] * df1 + own[3] * df2
+        s.d_inertia[i] = d_inertia
         s.position[i, 0] = px + along * ux + x * wx
         s.position[i, 1] = pz + along * uz + x * wz
         v_u, v_w = d_along - x * spin, along * spin + dx
@@ -222,14 +222,14 @@ def place(c: Constants, m: Motion, s: Chain) -> None:
 
     s.tip_axis[0], s.tip_axis[1] = math.sin(angle), math.cos(angle)
     s.tip_angle[0] = angle
-    s.position[n] = s.joint[n]
+    s.position[n, 0], s.position[n, 1] = s.joint[n, 0], s.joint[n, 1]
     s.velocity[n, 0], s.velocity[n, 1] = vx, vz
     s.acceleration[n, 0], s.acceleration[n, 1] = ax, az
     s.spin[n], s.d_spin[n] = spin, d_spin
     s.mass[n], s.inertia[n] = c.m_tip, c.I_tip
 
 
-@compiled
+@allocates_nothing
 def tip_pose(c: Constants, q: Floats) -> tuple[float, float, float]:
     """Tip X (m), Z (m) and Phi (rad): the face of the last cell."""
     n, k = c.cells, c.active

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import compiled
+from model.compiled import allocates_nothing, compiled
 from model.constants import Constants
 from model.kinematics import Chain
 
@@ -28,7 +28,7 @@ def no_load(cells: int) -> Load:
     return Load(np.zeros((cells, 4)), np.zeros((cells + 1, 2)), np.zeros(cells + 1))
 
 
-@compiled
+@allocates_nothing
 def unload(load: Load) -> None:
     """Take all loads off."""
     load.cell[:] = 0.0
@@ -36,7 +36,7 @@ def unload(load: Load) -> None:
     load.torque[:] = 0.0
 
 
-@compiled
+@allocates_nothing
 def project(c: Constants, s: Chain, load: Load, out: Floats) -> None:
     """Generalised force that does the same virtual work as the load, into out (coordinates,).
 
@@ -53,13 +53,12 @@ def project(c: Constants, s: Chain, load: Load, out: Floats) -> None:
         across = bx * uz - bz * ux
         stretch = fx * ux + fz * uz
         for j in range(k):
-            frustum = j + 2 - k
-            joint = s.joint[i + frustum]
-            own = s.local[i, frustum]
-            out[j * n + i] = load.cell[i, frustum] + stretch + own[0] * along + own[1] * across + own[2] * torque
-            own = s.local[i, 2 + frustum]
-            turn = moment - (fx * joint[1] - fz * joint[0])
-            out[(k + j) * n + i] = load.cell[i, 2 + frustum] + turn + own[0] * along + own[1] * across + own[2] * torque
+            f = j + 2 - k
+            stretched = s.local[i, f, 0] * along + s.local[i, f, 1] * across + s.local[i, f, 2] * torque
+            out[j * n + i] = load.cell[i, f] + stretch + stretched
+            turn = moment - (fx * s.joint[i + f, 1] - fz * s.joint[i + f, 0])
+            bent = s.local[i, 2 + f, 0] * along + s.local[i, 2 + f, 1] * across + s.local[i, 2 + f, 2] * torque
+            out[(k + j) * n + i] = load.cell[i, 2 + f] + turn + bent
         fx += bx
         fz += bz
         moment += torque + bx * s.position[i, 1] - bz * s.position[i, 0]

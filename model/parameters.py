@@ -79,6 +79,10 @@ class StrawParameters:
         odd, even = self.zeta0_m[:, 0], self.zeta0_m[:, 1]
         self._check("zeta0_m", np.all((odd > 0) & (even < 0) & (-even < odd)), "(odd, even) with 0 < -even < odd")
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Made anew where it is unpickled: else arrays come back writable, another type to the compiled model."""
+        return type(self), tuple(getattr(self, f.name) for f in fields(self))
+
     def _spread(self, name: str) -> Floats:
         try:
             given = np.asarray(getattr(self, name), dtype=np.float64)

@@ -55,25 +55,41 @@ def simulate(
     time_s[0], under the pressure of that moment. Raises ModelError where the pressure is not finite, the
     configuration has no rest state, or the motion leaves what the equations describe.
     """
-    time_s = np.ascontiguousarray(time_s, dtype=np.float64)
+    return run(straw, sampled(pressure, time_s), time_s, deployed, tolerance_m)
+
+
+def sampled(pressure: Callable[[Floats], Floats], time_s: Floats) -> Table:
+    """The pressure as the model takes it, over the span of ``time_s``; see `simulate` for the errors."""
+    time_s = np.asarray(time_s, dtype=np.float64)
     if time_s.ndim != 1 or len(time_s) < 2 or not np.all(np.diff(time_s) > 0):
         raise ModelError("simulate: time_s must be at least two increasing times")
     start, end = float(time_s[0]), float(time_s[-1])
     points = int(np.ceil((end - start) / PRESSURE_GRID_S)) + 1
     grid = np.linspace(start, end, points)
-    pressure_pa = np.ascontiguousarray(np.broadcast_to(pressure(grid), grid.shape), dtype=np.float64)
+    pressure_pa = np.asarray(np.broadcast_to(pressure(grid), grid.shape), dtype=np.float64)
     if not np.all(np.isfinite(pressure_pa)):
         when = grid[np.flatnonzero(~np.isfinite(pressure_pa))[0]]
         raise ModelError(f"simulate: the pressure is not a number at {when:.4g} s; fill the gap or cut the run there")
-    table = Table(start, (end - start) / (points - 1), pressure_pa)
+    return Table(start, (end - start) / (points - 1), pressure_pa)
+
+
+def run(
+    straw: StrawParameters, table: Table, time_s: Floats, deployed: Collection[int], tolerance_m: float = TOLERANCE_M
+) -> Prediction:
+    """`simulate` under a pressure that is `sampled` already; plain data in and out, so it can run anywhere."""
+    # arrays that cannot be written are another type, for which all of the model would be compiled again
+    time_s = np.require(time_s, np.float64, ("C", "W"))
+    table = table._replace(pressure_pa=np.require(table.pressure_pa, np.float64, ("C", "W")))
+    start, end, first_pa = float(time_s[0]), float(time_s[-1]), float(table.pressure_pa[0])
     c = straw.constants()
-    q = rest_state(straw, deployed, float(pressure_pa[0]))
-    state = at_rest(c, q, start, float(pressure_pa[0]), FIRST_STEP_S)
+    q = rest_state(straw, deployed, first_pa)
+    state = at_rest(c, q, start, first_pa, FIRST_STEP_S)
     out_q, out_v, out_pa = np.empty((len(time_s), len(q))), np.empty((len(time_s), len(q))), np.empty(len(time_s))
     counts = np.zeros(4, np.int64)
     status = integrate(c, state, table, time_s, end, tolerance_m, MAX_STEP_S, out_q, out_v, out_pa, counts)
     _check(status, float(state.clock[0]))
-    external = np.interp(time_s, grid, pressure_pa)
+    grid = table.start_s + table.step_s * np.arange(len(table.pressure_pa))
+    external = np.interp(time_s, grid, table.pressure_pa)
     x_m, z_m, phi_rad, volume_m3 = seen(c, out_q)
     zeta, phi = _per_frustum(straw, out_q)
     return Prediction(

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from model.channel import channel_of
-from model.compiled import compiled
+from model.compiled import allocates_nothing, compiled, composed
 from model.constants import Constants
 from model.frusta import MEMORIES, add_frusta, frusta_energy
 from model.inertia import add_inertia, mass_matrix
@@ -27,14 +26,13 @@ Floats = NDArray[np.float64]
 
 def _body_terms() -> Any:
     """One compiled function adding all terms that act on the bodies along the straw (see `model.frusta`)."""
-    inline = numba.njit(nogil=True, error_model="numpy")
 
-    @inline
+    @composed
     def total(c: Constants, k: Floats, s: Chain, load: Load) -> None:
         pass
 
     def plus(first: Callable[..., Any], force: Callable[..., Any], start: int, end: int) -> Any:
-        @inline
+        @composed
         def both(c: Constants, k: Floats, s: Chain, load: Load) -> None:
             first(c, k, s, load)
             force(c, k[start:end], s, load)
@@ -64,7 +62,7 @@ def room_for(c: Constants) -> Room:
     return Room(still_motion(c), empty_chain(c.cells), no_load(c.cells))
 
 
-@compiled
+@allocates_nothing
 def volume_rate(c: Constants, v: Floats) -> float:
     """Rate of the volume inside, m^3/s."""
     total = 0.0
@@ -73,7 +71,7 @@ def volume_rate(c: Constants, v: Floats) -> float:
     return c.S * total
 
 
-@compiled
+@allocates_nothing
 def forces_left(
     c: Constants,
     q: Floats,

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 
-from model.compiled import compiled
+from model.compiled import allocates_nothing
 from model.constants import Constants
 from model.kinematics import Chain
 from model.load import Load
 from model.term import Constant, Floats, Term
 
 
-@compiled
+@allocates_nothing
 def _force(c: Constants, k: Floats, s: Chain, load: Load) -> None:
     if k[0] == 0:
         return

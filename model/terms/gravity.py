@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from model.compiled import compiled
+from model.compiled import allocates_nothing
 from model.constants import Constants
 from model.kinematics import Chain
 from model.load import Load
 
 
-@compiled
+@allocates_nothing
 def add_gravity(c: Constants, s: Chain, load: Load) -> None:
     """Add -m g to each body's vertical force."""
     for i in range(c.cells + 1):

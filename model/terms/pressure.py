@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import compiled
+from model.compiled import allocates_nothing
 from model.constants import Constants
 from model.kinematics import Chain
 from model.load import Load
@@ -15,7 +15,7 @@ from model.load import Load
 Floats = NDArray[np.float64]
 
 
-@compiled
+@allocates_nothing
 def add_pressure(c: Constants, s: Chain, inside_pa: float, load: Load) -> None:
     """Add the pressure's force on the frusta and on the sealed end."""
     for i in range(c.cells):
@@ -25,7 +25,7 @@ def add_pressure(c: Constants, s: Chain, inside_pa: float, load: Load) -> None:
     load.force[c.cells, 1] += math.pi * c.r_i**2 * inside_pa * s.tip_axis[1]
 
 
-@compiled
+@allocates_nothing
 def pressure_per_pa(c: Constants, s: Chain, out: Floats) -> None:
     """Generalised force of one pascal inside, into out (coordinates,)."""
     n, k = c.cells, c.active

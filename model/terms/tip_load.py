@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from model.compiled import compiled
+from model.compiled import allocates_nothing
 from model.constants import Constants
 from model.load import Load
 
 
-@compiled
+@allocates_nothing
 def add_tip_load(c: Constants, load: Load) -> None:
     """Add the forces along X and Z and the moment in the sense of growing Phi at the tip."""
     load.force[c.cells, 0] += c.F_X
