@@ -153,6 +153,8 @@ def integrate(
             h = remaining / 2
         hg = h * GAMMA
         per_hg, per_hg2 = 1 / hg, 1 / hg**2
+        if remembers:  # friction turns with the sign of a rate: a step says nothing of the next one's convergence
+            rate = 1.0
 
         # Newton's matrix; gyroscopic forces and the turning of loads are left out, as they are small beside M / hg^2
         spread(c, q, v, a, room.motion)
