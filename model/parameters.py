@@ -128,11 +128,11 @@ class StrawParameters:
     def _per_frustum_of_term(self, where: str, value: Any, kind: str) -> Floats:
         try:
             given = np.asarray(value, dtype=np.float64)
-            if given.shape == (self.cells,):
-                given = given[:, np.newaxis]
-            if given.ndim and kind in ("body", "flow"):
+            if given.ndim == 1:  # one number a cell, for both of its frusta
+                given = np.broadcast_to(given[:, np.newaxis], (len(given), 2))
+            if given.ndim and (kind in ("body", "flow") or len(given) != self.cells):
                 raise ValueError
-            return np.broadcast_to(given, (self.cells, 2)) if given.ndim != 1 else np.broadcast_to(given, -1)
+            return np.broadcast_to(given, (self.cells, 2))
         except (TypeError, ValueError):
             wanted = "a number" if kind in ("body", "flow") else f"a number, {self.cells} numbers or {self.cells} pairs"
             raise ModelError(f"straw: {where} = {value!r}, expected {wanted}") from None

@@ -102,22 +102,20 @@ def forces_left(
 
 
 @compiled
+def pressure_at(c: Constants, v: Floats, external_pa: float) -> float:
+    """Pressure inside, Pa (equation 2 and the laminar loss), of a straw without lag, gas or inertia on the way in."""
+    w, flow = channel_of(c), volume_rate(c, v)
+    return float(external_pa - w.loss * flow * abs(flow) - w.resistance * flow)
+
+
+@compiled
 def residual(c: Constants, q: Floats, v: Floats, a: Floats, external_pa: float) -> Floats:
     """Generalised force left over (coordinates,) for a straw that remembers nothing, without lag or gas in the line."""
-    w = channel_of(c)
-    flow = volume_rate(c, v)
-    inside_pa = external_pa - w.loss * flow * abs(flow) - w.resistance * flow - w.inertance * volume_rate(c, a)
+    inside_pa = pressure_at(c, v, external_pa) - channel_of(c).inertance * volume_rate(c, a)
     memory = np.zeros((c.cells, 2, MEMORIES, 2))
     out = np.empty_like(q)
     forces_left(c, q, v, a, inside_pa, memory, memory, 0.0, room_for(c), out)
     return out
-
-
-@compiled
-def pressure_at(c: Constants, q: Floats, v: Floats, external_pa: float) -> float:
-    """Pressure inside, Pa (equation 2 and the laminar loss), of a straw without lag, gas or inertia on the way in."""
-    w, flow = channel_of(c), volume_rate(c, v)
-    return float(external_pa - w.loss * flow * abs(flow) - w.resistance * flow)
 
 
 @compiled

@@ -70,14 +70,8 @@ class Fitted:
 
 
 def with_values(straw: StrawParameters, names: Sequence[str], values: Floats) -> StrawParameters:
-    """The straw with constants set, the same in every cell; ``term.constant`` names one of a term."""
-    for name, value in zip(names, values, strict=True):
-        if "." in name:
-            term, constant = name.split(".")
-            straw = straw.with_term(term, **{constant: float(value)})
-        else:
-            straw = straw.replace(**{name: float(value)})
-    return straw
+    """The straw with constants set, the same in every cell."""
+    return straw.replace(**{name: float(value) for name, value in zip(names, values, strict=True)})
 
 
 def value_of(straw: StrawParameters, name: str) -> float:
@@ -234,7 +228,10 @@ def fit(
     with _pool(executor) as pool:
         problem = _Problem(runs, straw, names, pool)
         few = problem if len(runs) <= SEARCHED_RUNS else _Problem(most_different(runs), straw, names, pool)
-        points = [np.log([value_of(straw, name) for name in names]), *(np.log(start) for start in starts)]
+        own = np.array([value_of(straw, name) for name in names])
+        points = [np.log(start) for start in (own, *starts) if np.all(start > 0)]
+        if not points:
+            raise ReplayError(f"fit: {', '.join(names)} must start above zero; give the straw values to start from")
         followed = min(FOLLOWED_STARTS, len(points))
         total = 1 + followed * len(SEARCH) + len(FINISH) + 1
         done = 0
@@ -274,14 +271,9 @@ def fit(
         covariance,
         with_values(straw, names, values),
         float(sum(np.sum(row**2) for row in left) / max(1, size - len(names))),
-        {
-            c: float(
-                np.sqrt(np.mean(np.concatenate([_plain(r, row, i) for r, row in zip(runs, left, strict=True)]) ** 2))
-            )
-            for i, c in enumerate(CHANNELS)
-        },
+        _rms(runs, left),
         tuple(run.run_id for run in runs),
-        problem.failures,
+        problem.failures + (few.failures if few is not problem else 0),
     )
 
 
@@ -329,6 +321,7 @@ def _from_gauge(problem: _Problem, best: Floats, left: list[Floats], slopes: Flo
     moves = []
     for row in jobs:
         rows = [job.result() for job in row]
+        problem.failures += sum(one is None for one in rows)
         change = [np.zeros_like(b) if r is None else r - b for r, b in zip(rows, left, strict=True)]
         moves.append(bread @ slopes.T @ np.concatenate([c.ravel() for c in change]))
     return np.asarray(np.einsum("dp,dq->pq", moves, moves) / GAUGE_DRAWS)

@@ -7,6 +7,7 @@ import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 from rig.errors import RigError
@@ -26,6 +27,14 @@ class Scan:
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
     lost: list[str] = field(default_factory=list)
+
+
+def read_bytes(path: Path) -> bytes:
+    """All bytes of a recording; RigError when it cannot be read."""
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise RigError(f"recording {path} cannot be read: {error.strerror or error}; check the name") from None
 
 
 def scan(data: bytes, name: str) -> Scan:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rig.errors import RigError
-from rig.mcap_scan import Scan, scan
+from rig.mcap_scan import Scan, read_bytes, scan
 from rig.run_write import RunFile, encoded
 
 
@@ -30,10 +30,7 @@ def recover(path: str | Path, output: str | Path | None = None) -> Recovered:
     nothing can be read, when nothing is wrong with the file, or when the new name is taken.
     """
     path = Path(path)
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise RigError(f"recording {path} cannot be read: {error.strerror or error}; check the name") from None
+    data = read_bytes(path)
     found = scan(data, str(path))
     if not found.lost:
         raise RigError(f"recording {path} is whole: nothing to recover")

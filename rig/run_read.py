@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rig.errors import RigError
 from rig.manifest import read_manifest
-from rig.mcap_scan import scan
+from rig.mcap_scan import read_bytes, scan
 from rig.run import CELLS, Event, Predicted, PressureLog, Run
 from rig.run_decode import EXTRA, Row, decode
 from rig.schema import PREDICTION, schema_of
@@ -26,10 +26,7 @@ def read_run(path: str | Path) -> Run:
     RigError, one line, when the file cannot be opened, is no MCAP, or holds no message of the contract.
     """
     path = Path(path)
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise RigError(f"recording {path} cannot be read: {error.strerror or error}; check the name") from None
+    data = read_bytes(path)
     found = scan(data, str(path))
     lost = found.lost
     rows = decode(found)

@@ -182,7 +182,7 @@ def _inertia_power(c, q: np.ndarray, v: np.ndarray) -> float:
 
 @pytest.mark.parametrize("name", ["none", *TERMS])
 def test_energy_in_is_energy_stored_and_dissipated(name: str) -> None:
-    """What is missing shrinks with the integrator's tolerance and is a small part of what the pressure did."""
+    """What is missing from the balance is below 0.2 % of what the pressure did (1 % with friction), over every snap."""
     straw = DEPLOYMENT if name == "none" else with_typical(DEPLOYMENT, TERMS[name])
     missing, worked = balance(straw, 35e3, [2, 3, 5, 6, 7, 8, 9], 1e-7)
     assert worked > 0
