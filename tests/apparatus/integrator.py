@@ -11,7 +11,10 @@ from . import layout as at
 from .physics import matrix, residual
 
 GAMMA = 2.0 - sqrt(2.0)
-ZETA_SCALE, PHI_SCALE = 1.0, 50.0  # rad per m: what turns the tip of a straw of some cells as far as 1 m of zeta moves it
+ZETA_SCALE, PHI_SCALE = (
+    1.0,
+    50.0,
+)  # rad per m: what turns the tip of a straw of some cells as far as 1 m of zeta moves it
 ERROR = (3.0 * GAMMA**2 - 4.0 * GAMMA + 2.0) / (6.0 * (2.0 - GAMMA))  # of Bank's estimate, with sign taken away
 RECORD = 12  # time, tip pose (3), its rates (3), pressure, kinetic energy, powers of pressure and damping, flow
 HALF = at.COORDINATES // 2
@@ -182,9 +185,9 @@ def integrate(q, seconds, p_start, p_step, p_drive, tolerance, h_max, most, P, F
                 break
             continue
         for i in range(at.COORDINATES):
-            work[i] = 2.0 * ERROR * h * (
-                r[i] / GAMMA - r_mid[i] / (GAMMA * (1.0 - GAMMA)) + r_new[i] / (1.0 - GAMMA)
-            ) * 0.5
+            work[i] = (
+                2.0 * ERROR * h * (r[i] / GAMMA - r_mid[i] / (GAMMA * (1.0 - GAMMA)) + r_new[i] / (1.0 - GAMMA)) * 0.5
+            )
         error = size(work) / tolerance
         factor_h = min(3.0, max(0.25, 0.85 * (error + 1e-12) ** (-1.0 / 3.0)))
         if error > 1.0:

@@ -66,9 +66,7 @@ def residual(q, t_gravity, p_gauge, p_guess, d, c, y, P, F, R, body, angle, tip)
     for i in range(2 * N):
         length += q[i]
         rate += d * q[i] + c[i]
-    p, flow, gas, first, second, impedance = channel(
-        (c3 + end) * rate, (c3 + end) * length, p_gauge, p_guess, d, c, P
-    )
+    p, flow, gas, first, second, impedance = channel((c3 + end) * rate, (c3 + end) * length, p_gauge, p_guess, d, c, P)
     y[at.FLOW], y[at.GAS], y[at.STAGE_1], y[at.STAGE_2] = flow, gas, first, second
     g = P[at.GRAVITY] * t_gravity
 
@@ -230,6 +228,16 @@ def matrix(q, p, impedance, d, c, P, F, body, angle, tip, A):
                     A[3 * N + m, 2 * N + k] += load
                 if m < n and k < n:
                     A[3 * N + m, 3 * N + k] += load
+    step = 1e-8
+    fx, fz = tip_load_n(tip[0], tip[1], tip[3], tip[4], P)
+    xx, zx = tip_load_n(tip[0] + step, tip[1], tip[3] + d * step, tip[4], P)
+    xz, zz = tip_load_n(tip[0], tip[1] + step, tip[3], tip[4] + d * step, P)
+    xx, zx, xz, zz = (xx - fx) / step, (zx - fz) / step, (xz - fx) / step, (zz - fz) / step
+    if xx != 0.0 or zz != 0.0 or xz != 0.0:
+        for i in range(at.COORDINATES):
+            a0, a1 = J[0, i] * xx + J[1, i] * zx, J[0, i] * xz + J[1, i] * zz
+            for j in range(at.COORDINATES):
+                A[i, j] -= a0 * J[0, j] + a1 * J[1, j]
     for i in range(2 * N):
         v, w, m, j = d * q[i] + c[i], d * q[2 * N + i] + c[2 * N + i], i - N, 2 * N + i
         f0, m0, _, _, _, _ = frustum(i >= N, q[i], q[j], v, w, p, d, c, m, P, F[i])

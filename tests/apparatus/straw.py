@@ -83,13 +83,17 @@ class Motion:
         return a + u * (va + u * (3 * (b - a) - 2 * va - vb + u * (2 * (a - b) + va + vb)))
 
 
-def rest_state(straw: Straw, deployed: tuple[int, ...], pressure_pa: float = 0.0) -> np.ndarray:
+def rest_state(
+    straw: Straw, deployed: tuple[int, ...], pressure_pa: float = 0.0, clock_zero_s: float = 0.0
+) -> np.ndarray:
     """The 36 coordinates at rest with these cells (from 1) deployed and the others folded."""
     P, F = straw.numbers()
     q = np.zeros(at.COORDINATES)
     q[: at.CELLS] = straw.zeta_odd_m
     open_ = np.array([n + 1 in deployed for n in range(at.CELLS)])
     q[at.CELLS : 2 * at.CELLS] = np.where(open_, DEPLOYED_M * straw.zeta_even_m / -2.28e-3, straw.zeta_even_m)
+    q[at.CELLS : 2 * at.CELLS] = np.minimum(q[at.CELLS : 2 * at.CELLS], straw.stop_m)
+    P[at.CLOCK] = clock_zero_s
     if not rest(q, pressure_pa, P, F):
         raise RuntimeError(f"no rest state near {deployed} deployed")
     return q
@@ -106,7 +110,7 @@ def move(
 ) -> Motion:
     """Run from rest under the gauge's pressure, sampled every ``step_s`` from time 0; ``clock_zero_s`` ages the wall."""
     P, F = straw.numbers()
-    q = rest_state(straw, deployed, float(pressure_pa[0]))
+    q = rest_state(straw, deployed, float(pressure_pa[0]), clock_zero_s)
     drive = np.ascontiguousarray(pressure_pa, dtype=np.float64)
     rows, path, done = integrate(q, seconds, 0.0, step_s, drive, tolerance_m, 5e-3, 400_000, P, F, clock_zero_s)
     if not done:

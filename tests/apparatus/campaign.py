@@ -1,0 +1,230 @@
+"""A campaign of eight runs of one specimen with concealed causes, as Run objects or files."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from rig.run import PressureLog, Run
+from tracking.trace import TipTrace
+
+from .effects import CLOGS, Cause, conceal
+from .instrument import FRAME_S, GAUGE_S, SIGMA, SIGMA_PA, Instrument, kept_frames, tracking_noise
+from .layout import CELLS
+from .straw import Motion, Straw, move
+
+FINE_S = 5e-4  # of the true pressure
+
+
+@dataclass(frozen=True)
+class Plan:
+    """One run: commands as (s, Pa), cells deployed at its start, cycles before it, its length."""
+
+    run_id: str
+    commands: tuple[tuple[float, float], ...]
+    deployed: tuple[int, ...]
+    cycle: int
+    seconds: float
+
+
+def _step(run_id: str, kpa: float, deployed: tuple[int, ...], cycle: int, seconds: float) -> Plan:
+    return Plan(run_id, ((0.0, 0.0), (0.25, 1e3 * kpa)), deployed, cycle, seconds)
+
+
+WITHOUT_1_4 = (2, 3, 5, 6, 7, 8, 9)
+STAIRS = (0.0, -4.0, -8.0, -4.0, 4.0, 10.0, 4.0, -6.0, 0.0)
+PULSES = ((0.0, 0.0), (0.2, 12e3), (0.5, -9e3), (0.8, 12e3), (1.1, 0.0), (1.6, 18e3), (2.4, -10e3), (3.2, 0.0))
+PLANS = (  # in the order in which they are made
+    _step("fold-25kPa", -25, (1, 4), 0, 4.0),
+    _step("deploy-35kPa-1", 35, WITHOUT_1_4, 1, 4.0),
+    _step("fold-20kPa-2-5", -20, (2, 5), 1, 4.5),
+    _step("deploy-35kPa-2", 35, WITHOUT_1_4, 2, 4.0),
+    Plan("staircase", tuple((max(0.0, 0.5 * i - 0.25), 1e3 * p) for i, p in enumerate(STAIRS)), (1, 3, 6), 2, 4.5),
+    _step("deploy-35kPa-3", 35, WITHOUT_1_4, 3, 4.0),
+    Plan("pulses", PULSES, (1, 2, 3, 4, 5, 6, 7, 8, 9), 3, 4.0),
+    _step("deploy-30kPa-6", 30, (1, 2, 3, 4, 5, 7, 8, 9), 4, 3.5),
+)
+RUN_IDS = tuple(plan.run_id for plan in PLANS)
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """How far specimens and repeats differ: factors as one sigma or, for damping, the largest ratio."""
+
+    damping_ratio: float = 5.0
+    channel: float = 0.05
+    young: float = 0.02
+    thickness: float = 0.01
+    zeta: float = 0.01
+    repeat_young: float = 1.5e-3
+    repeat_damping: float = 0.03
+    repeat_angle_rad: float = 2e-4
+
+
+NONE = Scatter(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+SCATTER = Scatter()
+
+
+def specimen(seed: int, scatter: Scatter = SCATTER) -> Straw:
+    """The straw of a seed: damping and channel, E, h and zeta_0 near the recordings' base constants."""
+    rng = np.random.default_rng([seed, 1])
+    base = Straw()
+    ratio = scatter.damping_ratio ** rng.uniform(-1.0, 1.0, size=2)
+    near = 1.0 + np.clip(rng.normal(size=5), -2.0, 2.0) * np.array(
+        [scatter.channel, scatter.young, scatter.thickness, scatter.zeta, scatter.zeta]
+    )
+    return replace(
+        base, c_zeta=base.c_zeta * ratio[0], c_phi=base.c_phi * ratio[1], young_pa=base.young_pa * near[1],
+        thickness_m=base.thickness_m * near[2], zeta_odd_m=base.zeta_odd_m * near[3],
+        zeta_even_m=base.zeta_even_m * near[4],
+    ).with_laws(R_CH=0.40e-3 * near[0])  # fmt: skip
+
+
+def regulated(plan: Plan, time_s: np.ndarray, settling_s: float) -> np.ndarray:
+    """Pressure (Pa) that the regulator makes of the commands: it nears each within some tens of ms."""
+    pressure, before = np.zeros_like(time_s), 0.0
+    for start, command in plan.commands:
+        after = np.clip(time_s - start, 0.0, None)
+        pressure += (command - before) * (1.0 - np.exp(-after / settling_s))
+        before = command
+    return pressure
+
+
+@dataclass(frozen=True)
+class Made:
+    """One run before noise: what moved, under which true pressure, through which instruments."""
+
+    plan: Plan
+    straw: Straw
+    instrument: Instrument
+    motion: Motion
+    pressure_pa: np.ndarray
+    clock_zero_s: float
+
+
+def make(
+    truth: tuple[Cause, ...], seed: int, runs: tuple[str, ...] = RUN_IDS, scatter: Scatter = SCATTER
+) -> list[Made]:
+    """The runs without noise; the same seed gives the same specimen and repeats whatever is concealed in it."""
+    settling_s = float(np.random.default_rng([seed, 2]).uniform(0.017, 0.023)) if scatter is not NONE else 0.02
+    base, clock, made = specimen(seed, scatter), 0.0, []
+    for index, plan in enumerate(PLANS):
+        rng = np.random.default_rng([seed, 3, index])
+        young, axial, bending, angle = rng.normal(size=4)
+        straw = replace(
+            base,
+            young_pa=base.young_pa * (1.0 + scatter.repeat_young * young),
+            c_zeta=base.c_zeta * (1.0 + scatter.repeat_damping * axial),
+            c_phi=base.c_phi * (1.0 + scatter.repeat_damping * bending),
+        ).with_laws(BASE_ANGLE=0.5 * np.pi + scatter.repeat_angle_rad * angle)
+        instrument = Instrument()
+        for cause in truth:
+            straw, instrument = conceal((straw, instrument), cause)
+            if cause.form == CLOGS:
+                straw = straw.with_laws(R_CH=straw.laws["R_CH"] * (1.0 - cause.size) ** index)
+        if "COHESION_N" in straw.laws:  # what was torn apart heals only partly
+            straw = straw.with_laws(COHESION_N=straw.laws["COHESION_N"] * (1.0 + plan.cycle) ** -0.6)
+        if plan.run_id in runs:
+            time_s = np.arange(0.0, plan.seconds + 0.25, FINE_S)
+            pressure = regulated(plan, time_s, settling_s)
+            motion = move(straw, plan.deployed, plan.seconds + 0.2, pressure, FINE_S, clock_zero_s=clock)
+            made.append(Made(plan, straw, instrument, motion, pressure, clock))
+        clock += plan.seconds + 2.0
+    return made
+
+
+def record(made: Made, seed: int, name: str) -> Run:
+    """The run as instruments and disk give it."""
+    plan = made.plan
+    rng = np.random.default_rng([seed, 4, RUN_IDS.index(plan.run_id)])
+    frame = np.arange(int(plan.seconds / FRAME_S))
+    tip = made.instrument.film(made.motion, frame * FRAME_S) + tracking_noise(len(frame), rng)
+    frame = np.flatnonzero(kept_frames(len(frame), rng))
+    x, z, phi = tip[frame].T
+    sigma = [np.full(len(frame), s) for s in SIGMA]
+    trace = TipTrace(frame * FRAME_S, x, z, phi, *sigma, np.ones(len(frame), dtype=bool), frame.astype(np.int64))
+    read_s = np.arange(int(round(plan.seconds / GAUGE_S)) + 1) * GAUGE_S
+    reading = read(made, read_s) + rng.normal(scale=SIGMA_PA, size=len(read_s))
+    told_s, told_pa = np.array(plan.commands).T
+    zero_ns = 1_795_000_000_000_000_000 + int(rng.integers(10**12))
+    metadata = {
+        "run_id": plan.run_id, "specimen": name, "initial_deployed": ",".join(map(str, plan.deployed)),
+        "cycle": str(plan.cycle), "zero_time_ns": str(zero_ns), "cells": str(CELLS),
+    }  # fmt: skip
+    return Run(
+        path=Path(f"{name}/{plan.run_id}.mcap"),
+        sha256=hashlib.sha256(tip.tobytes() + reading.tobytes()).hexdigest(),
+        run_id=plan.run_id, specimen=name, initial_deployed=plan.deployed, cycle=plan.cycle, cells=CELLS,
+        zero_time_ns=zero_ns, metadata=metadata, attachments={},
+        command=PressureLog(told_s, told_pa, np.full(len(told_s), np.nan), held=True),
+        pressure=PressureLog(read_s, reading, np.full(len(read_s), SIGMA_PA)),
+        tip=trace, predictions={}, events=(), lost=(),
+    )  # fmt: skip
+
+
+def read(made: Made, time_s: np.ndarray) -> np.ndarray:
+    """Readings of the gauge (Pa) without noise."""
+    fine_s = np.arange(len(made.pressure_pa)) * FINE_S
+    return np.interp(time_s, fine_s, made.instrument.gauge(made.pressure_pa))
+
+
+def campaign(
+    truth: tuple[Cause, ...],
+    seed: int,
+    runs: tuple[str, ...] = RUN_IDS,
+    scatter: Scatter = SCATTER,
+    name: str = "concealed",
+) -> tuple[Run, ...]:
+    """Runs of one specimen with the causes concealed in it, as ``straw diagnose`` would read them."""
+    return tuple(record(made, seed, name) for made in make(truth, seed, runs, scatter))
+
+
+def effect_sigma(made: list[Made], seed: int, scatter: Scatter = SCATTER) -> dict[str, float]:
+    """Per run, how far the causes move what is seen: rms over time and x, z, phi, in sigmas of one frame.
+
+    Compared with the same specimen and repeat without them, driven by what the gauge said: as a model would be.
+    """
+    runs = tuple(one.plan.run_id for one in made)
+    found = {}
+    for one, plain in zip(made, make((), seed, runs, scatter), strict=True):
+        stamp = np.arange(int(one.plan.seconds / FRAME_S)) * FRAME_S
+        said = one.instrument.gauge(one.pressure_pa)
+        motion = plain.motion
+        if not np.array_equal(said, one.pressure_pa):
+            motion = move(plain.straw, plain.plan.deployed, one.plan.seconds + 0.2, said, FINE_S)
+        away = (one.instrument.film(one.motion, stamp) - motion.at(stamp)) / SIGMA
+        found[one.plan.run_id] = float(np.sqrt(np.mean(away**2)))
+    return found
+
+
+def write(run: Run, path: Path) -> Path:
+    """The run as MCAP with JSON messages, as other loggers write them."""
+    from mcap.writer import Writer
+
+    def rows():
+        for t, p in zip(run.command.time_s, run.command.pressure_pa, strict=True):
+            yield t, "/pressure/command", {"pressure_pa": float(p), "channel": 1}
+        for t, p in zip(run.pressure.time_s, run.pressure.pressure_pa, strict=True):
+            yield t, "/pressure/measured", {"pressure_pa": float(p), "sigma_pa": SIGMA_PA, "channel": 1}
+        names = ("x_m", "z_m", "phi_rad", "sigma_x_m", "sigma_z_m", "sigma_phi_rad")
+        for i, t in enumerate(run.tip.time_s):
+            pose = {key: float(getattr(run.tip, key)[i]) for key in names}
+            yield t, "/tip/state", {**pose, "valid": True, "frame": int(run.tip.frame[i])}
+
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        channels = {}
+        for t, topic, message in sorted(rows(), key=lambda row: row[0]):
+            if topic not in channels:
+                schema = writer.register_schema(topic, "jsonschema", b'{"type": "object"}')
+                channels[topic] = writer.register_channel(topic, "json", schema)
+            ns = run.zero_time_ns + round(float(t) * 1e9)
+            writer.add_message(channels[topic], ns, json.dumps(message).encode(), ns)
+        writer.add_metadata("straw.run", dict(run.metadata))
+        writer.finish()
+    return path

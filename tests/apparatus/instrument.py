@@ -1,0 +1,74 @@
+"""Camera and gauge: what they make of a motion, with the faults that a lab meets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .straw import Motion
+
+FRAME_S, GAUGE_S = 1.0 / 240.0, 1.0 / 200.0
+SIGMA = np.array([25e-6, 25e-6, 1.5e-3])
+SIGMA_PA = 30.0
+SLOW_SHARE, SLOW_FRAMES = 0.45, 15.0  # of the noise's variance, and its memory: light and pixels drift together
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """Faults, all zero in a sound instrument. The camera stamps true time t as t + offset + drift t."""
+
+    clock_offset_s: float = 0.0
+    clock_drift: float = 0.0
+    length_scale: float = 0.0
+    camera_roll_rad: float = 0.0
+    tip_offset_m: float = 0.0
+    gauge_offset_pa: float = 0.0
+    gauge_gain: float = 0.0
+    gauge_floor_pa: float = -1e9
+    gauge_ceiling_pa: float = 1e9
+    gauge_play_pa: float = 0.0
+    hiccup_at_s: float = 0.0
+    hiccup_s: float = 0.0
+
+    def true_time(self, stamp_s: np.ndarray) -> np.ndarray:
+        t = (stamp_s - self.clock_offset_s) / (1.0 + self.clock_drift)
+        return t + self.hiccup_s * (t > self.hiccup_at_s)
+
+    def film(self, motion: Motion, stamp_s: np.ndarray) -> np.ndarray:
+        """Tip (n, 3) as tracked without noise at the camera's stamps."""
+        x, z, phi = motion.at(self.true_time(stamp_s)).T
+        x, z = x + self.tip_offset_m * np.sin(phi), z + self.tip_offset_m * np.cos(phi)
+        x, z = x * (1.0 + self.length_scale), z * (1.0 + self.length_scale)
+        s, c = np.sin(self.camera_roll_rad), np.cos(self.camera_roll_rad)
+        return np.column_stack([c * x + s * z, c * z - s * x, phi + self.camera_roll_rad])
+
+    def gauge(self, pressure_pa: np.ndarray) -> np.ndarray:
+        """Readings without noise of a true pressure that changes slowly from sample to sample."""
+        reading = np.clip(
+            (1.0 + self.gauge_gain) * pressure_pa + self.gauge_offset_pa, self.gauge_floor_pa, self.gauge_ceiling_pa
+        )
+        if self.gauge_play_pa:  # backlash: the needle follows only when it is pushed
+            out = reading[0]
+            for i, value in enumerate(reading):
+                out = reading[i] = min(max(out, value - self.gauge_play_pa), value + self.gauge_play_pa)
+        return reading
+
+
+def tracking_noise(frames: int, rng: np.random.Generator) -> np.ndarray:
+    """Noise (frames, 3) of the stated sigma: white, and a part that remembers (AR(1))."""
+    a = np.exp(-1.0 / SLOW_FRAMES)
+    slow = rng.normal(size=(frames, 3))
+    for i in range(1, frames):
+        slow[i] = a * slow[i - 1] + np.sqrt(1.0 - a * a) * slow[i]
+    return SIGMA * (np.sqrt(1.0 - SLOW_SHARE) * rng.normal(size=(frames, 3)) + np.sqrt(SLOW_SHARE) * slow)
+
+
+def kept_frames(frames: int, rng: np.random.Generator) -> np.ndarray:
+    """Which frames reach the disk: now and then one is dropped, rarely some in a row."""
+    kept = rng.random(frames) > 0.002
+    if rng.random() < 0.2:
+        start = int(rng.integers(frames))
+        kept[start : start + int(rng.integers(2, 6))] = False
+    kept[0] = True
+    return kept
