@@ -103,16 +103,20 @@ class Made:
     instrument: Instrument
     motion: Motion
     pressure_pa: np.ndarray
-    clock_zero_s: float
+    index: int
 
 
 def make(
-    truth: tuple[Cause, ...], seed: int, runs: tuple[str, ...] = RUN_IDS, scatter: Scatter = SCATTER
+    truth: tuple[Cause, ...],
+    seed: int,
+    runs: tuple[str, ...] | None = None,
+    scatter: Scatter = SCATTER,
+    plans: tuple[Plan, ...] = PLANS,
 ) -> list[Made]:
     """The runs without noise; the same seed gives the same specimen and repeats whatever is concealed in it."""
     settling_s = float(np.random.default_rng([seed, 2]).uniform(0.017, 0.023)) if scatter is not NONE else 0.02
     base, clock, made = specimen(seed, scatter), 0.0, []
-    for index, plan in enumerate(PLANS):
+    for index, plan in enumerate(plans):
         rng = np.random.default_rng([seed, 3, index])
         young, axial, bending, angle = rng.normal(size=4)
         straw = replace(
@@ -128,11 +132,11 @@ def make(
                 straw = straw.with_laws(R_CH=straw.laws["R_CH"] * (1.0 - cause.size) ** index)
         if "COHESION_N" in straw.laws:  # what was torn apart heals only partly
             straw = straw.with_laws(COHESION_N=straw.laws["COHESION_N"] * (1.0 + plan.cycle) ** -0.6)
-        if plan.run_id in runs:
+        if runs is None or plan.run_id in runs:
             time_s = np.arange(0.0, plan.seconds + 0.25, FINE_S)
             pressure = regulated(plan, time_s, settling_s)
             motion = move(straw, plan.deployed, plan.seconds + 0.2, pressure, FINE_S, clock_zero_s=clock)
-            made.append(Made(plan, straw, instrument, motion, pressure, clock))
+            made.append(Made(plan, straw, instrument, motion, pressure, index))
         clock += plan.seconds + 2.0
     return made
 
@@ -140,14 +144,14 @@ def make(
 def record(made: Made, seed: int, name: str) -> Run:
     """The run as instruments and disk give it."""
     plan = made.plan
-    rng = np.random.default_rng([seed, 4, RUN_IDS.index(plan.run_id)])
+    rng = np.random.default_rng([seed, 4, made.index])
     frame = np.arange(int(plan.seconds / FRAME_S))
     tip = made.instrument.film(made.motion, frame * FRAME_S) + tracking_noise(len(frame), rng)
     frame = np.flatnonzero(kept_frames(len(frame), rng))
     x, z, phi = tip[frame].T
     sigma = [np.full(len(frame), s) for s in SIGMA]
     trace = TipTrace(frame * FRAME_S, x, z, phi, *sigma, np.ones(len(frame), dtype=bool), frame.astype(np.int64))
-    read_s = np.arange(int(round(plan.seconds / GAUGE_S)) + 1) * GAUGE_S
+    read_s = np.arange(round(plan.seconds / GAUGE_S) + 1) * GAUGE_S
     reading = read(made, read_s) + rng.normal(scale=SIGMA_PA, size=len(read_s))
     told_s, told_pa = np.array(plan.commands).T
     zero_ns = 1_795_000_000_000_000_000 + int(rng.integers(10**12))
@@ -175,27 +179,28 @@ def read(made: Made, time_s: np.ndarray) -> np.ndarray:
 def campaign(
     truth: tuple[Cause, ...],
     seed: int,
-    runs: tuple[str, ...] = RUN_IDS,
+    runs: tuple[str, ...] | None = None,
     scatter: Scatter = SCATTER,
+    plans: tuple[Plan, ...] = PLANS,
     name: str = "concealed",
 ) -> tuple[Run, ...]:
     """Runs of one specimen with the causes concealed in it, as ``straw diagnose`` would read them."""
-    return tuple(record(made, seed, name) for made in make(truth, seed, runs, scatter))
+    return tuple(record(made, seed, name) for made in make(truth, seed, runs, scatter, plans))
 
 
-def effect_sigma(made: list[Made], seed: int, scatter: Scatter = SCATTER) -> dict[str, float]:
+def effect_sigma(made: list[Made], plain: list[Made]) -> dict[str, float]:
     """Per run, how far the causes move what is seen: rms over time and x, z, phi, in sigmas of one frame.
 
-    Compared with the same specimen and repeat without them, driven by what the gauge said: as a model would be.
+    ``plain`` are the same runs of the same seed without the causes. A cause in the gauge moves nothing by itself: what
+    counts is what the straw would have done under the pressure that the gauge said.
     """
-    runs = tuple(one.plan.run_id for one in made)
     found = {}
-    for one, plain in zip(made, make((), seed, runs, scatter), strict=True):
+    for one, other in zip(made, plain, strict=True):
         stamp = np.arange(int(one.plan.seconds / FRAME_S)) * FRAME_S
         said = one.instrument.gauge(one.pressure_pa)
-        motion = plain.motion
+        motion = other.motion
         if not np.array_equal(said, one.pressure_pa):
-            motion = move(plain.straw, plain.plan.deployed, one.plan.seconds + 0.2, said, FINE_S)
+            motion = move(other.straw, other.plan.deployed, one.plan.seconds + 0.2, said, FINE_S)
         away = (one.instrument.film(one.motion, stamp) - motion.at(stamp)) / SIGMA
         found[one.plan.run_id] = float(np.sqrt(np.mean(away**2)))
     return found

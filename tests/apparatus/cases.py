@@ -1,4 +1,4 @@
-"""Decks of sealed cases: what is concealed in each, drawn by seed, and the hash that is published before the analysis."""
+"""Decks of sealed cases: what is concealed in each, drawn by seed, and the hash published before the analysis."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def generate(case: Case) -> Generated:
     """Make the recordings of a case; the same case gives the same bytes."""
     made = make(case.truth, case.seed, case.runs)
     runs = tuple(record(one, case.seed, case.name) for one in made)
-    effect = effect_sigma(made, case.seed) if case.truth else {one.plan.run_id: 0.0 for one in made}
+    effect = effect_sigma(made, make((), case.seed, case.runs) if case.truth else made)
     return Generated(case, runs, effect)
 
 

@@ -109,7 +109,7 @@ PHYSICS: dict[str, Range] = {
         "disk with gap floor, h^-3": _laws(FILM=lambda s: s, FILM_GAP=2e-4, FILM_POWER=3.0),
         "strip of rough walls, h^-2": _laws(FILM=lambda s: s, FILM_GAP=1.5e-4, FILM_POWER=2.0),
     }),
-    "fluid_inertia": Range(3e5, 3e7, "Pa s^2/m^3", {
+    "fluid_inertia": Range(1e6, 1e8, "Pa s^2/m^3", {
         "channel and filled straw": _laws(INERTANCE=lambda s: s, INERTANCE_VOLUME=1.5e4),
     }),
     "poiseuille_loss": Range(1e8, 6e9, "Pa s/m^3", {
@@ -118,7 +118,8 @@ PHYSICS: dict[str, Range] = {
     "trapped_gas": Range(0.2e-6, 6e-6, "m^3", {"adiabatic": _laws(GAS_VOLUME=lambda s: s)}),
     "frustum_spread": Range(0.02, 0.20, "1", {"one weak cell": _weak_cell, "all cells differ": _all_differ}),
     "intrinsic_curvature": Range(0.5e-3, 15e-3, "rad", {
-        "grows towards the tip": _lean(lambda u: 2.0 * u), "curled near the base": _lean(lambda u: 3.0 * (1.0 - u) ** 2),
+        "grows towards the tip": _lean(lambda u: 2.0 * u),
+        "curled near the base": _lean(lambda u: 3.0 * (1.0 - u) ** 2),
     }),
     "asymmetry": Range(1e-3, 4e-2, "N m", {
         "compact bump": lambda rig, s, rng: _side("BUMP")((rig[0].with_laws(BUMP_WIDTH=2e-3), rig[1]), s, rng),
@@ -136,10 +137,10 @@ PHYSICS: dict[str, Range] = {
         "LuGre": _laws(FRICTION=lambda s: s, FRICTION_STATIC=1.3),
         "LuGre, sticky": _laws(FRICTION=lambda s: s, FRICTION_STATIC=1.8, FRICTION_STIFFNESS=1e5),
     }),
-    "ambient_drag": Range(0.01, 1.0, "N s^2/m^2", {"Schiller-Naumann": _laws(DRAG=lambda s: s)}),
+    "ambient_drag": Range(0.05, 3.0, "N s^2/m^2", {"Schiller-Naumann": _laws(DRAG=lambda s: s)}),
     "line_lag": Range(5e-3, 80e-3, "s", {
         "two stages": _laws(LAG_1=lambda s: 0.5 * s, LAG_2=lambda s: 0.5 * s),
-        "tube and volume": _laws(LAG_2=lambda s: s, LAG_CAPACITY=2e-9),
+        "tube and volume": _laws(LAG_2=lambda s: s, LAG_CAPACITY=8e-10),
     }),
 }  # fmt: skip
 

@@ -11,11 +11,8 @@ from . import layout as at
 from .physics import matrix, residual
 
 GAMMA = 2.0 - sqrt(2.0)
-ZETA_SCALE, PHI_SCALE = (
-    1.0,
-    50.0,
-)  # rad per m: what turns the tip of a straw of some cells as far as 1 m of zeta moves it
-ERROR = (3.0 * GAMMA**2 - 4.0 * GAMMA + 2.0) / (6.0 * (2.0 - GAMMA))  # of Bank's estimate, with sign taken away
+PHI_SCALE = 50.0  # rad per m of zeta: either moves the tip of a straw of some cells as far
+ERROR = (3.0 * GAMMA**2 - 4.0 * GAMMA + 2.0) / (6.0 * (2.0 - GAMMA))  # of Bank's estimate, without its sign
 RECORD = 12  # time, tip pose (3), its rates (3), pressure, kinetic energy, powers of pressure and damping, flow
 HALF = at.COORDINATES // 2
 
@@ -100,7 +97,7 @@ def rest(q, p0, P, F):
 
 
 @njit(cache=True)
-def integrate(q, seconds, p_start, p_step, p_drive, tolerance, h_max, most, P, F, clock_zero):
+def integrate(q, seconds, p_start, p_step, p_drive, tolerance, h_max, P, F, clock_zero):
     """Run from rest at ``q``; rows of RECORD numbers at each step, the last coordinates, and whether it got there."""
     n_y = at.STATES
     y, y_mid, y_new = np.zeros(n_y), np.zeros(n_y), np.zeros(n_y)
@@ -108,8 +105,7 @@ def integrate(q, seconds, p_start, p_step, p_drive, tolerance, h_max, most, P, F
     R, work = np.zeros(at.COORDINATES), np.zeros(at.COORDINATES)
     body, angle, tip = np.zeros((at.CELLS, 21)), np.zeros((at.CELLS, 5)), np.zeros(9)
     A = np.zeros((at.COORDINATES, at.COORDINATES))
-    record = np.zeros((most, RECORD))
-    path = np.zeros((most, at.COORDINATES), dtype=np.float32)
+    record, path = np.zeros((2048, RECORD)), np.zeros((2048, at.COORDINATES))
     P = P.copy()
     P[at.CLOCK] = clock_zero
     p = drive(0.0, p_start, p_step, p_drive)
@@ -129,7 +125,7 @@ def integrate(q, seconds, p_start, p_step, p_drive, tolerance, h_max, most, P, F
     path[0] = y[: at.COORDINATES]
     t, h, rows = 0.0, 1e-4, 1
     fresh_h, age, slow = 0.0, 1000, False
-    while t < seconds and rows < most:
+    while t < seconds:
         h = min(h, h_max)
         d = 2.0 / (GAMMA * h)
         ok = True
@@ -185,10 +181,8 @@ def integrate(q, seconds, p_start, p_step, p_drive, tolerance, h_max, most, P, F
                 break
             continue
         for i in range(at.COORDINATES):
-            work[i] = (
-                2.0 * ERROR * h * (r[i] / GAMMA - r_mid[i] / (GAMMA * (1.0 - GAMMA)) + r_new[i] / (1.0 - GAMMA)) * 0.5
-            )
-        error = size(work) / tolerance
+            work[i] = r[i] / GAMMA - r_mid[i] / (GAMMA * (1.0 - GAMMA)) + r_new[i] / (1.0 - GAMMA)
+        error = ERROR * h * size(work) / tolerance
         factor_h = min(3.0, max(0.25, 0.85 * (error + 1e-12) ** (-1.0 / 3.0)))
         if error > 1.0:
             h *= factor_h
@@ -196,6 +190,8 @@ def integrate(q, seconds, p_start, p_step, p_drive, tolerance, h_max, most, P, F
         t += h
         y[:] = y_new
         r[:] = r_new
+        if rows == len(record):
+            record, path = np.concatenate((record, np.zeros_like(record))), np.concatenate((path, np.zeros_like(path)))
         row = record[rows]
         row[0] = t
         row[1:7] = tip[:6]

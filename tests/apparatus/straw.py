@@ -108,11 +108,11 @@ def move(
     tolerance_m: float = 1e-7,
     clock_zero_s: float = 0.0,
 ) -> Motion:
-    """Run from rest under the gauge's pressure, sampled every ``step_s`` from time 0; ``clock_zero_s`` ages the wall."""
+    """Run from rest under a pressure (Pa) sampled every ``step_s`` from time 0; ``clock_zero_s`` ages the wall."""
     P, F = straw.numbers()
     q = rest_state(straw, deployed, float(pressure_pa[0]), clock_zero_s)
     drive = np.ascontiguousarray(pressure_pa, dtype=np.float64)
-    rows, path, done = integrate(q, seconds, 0.0, step_s, drive, tolerance_m, 5e-3, 400_000, P, F, clock_zero_s)
+    rows, path, done = integrate(q, seconds, 0.0, step_s, drive, tolerance_m, 5e-3, P, F, clock_zero_s)
     if not done:
         raise RuntimeError(f"the straw could not be followed beyond {rows[-1, 0]:.3f} s")
     return Motion(rows[:, 0], rows[:, 1:4], rows[:, 4:7], *rows[:, 7:].T, path)
