@@ -166,7 +166,7 @@ UNKNOWN: dict[str, Range] = {
     "damping with the square of speed": Range(100.0, 3000.0, "N s^2/m^2", {"": _laws(SQUARE_DAMPING=lambda s: s)}),
     "magnet near the tip": Range(0.1, 0.6, "N", {
         "": _laws(MAGNET=lambda s: s, MAGNET_X=0.055, MAGNET_Z=-0.012)}),
-    "self-excited tip": Range(0.02, 0.1, "N s/m", {"": _laws(PUSH=lambda s: s)}),
+    "self-excited tip": Range(0.05, 0.3, "N s/m", {"": _laws(PUSH=lambda s: s)}),
     "gauge saturates": Range(2e3, 6e3, "Pa", {"": _saturates}),
     "gauge with backlash": Range(500.0, 2500.0, "Pa", {"": _fault("gauge_play_pa", signed=False)}),
     "camera skips a moment": Range(0.03, 0.10, "s", {"": _hiccup}),
