@@ -190,6 +190,19 @@ def test_a_guarded_controller_is_used_like_any_other(
         controller.read()
 
 
+def test_a_guardian_that_was_told_to_close_ends_in_peace_while_its_script_still_holds_the_line(
+    emulation: Emulation,
+) -> None:
+    controller = GuardedController("ob1-mk4", emulation.url)
+    controller.open()
+    process = controller._process
+    assert process is not None
+    controller._call("close")
+    assert process.wait(10.0) == 0  # nothing it still listens to is torn away from under it
+    controller.is_open = False
+    controller._close()
+
+
 def test_limits_hold_in_the_guardian_whatever_a_script_does_to_its_own_objects(
     emulation: Emulation, sets: Sets
 ) -> None:
