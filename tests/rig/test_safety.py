@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -11,11 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from replay.commands.rig_snap_search import answered
 from rig.clock import SteppedClock
 from rig.controller import Controller, make_controller
 from rig.emulate import Emulation
 from rig.errors import LimitError, LinkLostError, RigError
 from rig.guarded import GuardedController
+from rig.interrupts import Interrupts
 from rig.limits import Leash, PressureLimits
 from rig.plant import PressurePlant
 from rig.protocol import PressureProtocol
@@ -188,6 +191,27 @@ def test_a_guarded_controller_is_used_like_any_other(
     assert not (tmp_path / "run.mcap.guardian").exists()
     with pytest.raises(LinkLostError, match="not open"):
         controller.read()
+
+
+@posix
+def test_ctrl_c_counts_while_a_question_waits_for_its_answer_within_a_search_that_holds_signals_back(
+    controller: Controller, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keyboard, fingers = os.pipe()
+    with os.fdopen(keyboard) as stdin, os.fdopen(fingers, "wb") as typing:
+        monkeypatch.setattr("sys.stdin", stdin)
+        os.write(fingers, b" yes \nno\n")
+        assert [answered(controller, "did it snap?") for _ in range(2)] == ["yes", "no"]
+        timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
+        timer.start()
+        with Interrupts() as held_back:
+            with pytest.raises(KeyboardInterrupt):
+                answered(controller, "did it snap?")
+            held_back.check()  # it was heard once, and is not heard again during the vent
+        timer.join()
+        typing.write(b"\n")  # lets the listener go
+        typing.flush()
+        time.sleep(0.1)
 
 
 def test_a_guardian_that_was_told_to_close_ends_in_peace_while_its_script_still_holds_the_line(
