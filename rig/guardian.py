@@ -147,14 +147,15 @@ class Guardian:
 
 def main() -> None:
     """Serve the script at the other end of stdin and stdout."""
-    replies = os.fdopen(os.dup(1), "wb")
+    # Streams of its own: what a thread still reads from at the end must not be sys.stdin, or Python aborts there.
+    words, replies = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # whatever a vendor's library prints must not get between the replies
     requests: Requests = queue.SimpleQueue()
     for name in NAMES:
         if number := getattr(signal, name, None):
             signal.signal(number, lambda *_: requests.put(None))  # told to end: as if the script had ended
-    number, orders = pickle.load(sys.stdin.buffer)
-    threading.Thread(target=_listen, args=(sys.stdin.buffer, requests), daemon=True).start()
+    number, orders = pickle.load(words)
+    threading.Thread(target=_listen, args=(words, requests), daemon=True).start()
 
     def reply(number: int, answer: Any) -> None:
         try:

@@ -10,7 +10,8 @@ from typing import Any
 
 from rig.errors import RigError
 from rig.mcap_scan import Scan, read_bytes, scan
-from rig.run_write import RunFile, encoded
+from rig.run_file import RunFile
+from rig.schema import encode
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ def _add_notes(path: Path, file: RunFile) -> int:
         try:
             note = json.loads(line)
             happened_ns, values = note["wall_ns"], {"kind": note["kind"], "text": note["text"]}
-            file.add("/events", happened_ns, encoded("/events", happened_ns, values))
+            file.add("/events", happened_ns, encode("/events", happened_ns, values))
             count += 1
         except (ValueError, KeyError, TypeError, RigError):  # the guardian was cut short, too
             continue

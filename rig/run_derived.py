@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import RigError
-from rig.run_write import RunFile, encoded
-from rig.schema import schema_of
+from rig.run_file import RunFile
+from rig.schema import encode, schema_of
 from tracking.trace import TipTrace
 
 Floats = NDArray[np.float64]
@@ -77,7 +77,7 @@ def _write_derived(
         for time_s, *values in zip(*lists.values(), strict=True):
             happened_ns = zero_time_ns + round(time_s * 1e9)
             fields = dict(zip(list(lists)[1:], values, strict=True))
-            messages.append((happened_ns, topic, encoded(topic, happened_ns, fields)))
+            messages.append((happened_ns, topic, encode(topic, happened_ns, fields)))
     if not messages:
         raise RigError(f"recording {path} would be empty; there is nothing to write")
     messages.sort(key=lambda message: message[0])

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from rig import foxglove
 from rig.run_derived import tip_columns
-from rig.run_write import RunFile, encoded
-from rig.schema import Schema, descriptor_set, message_class
+from rig.run_file import RunFile
+from rig.schema import Schema, descriptor_set, encode, message_class
 from tracking.trace import TipTrace
 
 Floats = NDArray[np.float64]
@@ -65,7 +65,7 @@ def write_track(
         for time_s, tip, grade, seen in zip(times_s.tolist(), tips, grades, corners, strict=True):
             now_ns = zero_time_ns + round(time_s * 1e9)
             messages = {
-                "/tip/state": encoded("/tip/state", now_ns, dict(zip(columns, tip, strict=True))),
+                "/tip/state": encode("/tip/state", now_ns, dict(zip(columns, tip, strict=True))),
                 QUALITY: grade_class(
                     **{name: value for (name, *_), value in zip(GRADE.fields, grade, strict=True)}
                 ).SerializeToString(),

@@ -19,6 +19,7 @@ from rig.clock import SteppedClock
 from rig.controller import Controller, make_controller
 from rig.emulate import Emulation
 from rig.guarded import GuardedController
+from rig.interrupts import Interrupts
 from rig.reading import Reading
 from rig.run_write import RunWriter
 from rig.snap_search import Reset, SnapFound, SnapPlan, snap_search
@@ -117,20 +118,25 @@ def real_rig(
 
 def answered(controller: Controller, question: str) -> str:
     """Ask while the pressure is held: the guardian must go on hearing from us."""
+    import os
     import threading
 
-    answer: list[str] = []
+    answer: list[bytes] = []
 
     def listen() -> None:
-        answer.append(sys.stdin.readline())
+        # Not sys.stdin, on which Python aborts when it ends, by Ctrl-C for one, while a thread still reads from it.
+        while (byte := os.read(sys.stdin.fileno(), 1)) not in (b"", b"\n"):
+            answer.append(byte)
 
     print(question, end="", file=sys.stderr, flush=True)
     thread = threading.Thread(target=listen, daemon=True)
     thread.start()
-    while thread.is_alive():
-        controller.read()
-        thread.join(0.2)
-    return answer[0].strip() if answer else ""
+    with Interrupts() as interrupts:  # its own: the search, which waits for the answer, does not ask for signals now
+        while thread.is_alive():
+            interrupts.check()
+            controller.read()
+            thread.join(0.2)
+    return b"".join(answer).decode(errors="replace").strip()
 
 
 def metadata_of(

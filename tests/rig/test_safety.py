@@ -4,20 +4,20 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from rig.clock import SteppedClock
-from rig.controller import Controller, make_controller
+from replay.commands.rig_snap_search import answered
+from rig.controller import Controller
 from rig.emulate import Emulation
 from rig.errors import LimitError, LinkLostError, RigError
 from rig.guarded import GuardedController
-from rig.limits import Leash, PressureLimits
-from rig.plant import PressurePlant
+from rig.interrupts import Interrupts
+from rig.limits import PressureLimits
 from rig.protocol import PressureProtocol
 from rig.run_read import read_run
 from rig.session import run_protocol
@@ -190,6 +190,40 @@ def test_a_guarded_controller_is_used_like_any_other(
         controller.read()
 
 
+@posix
+def test_ctrl_c_counts_while_a_question_waits_for_its_answer_within_a_search_that_holds_signals_back(
+    controller: Controller, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keyboard, fingers = os.pipe()
+    with os.fdopen(keyboard) as stdin, os.fdopen(fingers, "wb") as typing:
+        monkeypatch.setattr("sys.stdin", stdin)
+        os.write(fingers, b" yes \nno\n")
+        assert [answered(controller, "did it snap?") for _ in range(2)] == ["yes", "no"]
+        timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
+        timer.start()
+        with Interrupts() as held_back:
+            with pytest.raises(KeyboardInterrupt):
+                answered(controller, "did it snap?")
+            held_back.check()  # it was heard once, and is not heard again during the vent
+        timer.join()
+        typing.write(b"\n")  # lets the listener go
+        typing.flush()
+        time.sleep(0.1)
+
+
+def test_a_guardian_that_was_told_to_close_ends_in_peace_while_its_script_still_holds_the_line(
+    emulation: Emulation,
+) -> None:
+    controller = GuardedController("ob1-mk4", emulation.url)
+    controller.open()
+    process = controller._process
+    assert process is not None
+    controller._call("close")
+    assert process.wait(10.0) == 0  # nothing it still listens to is torn away from under it
+    controller.is_open = False
+    controller._close()
+
+
 def test_limits_hold_in_the_guardian_whatever_a_script_does_to_its_own_objects(
     emulation: Emulation, sets: Sets
 ) -> None:
@@ -206,86 +240,3 @@ def test_a_port_that_does_not_open_is_told_through_the_guardian_in_one_line() ->
     with pytest.raises(RigError, match="does not open") as caught:
         GuardedController("ob1-mk4", "socket://127.0.0.1:1").open()
     assert "\n" not in str(caught.value)
-
-
-def test_limits_can_only_be_narrowed_and_come_back(controller: Controller) -> None:
-    with pytest.raises(AttributeError):
-        controller.limits = PressureLimits(-90e3, 90e3)  # type: ignore[misc]
-    before = controller.limits
-    with controller.narrowed(PressureLimits(-1e3, 90e3)) as narrow:
-        assert narrow == PressureLimits(-1e3, 60e3)
-        with pytest.raises(LimitError):
-            controller.set_pressure(1, -2e3)
-    assert controller.limits == before
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_no_sequence_of_sets_travels_faster_than_the_limit(seed: int) -> None:
-    # An adversary who asks for anything at any time; of what is let through, every stretch of time is checked.
-    random = np.random.default_rng(seed)
-    rate, step = 10e3, 100.0
-    leash, now_s, at_pa = Leash(step), 0.0, 0.0
-    passed = [(0.0, 0.0)]
-    for _ in range(1500):
-        now_s += random.choice([0.0, 1e-4, 1e-2, 0.3])
-        wanted_pa = round(random.choice([at_pa + step, at_pa - step, random.uniform(-40e3, 60e3)]) / step) * step
-        if leash.why_not(wanted_pa, rate, now_s) is None:
-            leash.arrived(wanted_pa)
-            passed.append((now_s, wanted_pa))
-            at_pa = wanted_pa
-    time_s, pressure_pa = np.array(passed).T
-    travelled = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(pressure_pa)))])
-    later, earlier = np.tril_indices(len(passed), -1)
-    allowed_pa = rate * (time_s[later] - time_s[earlier] + 0.25) + step
-    assert len(passed) > 100
-    assert np.all(travelled[later] - travelled[earlier] <= allowed_pa * (1 + 1e-6))
-
-
-def test_a_set_that_may_have_arrived_counts_as_both() -> None:
-    leash = Leash(100.0)
-    leash.arrived(0.0)
-    assert leash.why_not(2e3, 10e3, 1.0) is None  # sent, never acknowledged
-    assert leash.why_not(-2e3, 10e3, 1.3) is not None  # from 2 kPa it would be 4 kPa at once
-    assert leash.why_not(1e3, 10e3, 1.3) is None
-
-
-@pytest.fixture
-def quick(straw: object) -> Iterator[tuple[Emulation, Controller]]:
-    clock = SteppedClock()
-    with (
-        Emulation(straw, plant=PressurePlant(noise_pa=0.0), clock=clock) as emulation,
-        make_controller("ob1-mk4", emulation.url, clock=clock) as controller,
-    ):
-        yield emulation, controller
-
-
-def test_a_zero_that_comes_from_nowhere_is_not_believed(quick: tuple[Emulation, Controller]) -> None:
-    emulation, controller = quick
-    controller.set_pressure(1, -25e3)
-    controller.read()  # on its way from 0
-    controller.clock.sleep(1.0)
-    assert controller.read()[0].pressure_pa == -25e3
-    plants, emulation.device.plants = emulation.device.plants, {}
-    for _ in range(3):
-        with pytest.raises(RigError, match=r"reads exactly 0 all at once, as a lost link does .*; not used"):
-            controller.read()
-    emulation.device.plants = plants
-    controller.set_pressure(1, 25e3)  # the way there leads through 0
-    for _ in range(40):
-        controller.clock.sleep(0.002)
-        controller.read()
-
-
-def test_a_reading_that_cannot_be_is_refused_once_and_believed_when_it_stays(
-    quick: tuple[Emulation, Controller],
-) -> None:
-    emulation, controller = quick
-    controller.set_pressure(1, -25e3)
-    controller.clock.sleep(1.0)
-    controller.read()
-    emulation.plant.max_pa = emulation.plant.min_pa = -10e3  # the vacuum pump stops
-    emulation.plant.command(emulation.twin.now(), -25e3)
-    controller.clock.sleep(1.0)
-    with pytest.raises(RigError, match="reads -10 kPa where only -25 to -25 kPa can be"):
-        controller.read()
-    assert controller.read()[0].pressure_pa == -10e3

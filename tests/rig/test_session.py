@@ -283,7 +283,7 @@ def test_a_full_disk_stops_the_run_and_vents(
         if sets()[-1] != 0:
             raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("rig.run_write.os.fsync", no_space)
+    monkeypatch.setattr("rig.run_file.os.fsync", no_space)
     monkeypatch.setattr("rig.run_write.FLUSH_S", 0.2)
     with pytest.raises(RigError, match="No space left on device; check space"):
         run_protocol(controller, short, tmp_path / "run.mcap")

@@ -1,0 +1,96 @@
+"""Limits and the plausibility of readings, below every script: what may not be asked, and what is not believed."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from rig.clock import SteppedClock
+from rig.controller import Controller, make_controller
+from rig.emulate import Emulation
+from rig.errors import LimitError, RigError
+from rig.limits import Leash, PressureLimits
+from rig.plant import PressurePlant
+
+
+def test_limits_can_only_be_narrowed_and_come_back(controller: Controller) -> None:
+    with pytest.raises(AttributeError):
+        controller.limits = PressureLimits(-90e3, 90e3)  # type: ignore[misc]
+    before = controller.limits
+    with controller.narrowed(PressureLimits(-1e3, 90e3)) as narrow:
+        assert narrow == PressureLimits(-1e3, 60e3)
+        with pytest.raises(LimitError):
+            controller.set_pressure(1, -2e3)
+    assert controller.limits == before
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_no_sequence_of_sets_travels_faster_than_the_limit(seed: int) -> None:
+    # An adversary who asks for anything at any time; of what is let through, every stretch of time is checked.
+    random = np.random.default_rng(seed)
+    rate, step = 10e3, 100.0
+    leash, now_s, at_pa = Leash(step), 0.0, 0.0
+    passed = [(0.0, 0.0)]
+    for _ in range(1500):
+        now_s += random.choice([0.0, 1e-4, 1e-2, 0.3])
+        wanted_pa = round(random.choice([at_pa + step, at_pa - step, random.uniform(-40e3, 60e3)]) / step) * step
+        if leash.why_not(wanted_pa, rate, now_s) is None:
+            leash.arrived(wanted_pa)
+            passed.append((now_s, wanted_pa))
+            at_pa = wanted_pa
+    time_s, pressure_pa = np.array(passed).T
+    travelled = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(pressure_pa)))])
+    later, earlier = np.tril_indices(len(passed), -1)
+    allowed_pa = rate * (time_s[later] - time_s[earlier] + 0.25) + step
+    assert len(passed) > 100
+    assert np.all(travelled[later] - travelled[earlier] <= allowed_pa * (1 + 1e-6))
+
+
+def test_a_set_that_may_have_arrived_counts_as_both() -> None:
+    leash = Leash(100.0)
+    leash.arrived(0.0)
+    assert leash.why_not(2e3, 10e3, 1.0) is None  # sent, never acknowledged
+    assert leash.why_not(-2e3, 10e3, 1.3) is not None  # from 2 kPa it would be 4 kPa at once
+    assert leash.why_not(1e3, 10e3, 1.3) is None
+
+
+@pytest.fixture
+def quick(straw: object) -> Iterator[tuple[Emulation, Controller]]:
+    clock = SteppedClock()
+    with (
+        Emulation(straw, plant=PressurePlant(noise_pa=0.0), clock=clock) as emulation,
+        make_controller("ob1-mk4", emulation.url, clock=clock) as controller,
+    ):
+        yield emulation, controller
+
+
+def test_a_zero_that_comes_from_nowhere_is_not_believed(quick: tuple[Emulation, Controller]) -> None:
+    emulation, controller = quick
+    controller.set_pressure(1, -25e3)
+    controller.read()  # on its way from 0
+    controller.clock.sleep(1.0)
+    assert controller.read()[0].pressure_pa == -25e3
+    plants, emulation.device.plants = emulation.device.plants, {}
+    for _ in range(3):
+        with pytest.raises(RigError, match=r"reads exactly 0 all at once, as a lost link does .*; not used"):
+            controller.read()
+    emulation.device.plants = plants
+    controller.set_pressure(1, 25e3)  # the way there leads through 0
+    for _ in range(40):
+        controller.clock.sleep(0.002)
+        controller.read()
+
+
+def test_a_reading_that_cannot_be_is_refused_once_and_believed_when_it_stays(
+    quick: tuple[Emulation, Controller],
+) -> None:
+    emulation, controller = quick
+    controller.set_pressure(1, -25e3)
+    controller.clock.sleep(1.0)
+    controller.read()
+    emulation.plant.max_pa = emulation.plant.min_pa = -10e3  # the vacuum pump stops
+    emulation.plant.command(emulation.twin.now(), -25e3)
+    controller.clock.sleep(1.0)
+    with pytest.raises(RigError, match="reads -10 kPa where only -25 to -25 kPa can be"):
+        controller.read()
+    assert controller.read()[0].pressure_pa == -10e3
