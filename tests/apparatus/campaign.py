@@ -121,8 +121,8 @@ def make(
 
 @lru_cache(maxsize=512)
 def specimen(seed: int, scatter: Scatter = SCATTER) -> Straw:
-    """The straw of a seed, one that repeats: where a snap can end in either of two states (about one straw in
-    fifteen), repeats of a run differ by centimetres, and a lab would take another."""
+    """The straw of a seed, one that repeats: where a snap can end in either of two states (one straw in
+    eight), repeats of a run differ by centimetres, and a lab would take another."""
     stamp = np.arange(0.0, 3.5, FRAME_S)
     for attempt in range(50):
         straw = drawn(seed, attempt, scatter)

@@ -105,7 +105,7 @@ def move(
     seconds: float,
     pressure_pa: np.ndarray,
     step_s: float = 1e-3,
-    tolerance_m: float = 1e-7,
+    tolerance_m: float = 5e-8,
     clock_zero_s: float = 0.0,
 ) -> Motion:
     """Run from rest under a pressure (Pa) sampled every ``step_s`` from time 0; ``clock_zero_s`` ages the wall."""

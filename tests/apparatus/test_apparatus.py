@@ -15,6 +15,7 @@ from .campaign import NONE, PLANS, campaign, make, regulated, specimen, write
 from .cases import deck, generate, opened, seal
 from .effects import EVERY, PHYSICS, UNKNOWN, Cause, conceal
 from .instrument import SIGMA, Instrument, tracking_noise
+from .laws import channel, cohesion_n, drag_n, frustum
 from .physics import residual
 from .straw import Straw, move
 
@@ -64,13 +65,11 @@ def test_the_papers_two_runs_come_out(shared, name, kpa, deployed, c_zeta, c_phi
     away = np.abs(motion.at(time_s) - np.column_stack([given["x_m"], given["z_m"], given["phi_rad"]]))
     assert np.all(np.median(away, axis=0) < [1e-6, 1e-6, 2e-5])  # the file is good to about 1 um
     for n in (0, 3):  # 0.1 ms in the file, as much from odd frusta that give a little, as much from the steps
-        sign = np.sign(kpa)
-        there = sign * given[f"zeta_{n + 1}_2_m"]
-        k = int(np.argmax(there > 0.0))  # the first sample of the file beyond the flat state, passed by us when?
-        zeta = sign * motion.q[:, 9 + n]
-        m = int(np.argmax(zeta > there[k]))
-        passed = np.interp(there[k], zeta[m - 1 : m + 1], motion.time_s[m - 1 : m + 1])
-        assert abs(passed - time_s[k]) < 3e-4
+        k = int(np.argmax(np.sign(kpa) * given[f"zeta_{n + 1}_2_m"] > 0.0))
+        near = slice(k - 10, k + 10)  # the whole of the snap, from which its time is known better than from a sample
+        shifts = np.linspace(-2e-3, 2e-3, 401)
+        apart = [np.sum((motion.at(time_s[near] + s)[:, 0] - given["x_m"][near]) ** 2) for s in shifts]
+        assert abs(shifts[np.argmin(apart)]) < 3e-4
 
 
 def test_energy_that_pressure_puts_in_is_moved_stored_or_damped():
@@ -137,6 +136,43 @@ def test_every_law_is_seen_at_its_strongest_and_less_at_its_weakest():
                 seen.append(np.sqrt(np.mean(np.square(away))))
             assert seen[1] > 2.0, (name, form, seen)
             assert seen[0] < seen[1], (name, form, seen)
+
+
+def test_each_law_has_the_shape_it_is_named_after():
+    def extra(zeta_rate: float, gap_m: float, d: float = 1e-9, **laws: float) -> float:
+        """Force of a law on the first active frustum (N) at a rate and a gap."""
+        forces = []
+        for straw in (Straw().with_laws(**laws), Straw()):
+            P, F = straw.numbers()
+            zeta = -2.28e-3 + gap_m
+            forces.append(frustum(True, zeta, 0.0, zeta_rate, 0.0, 0.0, d, np.zeros(at.STATES), 0, P, F[9])[0])
+        return forces[0] - forces[1]
+
+    near = {"abs": 1e-9}
+    curve = {"COHESION_N": 5.0, "COHESION_REACH": 2e-4}
+    assert extra(0.0, 2e-4, **curve) == pytest.approx(5.0)
+    assert extra(0.0, 0.0, **curve) == pytest.approx(0.0, **near)
+    assert extra(0.0, 2.5e-4, **curve, COHESION_FORM=1.0) == pytest.approx(0.0, **near)
+    assert cohesion_n(1e-4, Straw().with_laws(**curve, COHESION_FORM=1.0).numbers()[0]) == pytest.approx(5 / 1.9)
+    assert extra(0.01, 2e-4, FILM=800.0) == pytest.approx(800.0 * 0.01 / 8)
+    assert extra(0.05, 1e-3, FRICTION=0.4) == pytest.approx(0.4, rel=1e-2)  # slides at Coulomb's level
+    assert extra(1e-4, 1e-3, FRICTION=0.4) == pytest.approx(0.4 * 1.3, rel=1e-2)  # and sticks more when slow
+    assert extra(0.01, 1e-3, d=1e6, BRANCH_1=900.0) == pytest.approx(900.0 * 0.01 / 1e6, rel=1e-3)  # a spring at once
+
+    def inside(flow: float, d: float = 1e-9, p: float = 0.0, **laws: float) -> tuple[float, ...]:
+        return channel(flow, 1e-5, 20e3, p, d, np.zeros(at.STATES), Straw().with_laws(**laws).numbers()[0])
+
+    bernoulli = 1000.0 / (2 * np.pi**2 * 0.40e-3**4)
+    assert inside(2e-6)[0] == pytest.approx(20e3 - bernoulli * 4e-12)
+    assert inside(-2e-6)[0] == pytest.approx(20e3 + bernoulli * 4e-12)
+    slow = inside(1e-8, VISCOUS=2e9)
+    assert slow[0] == pytest.approx(20e3 - 20.0 - bernoulli * 1e-16, abs=0.01)
+    assert inside(0.0, GAS_VOLUME=1e-6)[2] == pytest.approx(1e-6 * (101_325 / 121_325) ** (1 / 1.4), rel=1e-6)
+    leaking = inside(0.0, LEAK=4e-11)
+    assert leaking[1] == pytest.approx(4e-11 * leaking[0])
+    assert leaking[0] == pytest.approx(20e3 - bernoulli * leaking[1] ** 2)
+    P = Straw().with_laws(DRAG=0.1).numbers()[0]
+    assert -drag_n(10.0, 0.0, 1.0, P)[0] / 100.0 < -drag_n(0.1, 0.0, 1.0, P)[0] / 0.01  # thicker air when slow
 
 
 def test_repeats_of_a_specimen_differ_a_little_and_the_same_seed_gives_the_same():
