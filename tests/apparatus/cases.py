@@ -11,7 +11,7 @@ import numpy as np
 
 from rig.run import Run
 
-from .campaign import RUN_IDS, effect_sigma, make, record
+from .campaign import RUN_IDS, effect_sigma, make, record, repeat_sigma
 from .effects import INSTRUMENT, PHYSICS, UNKNOWN, Cause, Range
 
 Split = Literal["develop", "final"]
@@ -54,11 +54,12 @@ class Case:
 
 @dataclass(frozen=True)
 class Generated:
-    """A case's recordings, and per run how many sigmas its causes move what is seen."""
+    """A case's recordings, and per run how many sigmas its causes, and repeats alone, move what is seen."""
 
     case: Case
     runs: tuple[Run, ...]
     effect_sigma: dict[str, float]
+    repeat_sigma: dict[str, float]
 
 
 def generate(case: Case) -> Generated:
@@ -66,7 +67,8 @@ def generate(case: Case) -> Generated:
     made = make(case.truth, case.seed, case.runs)
     runs = tuple(record(one, case.seed, case.name) for one in made)
     effect = effect_sigma(made, make((), case.seed, case.runs) if case.truth else made)
-    return Generated(case, runs, effect)
+    floor = repeat_sigma(case.seed)
+    return Generated(case, runs, effect, {run: floor[run] for run in case.runs})
 
 
 def _sized(name: str, sizes: Range, low: float, high: float, rng: np.random.Generator, form: str = "") -> Cause:

@@ -109,7 +109,7 @@ PHYSICS: dict[str, Range] = {
         "disk with gap floor, h^-3": _laws(FILM=lambda s: s, FILM_GAP=2e-4, FILM_POWER=3.0),
         "strip of rough walls, h^-2": _laws(FILM=lambda s: s, FILM_GAP=1.5e-4, FILM_POWER=2.0),
     }),
-    "fluid_inertia": Range(1e6, 1e8, "Pa s^2/m^3", {
+    "fluid_inertia": Range(3e6, 3e8, "Pa s^2/m^3", {
         "channel and filled straw": _laws(INERTANCE=lambda s: s, INERTANCE_VOLUME=1.5e4),
     }),
     "poiseuille_loss": Range(1e8, 6e9, "Pa s/m^3", {

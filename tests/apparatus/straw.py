@@ -36,7 +36,7 @@ class Straw:
     weaker: tuple[float, ...] = (1.0,) * at.CELLS
     lean_rad: tuple[float, ...] = (0.0,) * at.CELLS
     stop_m: tuple[float, ...] = (1.0,) * at.CELLS
-    laws: dict[str, float] = field(default_factory=dict)
+    laws: dict[str, float] = field(default_factory=dict, hash=False)
 
     def with_laws(self, **laws: float) -> Straw:
         return replace(self, laws={**self.laws, **laws})
