@@ -11,8 +11,9 @@ import numpy as np
 
 from rig.run import Run
 
-from .campaign import RUN_IDS, effect_sigma, make, record, repeat_sigma
+from .campaign import effect_sigma, make, record, repeat_sigma
 from .effects import INSTRUMENT, PHYSICS, UNKNOWN, Cause, Range
+from .plans import RUN_IDS
 
 Split = Literal["develop", "final"]
 STEPS = tuple(run for run in RUN_IDS if run.startswith(("deploy", "fold")))

@@ -11,12 +11,13 @@ import pytest
 from rig.run_read import read_run
 
 from . import layout as at
-from .campaign import NONE, PLANS, campaign, make, regulated, specimen, write
+from .campaign import NONE, campaign, make, specimen, write
 from .cases import deck, generate, opened, seal
 from .effects import EVERY, PHYSICS, UNKNOWN, Cause, conceal
 from .instrument import SIGMA, Instrument, tracking_noise
 from .laws import channel, cohesion_n, drag_n, frustum
 from .physics import residual
+from .plans import PLANS, regulated
 from .straw import Straw, move
 
 
