@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,33 +13,47 @@ from model.parameters import StrawParameters
 from model.simulate import TOLERANCE_M, Prediction, simulate
 from replay.driving import driving_pressure
 from replay.errors import ReplayError
+from replay.judge import Motion, limit_of, measured_motion, moved_inputs, pairs_of, predicted_motion, quantities
 from replay.metrics import Metrics, metrics_of
+from replay.metrics.snaps import Pair
+from replay.metrics.validation import Quantity, signal_verdict
 from rig.run import Run
 
 Floats = NDArray[np.float64]
 
 CHANNELS = ("x_m", "z_m", "phi_rad")
+#: How much finer the run is integrated to see what the integration leaves.
+FINER = 0.1
 
 
 @dataclass(frozen=True)
 class Signal:
-    """One channel at the tip's valid samples: arrays (n,), SI; sigma NaN where unknown."""
+    """One channel at the tip's valid samples: arrays (n,), SI; sigma NaN where unknown.
+
+    ``u_val`` (n,): standard validation uncertainty of each sample: measurement, integration and inputs together.
+    """
 
     time_s: Floats
     measured: Floats
     sigma: Floats
     predicted: Floats
+    u_val: Floats
     metrics: Metrics
+    verdict: str
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """A run, the prediction of it, and both side by side; signals by channel name."""
+    """A run, the prediction of it, and both side by side: signals by channel, snaps in pairs, figures judged."""
 
     run: Run
     straw: StrawParameters
     prediction: Prediction
     signals: dict[str, Signal]
+    measured: Motion
+    predicted: Motion
+    pairs: list[Pair]
+    quantities: list[Quantity]
 
 
 def predict(run: Run, straw: StrawParameters, *, tolerance_m: float = TOLERANCE_M) -> Prediction:
@@ -59,15 +75,45 @@ def predict(run: Run, straw: StrawParameters, *, tolerance_m: float = TOLERANCE_
     return simulate(worn, pressure, time_s, run.initial_deployed, tolerance_m=tolerance_m)
 
 
-def compare(run: Run, straw: StrawParameters) -> Comparison:
-    """Predict a gathered run and compare the tip; raises what `predict` raises."""
+def compare(run: Run, straw: StrawParameters, uncertain: Mapping[str, float] | None = None) -> Comparison:
+    """Predict a gathered run and compare the tip; raises what `predict` raises.
+
+    ``uncertain``: standard uncertainties of constants by name. What each does to the prediction, with the pressure's
+    own sigma (taken as common to all readings, the worst it can be) and a finer integration, makes up ``u_val``.
+    """
     prediction = predict(run, straw)
+    fine = predict(run, straw, tolerance_m=FINER * TOLERANCE_M)
+    inputs = {name: predict(run, moved) for name, moved in moved_inputs(straw, uncertain or {}).items()}
+    if (pushed := _pushed(run)) is not None:
+        inputs["pressure"] = predict(pushed, straw)
     assert run.tip is not None
     tip, valid = run.tip, run.tip.valid
     signals = {}
     for channel in CHANNELS:
-        predicted = getattr(prediction, channel)[-len(tip) :][valid]
+
+        def at_tip(p: Prediction, channel: str = channel) -> Floats:
+            return np.asarray(getattr(p, channel)[-len(tip) :][valid], dtype=np.float64)
+
+        predicted = at_tip(prediction)
         measured, sigma = getattr(tip, channel)[valid], getattr(tip, f"sigma_{channel}")[valid]
+        moved = [at_tip(p) - predicted for p in (fine, *inputs.values())]
+        u_val = np.sqrt(sigma**2 + np.sum(np.square(moved), axis=0))
         metrics = metrics_of(tip.time_s[valid], measured, sigma, predicted)
-        signals[channel] = Signal(tip.time_s[valid], measured, sigma, predicted, metrics)
-    return Comparison(run, straw, prediction, signals)
+        verdict = signal_verdict(predicted - measured, u_val)
+        signals[channel] = Signal(tip.time_s[valid], measured, sigma, predicted, u_val, metrics, verdict)
+    limit_rad = limit_of(straw)
+    seen, said = measured_motion(tip, limit_rad), predicted_motion(prediction, tip, limit_rad)
+    finer = predicted_motion(fine, tip, limit_rad)
+    by_input = {name: predicted_motion(p, tip, limit_rad) for name, p in inputs.items()}
+    judged = quantities(seen, said, finer, by_input)
+    return Comparison(run, straw, prediction, signals, seen, said, pairs_of(seen, said), judged)
+
+
+def _pushed(run: Run) -> Run | None:
+    """The run with all its pressures one sigma higher; None where sigma is unknown."""
+    assert run.pressure is not None
+    sigma_pa = float(np.median(run.pressure.sigma_pa))
+    if not sigma_pa > 0:
+        return None
+    higher = dataclasses.replace(run.pressure, pressure_pa=run.pressure.pressure_pa + sigma_pa)
+    return dataclasses.replace(run, pressure=higher)
