@@ -155,6 +155,13 @@ def parser() -> argparse.ArgumentParser:
     _straw(p)
     p.add_argument("--report", type=Path, default=Path("replay.html"), metavar="R.html", help="the page (replay.html)")
     p.add_argument("--partial", action="store_true", help="take damaged or cut recordings for what is left of them")
+    p.add_argument(
+        "--fitted", nargs="+", default=[], metavar="RUN|JSON", help="runs that went into the fit; or its JSON"
+    )
+    p.add_argument(
+        "--uncertain", action="append", default=[], metavar="NAME=SIGMA", help="of a constant, SI, as r_ch_m=2e-6"
+    )
+    p.add_argument("--predictions", type=Path, metavar="DIR", help="each run's prediction as an MCAP beside it in time")
     _json(p)
     return top
 

@@ -44,7 +44,10 @@ class Signal:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A run, the prediction of it, and both side by side: signals by channel, snaps in pairs, figures judged."""
+    """A run, the prediction of it, and both side by side: signals by channel, snaps in pairs, figures judged.
+
+    ``inputs``: what of the prediction's inputs was taken as uncertain.
+    """
 
     run: Run
     straw: StrawParameters
@@ -54,6 +57,7 @@ class Comparison:
     predicted: Motion
     pairs: list[Pair]
     quantities: list[Quantity]
+    inputs: tuple[str, ...]
 
 
 def predict(run: Run, straw: StrawParameters, *, tolerance_m: float = TOLERANCE_M) -> Prediction:
@@ -106,7 +110,7 @@ def compare(run: Run, straw: StrawParameters, uncertain: Mapping[str, float] | N
     finer = predicted_motion(fine, tip, limit_rad)
     by_input = {name: predicted_motion(p, tip, limit_rad) for name, p in inputs.items()}
     judged = quantities(seen, said, finer, by_input)
-    return Comparison(run, straw, prediction, signals, seen, said, pairs_of(seen, said), judged)
+    return Comparison(run, straw, prediction, signals, seen, said, pairs_of(seen, said), judged, tuple(inputs))
 
 
 def _pushed(run: Run) -> Run | None:

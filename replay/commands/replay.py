@@ -1,4 +1,4 @@
-"""straw replay: measured against predicted, as a table, a page and JSON."""
+"""straw replay: measured against predicted, as a table, a page, a picture, predictions and JSON."""
 
 from __future__ import annotations
 
@@ -7,45 +7,105 @@ import dataclasses
 import math
 
 from model.parameters import load_straw
+from replay.commands.simulate import trace_of
 from replay.compare import Comparison, compare
+from replay.errors import ReplayError
 from replay.gather import gather
-from replay.output import write_json, write_text
+from replay.metrics.validation import RESOLVED, UNKNOWN
+from replay.output import check_new, write_json, write_text
 from replay.progress import prepare, progress_bar, say
 from replay.report.page import page
+from replay.report.words import order
+from replay.roles import roles_of
+from rig.run_derived import write_prediction
 
 
 def run(args: argparse.Namespace) -> int:
     """Compare every run; 0 whatever the misfit, for how good is good enough is not for this command to say."""
-    straw = load_straw(args.straw)
+    straw, uncertain = load_straw(args.straw), uncertain_of(args.uncertain)
     runs = gather(args.runs, partial=args.partial)
+    roles = roles_of(args.fitted, runs)
+    if args.predictions:
+        for one in runs:
+            check_new(args.predictions / f"{one.run_id}-prediction.mcap")
     prepare()
     comparisons = []
     with progress_bar("replay", "run") as progress:
         for i, one in enumerate(runs):
-            comparisons.append(compare(one, straw))
+            comparisons.append(compare(one, straw, uncertain))
             progress(i + 1, len(runs))
-    write_text(args.report, page(comparisons))
+    written = [args.report]
+    if args.predictions:
+        written += [write_predicted(args.predictions, c) for c in comparisons]
+    write_text(args.report, page(comparisons, roles))
     if args.json:
-        write_json(args.json, as_data(comparisons))
-    print(table(comparisons))
+        write_json(args.json, as_data(comparisons, roles))
+    print(table(comparisons, roles))
     for one in runs:
         for sentence in one.lost:
             say(f"{one.run_id}: {sentence}")
-    print(f"\nlook at {args.report}")
+    print(f"\nlook at {', '.join(map(str, written))}")
     return 0
 
 
-def as_data(comparisons: list[Comparison]) -> dict[str, object]:
-    """Metrics by run and channel, SI, for JSON."""
+def write_predicted(folder: Path, c: Comparison) -> Path:
+    """The prediction as a recording of its own on the run's clock, which viewers lay over it; returns its path."""
+    path = folder / f"{c.run.run_id}-prediction.mcap"
+    assert c.run.tip is not None
+    write_prediction(
+        path,
+        "straw",
+        {**c.run.metadata, "straw": c.straw.to_toml(), "driven_by": "/pressure/measured"},
+        parent_sha256=c.run.sha256,
+        zero_time_ns=c.run.zero_time_ns,
+        tip=trace_of(c.prediction, c.prediction.time_s),
+        pressure_time_s=c.prediction.time_s,
+        pressure_pa=c.prediction.pressure_pa,
+    )
+    return path
+
+
+def uncertain_of(texts: list[str]) -> dict[str, float]:
+    """Standard uncertainties of constants from NAME=SIGMA; ReplayError for anything else."""
+    found = {}
+    for text in texts:
+        name, _, sigma = text.partition("=")
+        try:
+            found[name] = float(sigma)
+        except ValueError:
+            found[name] = math.nan
+        if not found[name] > 0:
+            raise ReplayError(f"--uncertain {text}: expected a constant and its sigma in SI, as r_ch_m=2e-6")
+    return found
+
+
+def as_data(comparisons: list[Comparison], roles: dict[str, str] | None = None) -> dict[str, object]:
+    """Metrics by run and channel, snaps and judged figures, SI, for JSON."""
     return {
         "runs": [
             {
                 "run_id": c.run.run_id,
+                "role": (roles or {}).get(c.run.sha256, ""),
                 "specimen": c.run.specimen,
                 "file": str(c.run.path),
                 "sha256": c.run.sha256,
                 "lost": list(c.run.lost),
                 "metrics": {name: dataclasses.asdict(signal.metrics) for name, signal in c.signals.items()},
+                "verdicts": {name: signal.verdict for name, signal in c.signals.items()},
+                "snaps": [
+                    {
+                        "measured": dataclasses.asdict(p.measured) if p.measured else None,
+                        "predicted": dataclasses.asdict(p.predicted) if p.predicted else None,
+                        "late_s": p.late_s,
+                    }
+                    for p in c.pairs
+                ],
+                "order": order(c),
+                "quantities": [
+                    {**dataclasses.asdict(q), "error": q.error, "u_val": q.u_val, "verdict": q.verdict}
+                    for q in c.quantities
+                ],
+                "uncertain_inputs": list(c.inputs),
             }
             for c in comparisons
         ],
@@ -53,15 +113,26 @@ def as_data(comparisons: list[Comparison]) -> dict[str, object]:
     }
 
 
-def table(comparisons: list[Comparison]) -> str:
-    """RMSE of every run in units people read."""
-    width = max([len(c.run.run_id) for c in comparisons] + [3])
-    lines = [f"{'run':<{width}}  {'X rms/um':>9} {'Z rms/um':>9} {'Phi rms/mrad':>13} {'worst/sigma':>12}"]
+def table(comparisons: list[Comparison], roles: dict[str, str]) -> str:
+    """One line a run: RMS residuals in units people read, and how far that is beyond the noise."""
+    width = max(len("run"), *(len(c.run.run_id) for c in comparisons))
+    lines = [
+        f"{'run':<{width}}  {'X / um':>9} {'Z / um':>9} {'Phi / mrad':>11} {'worst / sigma':>14} {'Phi lag / ms':>16}"
+        f"   {'figures off':<12} snaps: model late by / ms"
+    ]
     for c in comparisons:
         x, z, phi = (c.signals[name].metrics for name in ("x_m", "z_m", "phi_rad"))
         chi = max(m.reduced_chi2 for m in (x, z, phi)) ** 0.5
+        lag = "beyond" if phi.lag_at_bound else f"{phi.lag_s * 1e3:.1f} +- {phi.lag_sigma_s * 1e3:.1f}"
+        told = [q for q in c.quantities if q.verdict != UNKNOWN]
+        off = f"{sum(q.verdict == RESOLVED for q in told)} of {len(told)}"
+        late = ", ".join(
+            f"{p.late_s * 1e3:.1f}" if p.measured and p.predicted else "missed" if p.measured else "extra"
+            for p in c.pairs
+        )
         lines.append(
-            f"{c.run.run_id:<{width}}  {x.rmse * 1e6:9.1f} {z.rmse * 1e6:9.1f} {phi.rmse * 1e3:13.2f} "
-            f"{f'{chi:.1f}' if math.isfinite(chi) else '-':>12}"
+            f"{c.run.run_id:<{width}}  {x.rmse * 1e6:9.1f} {z.rmse * 1e6:9.1f} {phi.rmse * 1e3:11.2f} "
+            f"{f'{chi:.1f}' if math.isfinite(chi) else '-':>14} {lag:>16}   {off:<12} {late or 'none':<24} "
+            f"{roles.get(c.run.sha256, '')}".rstrip()
         )
     return "\n".join(lines)

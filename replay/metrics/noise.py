@@ -18,7 +18,7 @@ def autocorrelation(values: Floats) -> Floats:
         return np.ones(1)
     rho = covariance / covariance[0]
     negative = np.flatnonzero(rho <= 0)
-    return rho[: negative[0]] if negative.size else rho
+    return np.asarray(rho[: negative[0]] if negative.size else rho)
 
 
 def independent(values: Floats, *, squares: bool = False) -> float:
