@@ -161,6 +161,17 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--uncertain", action="append", default=[], metavar="NAME=SIGMA", help="of a constant, SI, as r_ch_m=2e-6"
     )
+    p.add_argument(
+        "--protocol",
+        type=Path,
+        nargs="?",
+        const=Path(),
+        metavar="P.toml",
+        help="run the same protocol on emulator and model, too, and lay all three over each other (the one it carries)",
+    )
+    p.add_argument("--png", type=Path, metavar="P.png", help="the same overlay as a picture for a paper (or svg, pdf)")
+    p.add_argument("--video", type=Path, nargs="+", metavar="VIDEO", help="the run's film, to stand beside the straw")
+    p.add_argument("--camera", type=Path, metavar="C.json", help="the camera with its place (the track says it)")
     p.add_argument("--predictions", type=Path, metavar="DIR", help="each run's prediction as an MCAP beside it in time")
     _json(p)
     return top

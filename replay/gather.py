@@ -42,7 +42,10 @@ def gather(paths: Sequence[Path], *, partial: bool = False) -> list[Run]:
         tracked.add(parent.sha256)
         shift_s = (run.zero_time_ns - parent.zero_time_ns) / 1e9
         by_sha[parent.sha256] = dataclasses.replace(
-            by_sha[parent.sha256], tip=_shifted(run.tip, shift_s), lost=(*by_sha[parent.sha256].lost, *run.lost)
+            by_sha[parent.sha256],
+            tip=_shifted(run.tip, shift_s),
+            attachments={**by_sha[parent.sha256].attachments, **run.attachments},
+            lost=(*by_sha[parent.sha256].lost, *run.lost),
         )
         joined.add(run.sha256)
     runs = [run for sha, run in by_sha.items() if sha not in joined]

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
+from pathlib import Path
+from typing import Any
 
 from model.parameters import load_straw
 from replay.commands.simulate import trace_of
@@ -15,8 +17,11 @@ from replay.metrics.validation import RESOLVED, UNKNOWN
 from replay.output import check_new, write_json, write_text
 from replay.progress import prepare, progress_bar, say
 from replay.report.page import page
+from replay.report.proxy import film
+from replay.report.three_ways import differences_data, differences_table, three_ways_data
 from replay.report.words import order
 from replay.roles import roles_of
+from replay.three_ways import protocol_of, three_ways
 from rig.run_derived import write_prediction
 
 
@@ -25,6 +30,8 @@ def run(args: argparse.Namespace) -> int:
     straw, uncertain = load_straw(args.straw), uncertain_of(args.uncertain)
     runs = gather(args.runs, partial=args.partial)
     roles = roles_of(args.fitted, runs)
+    if args.video and len(runs) > 1:
+        raise ReplayError(f"--video: {len(runs)} runs are given; a film belongs to one run, replay that by itself")
     if args.predictions:
         for one in runs:
             check_new(args.predictions / f"{one.run_id}-prediction.mcap")
@@ -37,10 +44,29 @@ def run(args: argparse.Namespace) -> int:
     written = [args.report]
     if args.predictions:
         written += [write_predicted(args.predictions, c) for c in comparisons]
-    write_text(args.report, page(comparisons, roles))
+    more: dict[str, dict[str, Any]] = {one.sha256: {} for one in runs}
+    if args.video:
+        with progress_bar("film", "frame") as progress:
+            more[runs[0].sha256]["film"] = film(comparisons[0], args.video, args.camera, progress)
+    thrice = {}
+    if args.protocol is not None:
+        for one in runs:
+            say(f"{one.run_id}: the same protocol on emulator and model")
+            thrice[one.sha256] = three_ways(
+                one, straw, protocol_of(one, args.protocol if args.protocol != Path() else None)
+            )
+            more[one.sha256]["threeWays"] = three_ways_data(thrice[one.sha256])
+    write_text(args.report, page(comparisons, roles, more))
     if args.json:
-        write_json(args.json, as_data(comparisons, roles))
+        data = as_data(comparisons, roles)
+        for entry in data["runs"] if thrice else ():
+            entry["three_ways"] = differences_data(thrice[entry["sha256"]])
+        write_json(args.json, data)
+    if args.png:
+        written += pictures(args.png, comparisons)
     print(table(comparisons, roles))
+    for sha256, ways in thrice.items():
+        print(differences_table(next(one.run_id for one in runs if one.sha256 == sha256), ways))
     for one in runs:
         for sentence in one.lost:
             say(f"{one.run_id}: {sentence}")
@@ -65,6 +91,16 @@ def write_predicted(folder: Path, c: Comparison) -> Path:
     return path
 
 
+def pictures(path: Path, comparisons: list[Comparison]) -> list[Path]:
+    """One picture a run; with several runs each has its run's id in the name."""
+    from replay.report.png import write_png  # matplotlib takes its time
+
+    paths = [path if len(comparisons) == 1 else path.with_stem(f"{path.stem}-{c.run.run_id}") for c in comparisons]
+    for where, c in zip(paths, comparisons, strict=True):
+        write_png(where, c)
+    return paths
+
+
 def uncertain_of(texts: list[str]) -> dict[str, float]:
     """Standard uncertainties of constants from NAME=SIGMA; ReplayError for anything else."""
     found = {}
@@ -79,7 +115,7 @@ def uncertain_of(texts: list[str]) -> dict[str, float]:
     return found
 
 
-def as_data(comparisons: list[Comparison], roles: dict[str, str] | None = None) -> dict[str, object]:
+def as_data(comparisons: list[Comparison], roles: dict[str, str] | None = None) -> dict[str, Any]:
     """Metrics by run and channel, snaps and judged figures, SI, for JSON."""
     return {
         "runs": [

@@ -3,37 +3,20 @@
 from __future__ import annotations
 
 import argparse
-import math
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
-
-import numpy as np
-from numpy.typing import NDArray
 
 from replay.errors import ReplayError
 from replay.gather import read_whole
-from replay.metrics import Metrics, metrics_of
 from replay.output import write_json
+from replay.series import Series, differ, tip_series
 from rig.catalogue import family, find
 from rig.run import Run
 from rig.run_read import read_run
-from tracking.trace import TipTrace
 
-Floats = NDArray[np.float64]
 #: What differs between any two runs and means nothing.
 OWN = ("run_id", "zero_time_ns", "cycles", "port", "missed_readings", "parent_sha256")
 SHOWN = {"Pa": (1e-3, "kPa"), "m": (1e3, "mm"), "rad": (1e3, "mrad")}
-
-
-@dataclass(frozen=True)
-class Series:
-    """One signal of a run: times and values (n,), standard uncertainty (n,), NaN where unknown, and its unit."""
-
-    time_s: Floats
-    value: Floats
-    sigma: Floats
-    unit: str
 
 
 def compare_runs(args: argparse.Namespace) -> int:
@@ -82,32 +65,8 @@ def series_of(run: Run, folder: Path) -> dict[str, Series]:
         if tracks:
             tip, shift_s = tracks[0].tip, (tracks[0].zero_time_ns - run.zero_time_ns) * 1e-9
     if tip is not None:
-        found |= _tip_series(tip, shift_s)
+        found |= tip_series(tip, shift_s)
     return found
-
-
-def _tip_series(tip: TipTrace, shift_s: float) -> dict[str, Series]:
-    valid = tip.valid
-    return {
-        name: Series(
-            tip.time_s[valid] + shift_s, getattr(tip, field)[valid], getattr(tip, f"sigma_{field}")[valid], unit
-        )
-        for name, field, unit in (("X", "x_m", "m"), ("Z", "z_m", "m"), ("Phi", "phi_rad", "rad"))
-    }
-
-
-def differ(a: Series, b: Series, name: str) -> Metrics:
-    """b - a at a's times within what both cover; commands are held, everything else is joined by straight lines."""
-    inside = (a.time_s >= b.time_s[0]) & (a.time_s <= b.time_s[-1])
-    if not np.any(inside):
-        raise ReplayError(f"{name}: the two runs do not overlap in time; check their zero_time_ns")
-    time_s = a.time_s[inside]
-    at: Callable[[Floats], Floats] = lambda values: np.interp(time_s, b.time_s, values)  # noqa: E731
-    if name == "command":
-        before = np.searchsorted(b.time_s, time_s, side="right") - 1
-        at = lambda values: values[before]  # noqa: E731
-    sigma = np.hypot(a.sigma[inside], at(b.sigma))
-    return metrics_of(time_s, a.value[inside], np.where(sigma > 0, sigma, math.nan), at(b.value))
 
 
 def _short(text: str) -> str:

@@ -20,7 +20,7 @@ GRID = 121
 
 @dataclass(frozen=True)
 class Lag:
-    """``value_s`` > 0 where the prediction is late. NaN where the prediction does not move.
+    """``value_s`` > 0 where the prediction is late. NaN where the motion is too small to tell.
 
     ``at_bound``: the best match lies at or beyond the limit of the search, so the value means nothing but "not here".
     """
@@ -45,20 +45,26 @@ def lag_of(time_s: Floats, measured: Floats, predicted: Floats) -> Lag:
         return UNKNOWN
     bound_s = min(OF_PERIOD * period_of(time_s, predicted), OF_RECORD * span_s)
     curve = CubicSpline(time_s, predicted)
-    core = (time_s >= time_s[0] + bound_s) & (time_s <= time_s[-1] - bound_s)
-    at_s, seen = time_s[core], measured[core]
+
+    def both(late_s: float) -> slice:
+        """Samples that have a prediction when it is moved."""
+        return slice(*np.searchsorted(time_s, [time_s[0] - late_s, time_s[-1] - late_s]).tolist())
 
     def misfit(late_s: float) -> float:
-        return float(np.mean((curve(at_s + late_s) - seen) ** 2))
+        there = both(late_s)
+        return float(np.mean((curve(time_s[there] + late_s) - measured[there]) ** 2))
 
     grid = np.linspace(-bound_s, bound_s, GRID)
     best = int(np.argmin([misfit(late_s) for late_s in grid]))
     around = grid[max(best - 1, 0)], grid[min(best + 1, GRID - 1)]
     late_s = float(minimize_scalar(misfit, bounds=around, method="bounded", options={"xatol": 1e-3 * bound_s / GRID}).x)
-    residual = curve(at_s + late_s) - seen
-    rate = curve(at_s + late_s, 1)
+    there = both(late_s)
+    residual = curve(time_s[there] + late_s) - measured[there]
+    rate = curve(time_s[there] + late_s, 1)
     worth = independent(residual) / len(residual)
     sigma_s = float(np.sqrt(np.sum(residual**2) / len(residual) / worth / np.sum(rate**2)))
+    if not sigma_s < bound_s:
+        return UNKNOWN
     at_bound = bool(bound_s - abs(late_s) < bound_s / GRID)
     return Lag(late_s, sigma_s, float(bound_s), at_bound, float(np.sqrt(np.mean(residual**2))))
 

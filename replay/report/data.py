@@ -41,14 +41,15 @@ def data_of(c: Comparison, role: str = "") -> dict[str, Any]:
     signals = {}
     for name, (title, unit, factor) in SHOWN.items():
         s = c.signals[name]
+        known = bool(np.isfinite(s.metrics.reduced_chi2))
         signals[name] = {
             "title": title,
             "unit": unit,
             "factor": factor,
             "measured": packed(s.measured * factor),
-            "sigma": packed(s.sigma * factor),
+            "sigma": packed(s.sigma * factor) if known else None,
             "predicted": packed(s.predicted * factor),
-            "known": bool(np.isfinite(s.metrics.reduced_chi2)),
+            "known": known,
             "metrics": asdict(s.metrics),
             "verdict": s.verdict,
             "small": {"measured": packed(small(s.measured)), "predicted": packed(small(s.predicted))},

@@ -79,5 +79,20 @@ function drawNumbers(run) {
     `<h3>What can be told of the model</h3><div class="scroll"><table><tr><th></th><th>measured</th><th>model</th><th>E = model − measured</th><th>2 u<sub>val</sub></th><th class="words">of it: measurement, integration, inputs</th><th class="words"></th></tr>` +
     run.quantities.map((q) => `<tr><td>${html(q.name)} / ${q.unit}</td><td>${fixed(q.measured, q.digits)}</td><td>${fixed(q.predicted, q.digits)}</td><td>${fixed(q.error, q.digits)}</td><td>${q.u_val === null ? "–" : fixed(2 * q.u_val, q.digits)}</td><td class="words">${[q.u_data, q.u_num, q.u_input].map((v) => (v === null ? "–" : v.toPrecision(2))).join(", ")}</td><td class="words ${q.verdict === "off" ? "off" : ""}">${q.verdict === "off" ? "off" : q.verdict}</td></tr>`).join("") +
     `</table></div><p class="facts">An error below 2 u<sub>val</sub> cannot be resolved with these data: it says nothing for or against the model. One in twenty is above it by chance. ${html(run.inputs)}</p>` +
-    (run.threeWays || "");
+    (run.threeWays ? threeWays(run.threeWays) : "");
+}
+
+// The same protocol on the rig, behind the emulator's wire and in the model: curves over each other and what differs.
+function threeWays({ signals, differences }) {
+  const styles = { recording: "m", emulator: "e", model: "p" };
+  const pictures = Object.entries(signals).map(([name, { unit, curves }]) => {
+    const all = Object.values(curves).flatMap((q) => q.value), times = Object.values(curves).flatMap((q) => q.time);
+    const [low, high, start, end] = [Math.min(...all), Math.max(...all), Math.min(...times), Math.max(...times)];
+    const path = (q) => q.time.map((t, k) => `${((200 * (t - start)) / (end - start)).toFixed(1)},${(96 - (92 * (q.value[k] - low)) / (high - low || 1)).toFixed(1)}`).join(" ");
+    return `<figure>${html(name)} / ${html(unit)}<svg viewBox="0 0 200 100" preserveAspectRatio="none">` +
+      Object.entries(curves).map(([who, q]) => `<polyline class="${styles[who]}" points="${path(q)}"/>`).join("") + "</svg></figure>";
+  });
+  return `<h3>The same protocol on recording, emulator and model</h3><p class="key"><span class="swatch measured"></span> recording <span class="swatch inside"></span> emulator <span class="swatch predicted"></span> model under the controller's nominal response</p>` +
+    `<div class="ways">${pictures.join("")}</div><div class="scroll"><table><tr><th></th><th></th><th>bias</th><th>RMS</th><th>largest</th><th>at</th><th>lag</th></tr>` +
+    differences.map((d) => `<tr><td>${html(d.other)} − ${html(d.one)}</td><td>${html(d.signal)} / ${html(d.unit)}</td><td>${fixed(d.bias, 4)}</td><td>${fixed(d.rmse, 4)}</td><td>${fixed(d.max, 4)}</td><td>${fixed(d.at, 3)} s</td><td>${d.beyond ? "beyond" : d.lag === null ? "–" : `${fixed(d.lag * 1e3, 2)} ± ${fixed(d.lagSigma * 1e3, 2)} ms`}</td></tr>`).join("") + "</table></div>";
 }

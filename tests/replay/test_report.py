@@ -56,7 +56,8 @@ def test_a_recording_without_sigmas_or_a_command_still_makes_a_page() -> None:
     unknown = np.full(len(run.tip), np.nan)
     tip = dataclasses.replace(run.tip, sigma_x_m=unknown, sigma_z_m=unknown, sigma_phi_rad=unknown)
     (shown,) = data_in(page([compared(tip=tip)]))
-    assert shown["signals"]["x_m"]["chi2"] is None
+    assert shown["signals"]["x_m"]["metrics"]["reduced_chi2"] is None
+    assert shown["signals"]["x_m"]["sigma"] is None
     assert shown["pressure"]["command"] is None
 
 
