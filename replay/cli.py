@@ -46,6 +46,13 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("-o", "--output", type=Path, required=True, metavar="RUN.mcap", help="the recording")
     p.add_argument("--rate", type=float, default=100.0, metavar="HZ", help="samples a second (100)")
     p.add_argument("--led", action="store_true", help="blink a code on the trigger output, for the camera's clock")
+    p.add_argument(
+        "--live",
+        nargs="?",
+        const="127.0.0.1:0",
+        metavar="HOST:PORT",
+        help="a page to watch the run with the model beside it (this machine only, any port)",
+    )
     p.add_argument("--fast", action="store_true", help="with --emulate: as fast as the arithmetic, not in real time")
     p.add_argument("--tip", type=Path, metavar="TIP.mcap", help="with --emulate: what a perfect camera would have seen")
     _straw(p, "the straw behind the emulator")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import ast
 from collections.abc import Collection
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,9 @@ import numpy as np
 from model.parameters import StrawParameters, load_straw
 from model.simulate import Stepper
 from replay.errors import ReplayError
+from replay.live.feed import Live
 from replay.output import check_new, write_json
-from replay.progress import prepare, progress_bar
+from replay.progress import prepare, progress_bar, say
 from rig.clock import SteppedClock
 from rig.controller import Controller, make_controller
 from rig.emulate import Emulation, emulator_of
@@ -33,13 +35,31 @@ def run(args: argparse.Namespace) -> int:
     """Run the protocol and say what was recorded."""
     protocol = load_protocol(args.protocol)
     straw = load_straw(args.straw)
+    with live_of(args, straw, protocol) as live:
+        return _run(args, straw, protocol, live)
+
+
+def live_of(args: argparse.Namespace, straw: StrawParameters, protocol: PressureProtocol) -> Live | nullcontext[None]:
+    """The page beside the run, if wanted."""
+    if not args.live:
+        return nullcontext()
+    if args.fast:
+        raise ReplayError("--live shows a run in real time; leave out --fast")
+    check_new(args.output)
+    prepare()
+    return Live(straw, protocol, args.live)
+
+
+def _run(args: argparse.Namespace, straw: StrawParameters, protocol: PressureProtocol, live: Live | None) -> int:
+    if live:
+        say(f"look at {live.url} while it runs")
     if args.emulate:
-        outcome = drive_emulated(args, straw, protocol)
+        outcome = drive_emulated(args, straw, protocol, live)
     elif args.fast or args.tip:
         raise ReplayError("--fast and --tip belong to --emulate: a real rig runs in real time and is filmed")
     else:
         rig = GuardedController(args.controller, args.port, **settings_of(args))
-        outcome = drive(rig, protocol, args.output, straw.cells, args.rate, args.led)
+        outcome = drive(rig, protocol, args.output, straw.cells, args.rate, args.led, live)
     if args.json:
         write_json(args.json, {"recording": str(outcome.path), "cycles": outcome.cycles, "missed": outcome.missed})
     print(
@@ -49,7 +69,9 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def drive_emulated(args: argparse.Namespace, straw: StrawParameters, protocol: PressureProtocol) -> Outcome:
+def drive_emulated(
+    args: argparse.Namespace, straw: StrawParameters, protocol: PressureProtocol, live: Live | None = None
+) -> Outcome:
     """Run it on the emulator, in real time behind a guardian or as fast as the arithmetic; keep the tip if asked."""
     clock = SteppedClock() if args.fast else None
     if args.tip:
@@ -60,7 +82,7 @@ def drive_emulated(args: argparse.Namespace, straw: StrawParameters, protocol: P
             if clock
             else GuardedController(args.controller, emulated.url, **settings_of(args))
         )
-        outcome = drive(rig, protocol, args.output, straw.cells, args.rate, args.led)
+        outcome = drive(rig, protocol, args.output, straw.cells, args.rate, args.led, live)
     if args.tip:
         write_true_tip(args.tip, read_run(outcome.path), emulated.twin.history)
     return outcome
@@ -122,10 +144,17 @@ def drive(
     cells: int,
     rate_hz: float = 100.0,
     led: bool = False,
+    live: Live | None = None,
     **metadata: str,
 ) -> Outcome:
     """Run a protocol on a controller and record it, with a bar; ``metadata`` joins ``straw.run``."""
     with controller as opened, progress_bar(f"drive {protocol.name}", "ms") as progress:
+
+        def reached(now_s: float, whole_s: float, measured_pa: float) -> None:
+            progress(round(now_s * 1e3), round(whole_s * 1e3))
+            if live:
+                live.send(now_s, measured_pa)
+
         return run_protocol(
             opened,
             protocol,
@@ -133,5 +162,5 @@ def drive(
             rate_hz=rate_hz,
             led=led,
             metadata={"cells": str(cells), **metadata},
-            progress=lambda now_s, whole_s, _: progress(round(now_s * 1e3), round(whole_s * 1e3)),
+            progress=reached,
         )

@@ -13,7 +13,12 @@ const unpackRows = ({ data, scale, width }) => {
   return rows;
 };
 const $ = (selector) => document.querySelector(selector);
-const color = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
+// Colours of the theme, asked for once: a style is costly to look up thirty times a second.
+const colors = {};
+const color = (name) => {
+  const key = document.documentElement.dataset.theme + name;
+  return (colors[key] ??= getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim());
+};
 const fixed = (value, digits) => (value === null || value === undefined || !isFinite(value) ? "–" : value.toFixed(digits));
 const html = (text) => String(text).replace(/[&<>"]/g, (c) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;" })[c]);
 // Index of the last time at or before t; 0 before the first.
@@ -52,6 +57,11 @@ const withGaps = (time, columns) => {
 // A run's arrays, unpacked when it is first shown.
 const arraysOf = (run) => {
   if (run.arrays) return run.arrays;
+  if (run.live) { // nothing yet
+    const a = (run.arrays = { time: [], shapeTime: [], zeta: [], phi: [], inside: [], pressureTime: [], pressure: [], command: [] });
+    for (const name of Object.keys(run.signals)) a[name] = { measured: null, predicted: [] };
+    return a;
+  }
   const time = unpack(run.time), a = { time };
   for (const [name, s] of Object.entries(run.signals)) {
     a[name] = { measured: s.measured && unpack(s.measured), sigma: s.sigma && unpack(s.sigma), predicted: unpack(s.predicted) };

@@ -1,5 +1,5 @@
 // Curves against time: one chart a channel with its residual below; all share axis, zoom and cursor.
-let charts = [];
+let charts = [], moving = false;
 const axis = (size, label, space) => ({
   space, stroke: color("soft"), grid: { stroke: color("line"), width: 1 }, ticks: { stroke: color("line") }, size, label,
   labelSize: label ? 18 : 0, font: "12px system-ui, sans-serif", labelFont: "11px system-ui, sans-serif",
@@ -45,7 +45,9 @@ const shareZoom = (u) => {
   for (const other of charts) {
     if (other !== u && (other.scales.x.min !== min || other.scales.x.max !== max)) other.setScale("x", { min, max });
   }
-  requestAnimationFrame(() => moveCursors(now)); // the same moment is elsewhere now
+  if (moving) return;
+  moving = true; // the same moment is elsewhere now
+  requestAnimationFrame(() => { moving = false; moveCursors(now); });
 };
 
 function addChart({ title, note, height, data, series, bands, run, span, unit, last, scales }) {

@@ -8,7 +8,6 @@ const energyOf = (f, zeta, phi, pressure) => {
   return 2 * f.C1 * z2 * z2 + k * z2 + 0.75 * f.C1 * r * r + (k / 2) * r + 6 * f.C1 * z2 * r - (2 * f.C2 * f.zeta0 + f.area * pressure) * zeta;
 };
 const cellShown = (run) => Math.min(chosenCell ?? run.snapping[0] ?? 1, run.straw.cells);
-const mix = (low, high, q) => low.map((v, k) => v + (high[k] - v) * q);
 const rgb = (text) => [1, 3, 5].map((k) => parseInt(text.slice(k, k + 2), 16));
 
 function drawPlane(run, t) {
@@ -71,7 +70,16 @@ const ranges = (cells) => {
 
 // Shades and lines of equal energy, one cell of the grid a pixel of a small picture that is then stretched.
 const grid = document.createElement("canvas");
+let drawn = "";
 function landscape(c, box, frustum, pressure) {
+  const wanted = [frustum.C1, frustum.C2, Math.round(pressure / 50), color("low")].join();
+  if (wanted !== drawn) paint(frustum, pressure);
+  drawn = wanted;
+  c.imageSmoothingEnabled = true;
+  c.drawImage(grid, box.left, box.top, box.width, box.height);
+}
+
+function paint(frustum, pressure) {
   const w = (grid.width = 240), h = (grid.height = 160), g = grid.getContext("2d"), image = g.createImageData(w, h);
   const values = new Float32Array(w * h);
   let low = Infinity;
@@ -87,12 +95,11 @@ function landscape(c, box, frustum, pressure) {
   for (let k = 0; k < w * h; k++) {
     const level = Math.floor((values[k] - low) / PLANE.step);
     const edge = (k % w && Math.floor((values[k - 1] - low) / PLANE.step) !== level) || (k >= w && Math.floor((values[k - w] - low) / PLANE.step) !== level);
-    const q = Math.sqrt(Math.min(1, (level * PLANE.step) / top)), shade = mix(deep, shallow, q);
-    image.data.set([...(edge ? mix(shade, shallow, 0.6) : shade), 255], 4 * k);
+    const q = Math.sqrt(Math.min(1, (level * PLANE.step) / top)), towards = edge ? q + (1 - q) * 0.6 : q;
+    for (let j = 0; j < 3; j++) image.data[4 * k + j] = deep[j] + (shallow[j] - deep[j]) * towards;
+    image.data[4 * k + 3] = 255;
   }
   g.putImageData(image, 0, 0);
-  c.imageSmoothingEnabled = true;
-  c.drawImage(grid, box.left, box.top, box.width, box.height);
 }
 
 function frame(c, box, px, py) {

@@ -1,0 +1,80 @@
+"""What a live page costs the loop: its jitter with and without, by turns in one run; ``python -m tests.benchmarks.live``.
+
+The page's server, the model beside the run and a client that takes every update are there throughout; by turns of two
+seconds the loop feeds them or does not. A period is the time between two readings, as the controller's clock has it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from model.parameters import StrawParameters
+from replay.commands.rig_run import drive, emulation
+from replay.live.feed import Live
+from rig.guarded import GuardedController
+from rig.protocol import protocol_from_toml
+from rig.run_read import read_run
+
+TURN_S, RATE_HZ = 2.0, 100.0
+PROTOCOL = """
+name = "live"
+pressure_unit = "kPa"
+initial_deployed = [1, 4]
+[[main]]
+sine = {{ amplitude = 5, frequency_hz = 0.5 }}
+for_s = {duration}
+"""
+#: Another process that looks: counts updates and the seconds they came in.
+CLIENT = """
+import sys, time, urllib.request
+n, first = 0, None
+with urllib.request.urlopen(sys.argv[1] + "events") as feed:
+    for line in feed:
+        if line.startswith(b"data: ["):
+            n, first, last = n + 1, first or time.monotonic(), time.monotonic()
+print(n, last - first)
+"""
+
+
+class ByTurns(Live):
+    """A feed that is silent every other turn."""
+
+    def send(self, time_s: float, measured_pa: float) -> None:
+        """Feed in even turns, and at the end."""
+        if np.isnan(time_s) or int(time_s / TURN_S) % 2 == 0:
+            super().send(time_s, measured_pa)
+
+
+def main() -> None:
+    """Print median, 99 % and largest deviation of the period, with and without, and the updates a second."""
+    asked = argparse.ArgumentParser(description=__doc__)
+    asked.add_argument("--seconds", type=float, default=40.0)
+    seconds = asked.parse_args().seconds
+    straw, protocol = StrawParameters(), protocol_from_toml(PROTOCOL.format(duration=seconds), "live")
+    with tempfile.TemporaryDirectory() as folder, ByTurns(straw, protocol) as live:
+        client = subprocess.Popen([sys.executable, "-c", CLIENT, live.url], stdout=subprocess.PIPE, text=True)
+        path = Path(folder) / "run.mcap"
+        with emulation(straw, protocol.initial_deployed, "ob1-mk4") as emulated:
+            drive(GuardedController("ob1-mk4", emulated.url), protocol, path, straw.cells, RATE_HZ, live=live)
+        live.send(float("nan"), 0.0)
+        updates, over_s = client.communicate(timeout=20)[0].split()
+        run = read_run(path)
+    assert run.pressure is not None
+    time_s = run.pressure.time_s
+    period_s, turn = np.diff(time_s), (time_s[:-1] / TURN_S).astype(int)
+    inside = np.abs(time_s[:-1] / TURN_S - np.round(time_s[:-1] / TURN_S)) > 0.05  # not where one turn meets the next
+    for name, which in (("with", turn % 2 == 0), ("without", turn % 2 == 1)):
+        off_ms = 1e3 * np.abs(period_s[which & inside] - 1 / RATE_HZ)
+        shown = ", ".join(f"{value:.3f}" for value in (np.median(off_ms), np.quantile(off_ms, 0.99), off_ms.max()))
+        print(f"{name:<8} {len(off_ms)} periods of 10 ms; off by (median, 99 %, largest) {shown} ms")
+    print(f"{float(updates) / (float(over_s) / 2):.1f} updates a second while fed")
+
+
+if __name__ == "__main__":
+    main()
