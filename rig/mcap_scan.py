@@ -141,10 +141,12 @@ def _metadata(found: Scan, payload: bytes) -> None:
 def _attachment(found: Scan, payload: bytes) -> None:
     from mcap.records import Attachment
 
-    crc = int.from_bytes(payload[-4:], "little")  # the mcap package never checks it
-    if crc and crc != zlib.crc32(payload[:-4]):
+    stream = _stream(payload)
+    record = Attachment.read(stream)
+    end = stream.count - 4  # a record may be longer than what is in it
+    crc = int.from_bytes(payload[end : end + 4], "little")  # the mcap package never checks it
+    if crc and crc != zlib.crc32(payload[:end]):
         raise RigError("an attachment fails its checksum and was left out")
-    record = Attachment.read(_stream(payload))
     found.attachments[record.name] = record.data
 
 

@@ -32,3 +32,4 @@ window.addEventListener("beforeprint", () => { themeBefore = document.documentEl
 window.addEventListener("afterprint", () => { document.documentElement.dataset.theme = themeBefore; redraw(); });
 if (!runs[0].live) drawTable(runs);
 redraw(true);
+document.documentElement.dataset.ready = Math.round(performance.now()); // ms, for whoever asks how long it took

@@ -1,0 +1,97 @@
+"""All files of MCAP's conformance suite are read for what they hold, cut at every record and with any bit flipped."""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from rig.errors import RigError
+from rig.mcap_scan import Scan, scan
+from rig.run_read import read_run
+from tests.rig.mcap_conformance import DIGEST, INPUTS, TIMES, conformance_files
+
+
+@cache
+def files() -> dict[str, bytes]:
+    return dict(conformance_files())
+
+
+def holds(found: Scan) -> tuple[object, ...]:
+    """All that a file says, for comparison."""
+    messages = [(channel, happened, data) for channel, happened, data, _ in found.messages]
+    return messages, found.metadata, found.attachments, {c.id: c.topic for c in found.channels.values()}
+
+
+def test_the_files_are_those_of_the_suite_byte_for_byte() -> None:
+    assert len(files()) == 416
+    lines = sorted(f"{name}.mcap {hashlib.sha256(data).hexdigest()}" for name, data in files().items())
+    assert hashlib.sha256("\n".join(lines).encode()).hexdigest() == DIGEST
+
+
+@pytest.mark.parametrize("base", INPUTS)
+def test_every_file_is_read_whole(base: str) -> None:
+    for name, data in files().items():
+        if name.split("-")[0] != base:
+            continue
+        found = scan(data, name)
+        assert found.lost == [], name
+        # publish time where it is known; this suite's times of 0 mean "not known"
+        sent = {"TenMessages": list(TIMES), "OneMessage": [1], "OneSchemalessMessage": [1]}.get(base, [])
+        assert [(c, t, d) for c, t, d, _ in found.messages] == [(1, t, b"\x01\x02\x03") for t in sent], name
+        assert found.metadata == ({"myMetadata": {"foo": "bar"}} if base == "OneMetadata" else {}), name
+        assert found.attachments == ({"myFile": b"\x01\x02\x03"} if base == "OneAttachment" else {}), name
+
+
+def test_a_foreign_file_is_one_clear_line(tmp_path: Path) -> None:
+    for name, data in files().items():
+        path = tmp_path / f"{name}.mcap"
+        path.write_bytes(data)
+        with pytest.raises(RigError, match="holds no message of a straw run") as caught:
+            read_run(path)
+        assert "\n" not in str(caught.value)
+
+
+def test_cut_at_every_record_a_file_says_so_and_gives_what_came_before() -> None:
+    cuts = 0
+    for name, data in files().items():
+        before: list[object] = []
+        for cut in _record_ends(data)[:-1]:
+            found = scan(data[:cut], name)
+            assert any("never finished" in line for line in found.lost), (name, cut)
+            assert list(found.messages)[: len(before)] == before, (name, cut)
+            before = list(found.messages)
+            cuts += 1
+    assert cuts > 416 * 3
+
+
+def test_a_flipped_bit_is_said_or_changes_nothing() -> None:
+    """Every bit of a file of each kind with and without chunks; flips behind the data are the index's: harmless."""
+    chosen = [name for name in files() if "-" not in name or name.endswith(("-ch", "-ch-pad"))]
+    silent = total = 0
+    for name in chosen:
+        data = files()[name]
+        truth = holds(scan(data, name))
+        for bit in range(8 * len(data)):
+            damaged = bytearray(data)
+            damaged[bit // 8] ^= 1 << bit % 8
+            total += 1
+            try:
+                found = scan(bytes(damaged), name)
+            except RigError:
+                continue
+            if not found.lost:
+                silent += 1
+                assert holds(found) == truth, (name, bit)
+    assert silent < total / 2
+
+
+def _record_ends(data: bytes) -> list[int]:
+    ends, position = [8], 8
+    while position < len(data) - 8:
+        position += 9 + int(struct.unpack_from("<Q", data, position + 1)[0])
+        ends.append(position)
+    return ends
