@@ -62,7 +62,7 @@ def predicted_motion(p: Prediction, at: TipTrace, limit_rad: float) -> Motion:
 
 def _cell(p: Prediction, snap: Snap) -> int:
     """The cell that bends most in a snap."""
-    during = (p.time_s >= snap.start_s) & (p.time_s <= snap.end_s)
+    during = (p.time_s >= snap.start_s) & ~(p.time_s > snap.end_s)
     return int(np.argmax(np.abs(p.frustum_phi_rad[during, :, 1]).max(axis=0, initial=0.0))) + 1
 
 
@@ -80,17 +80,14 @@ def pairs_of(measured: Motion, predicted: Motion) -> list[Pair]:
     return match(named(list(measured.snaps), list(predicted.snaps)), list(predicted.snaps))
 
 
-def quantities(
-    measured: Motion, predicted: Motion, numerical: Motion | None, inputs: Mapping[str, Motion]
-) -> list[Quantity]:
+def quantities(measured: Motion, predicted: Motion, numerical: Motion, inputs: Mapping[str, Motion]) -> list[Quantity]:
     """Every figure of merit. ``numerical``: integrated finer; ``inputs``: each input moved by one sigma."""
     base = figures(measured, predicted)
-    fine = figures(measured, numerical) if numerical else {}
+    fine = figures(measured, numerical)
     moved = [figures(measured, motion) for motion in inputs.values()]
 
     def change(name: str, other: Mapping[str, tuple[str, float, float, float]]) -> float:
-        value = other[name][2] - base[name][2] if name in other else 0.0
-        return value if math.isfinite(value) else 0.0  # not in both: the error itself is NaN then
+        return other[name][2] - base[name][2] if name in other else math.nan  # then nothing can be said of it
 
     return [
         Quantity(name, unit, seen, said, u_data, abs(change(name, fine)), math.hypot(*(change(name, m) for m in moved)))

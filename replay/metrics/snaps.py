@@ -27,7 +27,7 @@ SAME_S = 0.5
 
 @dataclass(frozen=True)
 class Snap:
-    """One passage through a bent state: start and end (s) with standard uncertainty, the largest turn (rad, signed).
+    """One passage through a bent state: start and end (s; NaN if it lasts), standard uncertainty, largest turn (rad).
 
     ``hinge_m``: distance from the tip to the cell that bent, by how far the tip swung for its turn. ``overshoot``: how
     far it turns the other way when it comes back, over ``turn_rad``. ``cell``: which one, 0 where nothing tells.
@@ -69,15 +69,16 @@ def snaps_of(time_s: Floats, x_m: Floats, z_m: Floats, phi_rad: Floats, limit_ra
     first, last = np.append(outside[0], outside[gaps + 1]), np.append(outside[gaps], outside[-1])
     found = []
     for i, j in zip(first.tolist(), last.tolist(), strict=True):
-        if i == 0 or j == len(time_s) - 1:
-            continue  # it was under way already, or still is: neither start nor end is seen
+        if i == 0:
+            continue  # it was under way already
         start_s, sigma_s = _crossing(time_s, np.abs(turned), i - 1, limit_rad, noise_rad)
-        end_s, _ = _crossing(time_s, np.abs(turned), j, limit_rad, noise_rad)
+        seen_to_end = j < len(time_s) - 1
+        end_s = _crossing(time_s, np.abs(turned), j, limit_rad, noise_rad)[0] if seen_to_end else float("nan")
         inside = slice(i - 1, j + 2)
         top = turned[inside][np.argmax(np.abs(turned[inside]))]
         after = (time_s > end_s) & (time_s < end_s + RING_S)
         back = -np.sign(top) * turned[after]
-        overshoot = float(max(back.max(initial=0.0), 0.0) / abs(top))
+        overshoot = float(back.max(initial=0.0) / abs(top)) if seen_to_end else float("nan")
         hinge_m = _hinge(x_m[inside], z_m[inside], phi_rad[inside])
         found.append(Snap(start_s, end_s, sigma_s, float(top), hinge_m, overshoot))
     return found

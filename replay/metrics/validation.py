@@ -63,7 +63,10 @@ class Quantity:
         missing = [
             who for who, v in (("measurement", self.measured), ("prediction", self.predicted)) if not math.isfinite(v)
         ]
-        return f"not in the {' nor in the '.join(missing)}" if missing else "the measurement's sigma is unknown"
+        if missing:
+            return f"not in the {' nor in the '.join(missing)}"
+        unknown = "the measurement's sigma is unknown"
+        return unknown if not math.isfinite(self.u_data) else "within the inputs' uncertainty it may not happen at all"
 
 
 def signal_verdict(error: Floats, u_val: Floats) -> str:

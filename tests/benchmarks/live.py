@@ -1,4 +1,4 @@
-"""What a live page costs the loop: its jitter with and without, by turns in one run; ``python -m tests.benchmarks.live``.
+"""What a live page costs the loop: its jitter with and without, by turns in one run.
 
 The page's server, the model beside the run and a client that takes every update are there throughout; by turns of two
 seconds the loop feeds them or does not. A period is the time between two readings, as the controller's clock has it.

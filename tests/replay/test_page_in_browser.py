@@ -55,7 +55,8 @@ def test_the_keyboard_moves_time_zooms_and_changes_the_theme(comparison: Compari
         const out = {}, samples = arraysOf(runs[0]).shapeTime;
         press('Home'); out.home = now; press('ArrowRight'); out.next = now; press('End'); out.end = now;
         press('0'); const all = charts[0].scales.x.max - charts[0].scales.x.min;
-        press('+'); await null; await null; out.zoomed = (charts[3].scales.x.max - charts[3].scales.x.min) / all; press('0');
+        press('+'); await null; await null;
+        out.zoomed = (charts[3].scales.x.max - charts[3].scales.x.min) / all; press('0');
         const before = document.documentElement.dataset.theme; press('d');
         out.themes = [before, document.documentElement.dataset.theme];
         press('ArrowDown'); out.second = document.querySelector('#run h2').textContent;

@@ -1,0 +1,68 @@
+"""The page beside a running rig: what it is told is what is recorded, 30 times a second, on this machine only."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+import urllib.request
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from model.parameters import StrawParameters
+from replay.cli import main
+from replay.commands.rig_run import drive, emulation
+from replay.live.feed import Live
+from rig.controller import make_controller
+from rig.protocol import protocol_from_toml
+from rig.run_read import read_run
+from tests.replay.test_replay_command import FOLD
+
+
+def listen(url: str, heard: list[tuple[float, Any]]) -> None:
+    with urllib.request.urlopen(url + "events", timeout=30) as feed:
+        for line in feed:
+            if line.startswith(b"data: ["):
+                heard.append((time.monotonic(), json.loads(line[6:])))
+
+
+def test_the_page_is_told_what_is_recorded_thirty_times_a_second(tmp_path: Path) -> None:
+    straw, protocol = StrawParameters(), protocol_from_toml(FOLD, "fold")
+    heard: list[tuple[float, Any]] = []
+    with Live(straw, protocol) as live:
+        assert live.url.startswith("http://127.0.0.1:")
+        with urllib.request.urlopen(live.url, timeout=10) as answer:
+            page = answer.read().decode()
+        listener = threading.Thread(target=listen, args=(live.url, heard))
+        listener.start()
+        with emulation(straw, protocol.initial_deployed, "ob1-mk4") as emulated:
+            drive(make_controller("ob1-mk4", emulated.url), protocol, tmp_path / "run.mcap", straw.cells, live=live)
+    listener.join(timeout=10)
+    assert not listener.is_alive()
+    assert '"live": true' in page
+    assert "EventSource" in page
+    rows = [row for _, rows in heard for row in rows]
+    run = read_run(tmp_path / "run.mcap")
+    assert run.pressure is not None
+    assert len(rows) >= 0.9 * len(run.pressure)  # what a busy page cannot take is lost to it alone
+    told = np.array([row[1] for row in rows]) * 1e3
+    np.testing.assert_allclose(told[-5:], run.pressure.pressure_pa[-5:], atol=1.0)
+    assert len(heard) / (heard[-1][0] - heard[0][0]) <= 33  # never more often, however fast the loop
+    phi = np.array([row[8] for row in rows])
+    assert np.abs(phi[:, 0]).max() > 0.15  # the model beside the run bent cell 1, as the run's pressure has it
+    assert rows[-1][7][0] < 0 < rows[0][7][0]  # and folded it
+
+
+def test_an_address_that_cannot_be_had_is_said_before_the_rig_moves(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "fold.toml").write_text(FOLD)
+    run = ["rig", "run", str(tmp_path / "fold.toml"), "--emulate", "-o", str(tmp_path / "run.mcap")]
+    assert main([*run, "--live", "127.0.0.1:none"]) == 2
+    assert "HOST:PORT" in capsys.readouterr().err
+    assert main([*run, "--live", "--fast"]) == 2
+    assert "real time" in capsys.readouterr().err
+    assert not list(tmp_path.glob("run.mcap*"))

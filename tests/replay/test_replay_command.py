@@ -1,0 +1,176 @@
+"""straw replay as it is used: snaps and judgements in its JSON, roles, predictions, pictures, film, three ways."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+from fractions import Fraction
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import pytest
+
+from model.parameters import StrawParameters
+from replay.cli import main
+from replay.compare import compare
+from replay.gather import gather
+from replay.report.proxy import film
+from rig.run_read import read_run
+from tests.replay.test_report import unpacked
+from tracking.camera import Camera, save_camera
+from tracking.encode import VideoWriter
+from tracking.lens import shipped_lens
+from tracking.synthetic import camera_looking_at
+
+#: Cell 1 folds within a second.
+FOLD = """
+pressure_unit = "kPa"
+initial_deployed = [1, 4]
+prefix = [{ hold = 0, for_s = 0.2 }]
+main = [{ hold = -25, for_s = 1.05 }]
+"""
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A run on the emulator and what a perfect camera saw of it."""
+    folder = tmp_path_factory.mktemp("rig")
+    (folder / "fold.toml").write_text(FOLD)
+    run, tip = folder / "run.mcap", folder / "tip.mcap"
+    drive = ["rig", "run", str(folder / "fold.toml"), "--emulate", "--fast", "-o", str(run), "--tip", str(tip)]
+    assert main(drive) == 0
+    return run, tip
+
+
+def replay(rig: tuple[Path, Path], folder: Path, *more: str) -> dict[str, Any]:
+    said = folder / "said.json"
+    command = ["replay", *map(str, rig), "--report", str(folder / "r.html"), "--json", str(said)]
+    assert main([*command, *more]) == 0
+    (run,) = json.loads(said.read_text())["runs"]
+    return dict(run)
+
+
+def refused(rig: tuple[Path, Path], capsys: pytest.CaptureFixture[str], folder: Path, *more: str) -> str:
+    assert main(["replay", *map(str, rig), "--report", str(folder / "r.html"), *more]) == 2
+    said = capsys.readouterr().err
+    assert "Traceback" not in said
+    assert said.splitlines()[-1].startswith("straw: ")
+    return said
+
+
+def test_the_snap_of_cell_1_is_in_both_at_the_same_time(rig: tuple[Path, Path], tmp_path: Path) -> None:
+    """100 Hz readings leave about a millisecond in a snap's time."""
+    run = replay(rig, tmp_path)
+    (snap,) = run["snaps"]
+    assert (snap["measured"]["cell"], snap["predicted"]["cell"]) == (1, 1)
+    assert abs(snap["late_s"]) < 3e-3
+    names = [q["name"] for q in run["quantities"]]
+    assert "snap 1 (cell 1) start" in names
+    assert {q["verdict"] for q in run["quantities"]} <= {"off", "cannot be resolved", "no statement"}
+    assert run["order"] == "Cells snap in the order 1; predicted: 1."
+
+
+def test_what_is_uncertain_of_a_constant_is_in_the_validation_uncertainty(
+    rig: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (start,) = (q for q in replay(rig, tmp_path)["quantities"] if q["name"].endswith("start"))
+    assert start["u_input"] == 0.0
+    known = replay(rig, tmp_path, "--uncertain", "r_ch_m=1e-6")
+    (start,) = (q for q in known["quantities"] if q["name"].endswith("start"))
+    # flow goes with the square of the radius: 0.5 % of 0.58 s to the snap
+    assert start["u_input"] == pytest.approx(2.7e-3, rel=0.5)
+    assert known["uncertain_inputs"] == ["r_ch_m"]
+    assert "expected a constant and its sigma" in refused(rig, capsys, tmp_path, "--uncertain", "r_ch_m")
+    assert "nonsense is no constant" in refused(rig, capsys, tmp_path, "--uncertain", "nonsense=1")
+
+
+def test_runs_know_whether_they_were_fitted(
+    rig: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert replay(rig, tmp_path)["role"] == ""
+    assert replay(rig, tmp_path, "--fitted", "run")["role"] == "fitted"
+    fit = tmp_path / "fit.json"
+    fit.write_text('{"joint": {"runs": ["another"]}}')
+    assert replay(rig, tmp_path, "--fitted", str(fit))["role"] == "held out"
+    assert "none of the runs given" in refused(rig, capsys, tmp_path, "--fitted", "nobody")
+    fit.write_text("[]")
+    assert "tells of no fit" in refused(rig, capsys, tmp_path, "--fitted", str(fit))
+
+
+def test_a_prediction_is_a_recording_of_its_own_on_the_same_clock(
+    rig: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    replay(rig, tmp_path, "--predictions", str(tmp_path))
+    recorded, written = read_run(rig[0]), read_run(tmp_path / "run-prediction.mcap")
+    predicted = written.predictions["straw"]
+    assert written.zero_time_ns == recorded.zero_time_ns
+    assert written.metadata["parent_sha256"] == recorded.sha256
+    assert "r_ch_m" in written.metadata["straw"]
+    assert "git_commit" in written.software
+    assert predicted.tip is not None
+    assert predicted.pressure is not None
+    (comparison,) = (compare(run, StrawParameters()) for run in gather(rig))
+    np.testing.assert_allclose(predicted.tip.x_m, comparison.prediction.x_m, atol=1e-12)
+    assert "not overwritten" in refused(rig, capsys, tmp_path, "--predictions", str(tmp_path))
+
+
+def test_the_overlay_is_drawn_for_a_paper(
+    rig: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    replay(rig, tmp_path, "--png", str(tmp_path / "o.png"))
+    assert (tmp_path / "o.png").read_bytes().startswith(b"\x89PNG")
+    assert "unknown kind of picture" in refused(rig, capsys, tmp_path, "--png", str(tmp_path / "o.xyz"))
+    assert not list(tmp_path.glob("o.xyz*"))
+
+
+def test_one_protocol_three_ways_differs_by_what_lies_between_them(
+    rig: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The recording was the emulator itself; the model alone lacks half a sample of the wire and the reading."""
+    found = {(d["one"], d["other"], d["signal"]): d for d in replay(rig, tmp_path, "--protocol")["three_ways"]}
+    assert len(found) == 3 * 4
+    assert found["recording", "emulator", "X"]["rmse"] < 1e-6
+    assert abs(found["recording", "model", "Phi"]["lag_s"]) < 0.01
+    assert found["recording", "model", "X"]["rmse"] < 1e-4
+    (tmp_path / "other.toml").write_text(FOLD.replace("[1, 4]", "[2]"))
+    said = refused(rig, capsys, tmp_path, "--protocol", str(tmp_path / "other.toml"))
+    assert "give the protocol of that run" in said
+
+
+def test_the_film_has_every_frame_and_both_tips_where_a_pinhole_would_have_them(
+    rig: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (run,) = gather(rig)
+    assert run.tip is not None
+    frames = len(run.tip)
+    comparison = compare(run, StrawParameters())
+    lens = shipped_lens("gopro_hero6_wide_1080p240")
+    place = camera_looking_at((float(run.tip.x_m[0]), 0.0, 0.0), 0.2, -math.pi / 2, 0.0)  # from the side
+    save_camera(tmp_path / "camera.json", Camera(lens, place))
+    with VideoWriter(tmp_path / "v.mp4", 1920, 1080, Fraction(240), 1e6) as video:
+        for k in range(frames):
+            video.write(np.full((1080, 1920), k % 200, np.uint8))
+    made = film(comparison, [tmp_path / "v.mp4"], tmp_path / "camera.json")
+    data = base64.b64decode(made["src"].partition(",")[2])
+    with av.open(BytesIO(data)) as proxy:
+        stream = proxy.streams.video[0]
+        assert stream.codec_context.name == "h264"
+        packets = [packet for packet in proxy.demux(stream) if packet.pts is not None]
+        assert [p.pts for p in packets] == sorted(p.pts for p in packets)  # no B-frames: decoded as shown
+        assert all(p.dts == p.pts for p in packets)
+        assert len(packets) == frames
+    np.testing.assert_allclose(unpacked(made["time"]), run.tip.time_s, atol=1e-6)
+    tips = unpacked(made["measured"]).reshape(-1, 2)
+    # near the axis the lens is a pinhole: along the picture a tip moves by f / distance a metre, in the proxy's pixels
+    x_m = run.tip.x_m - run.tip.x_m[0]
+    assert np.abs(x_m).max() > 2e-3
+    width = made["width"] / (
+        np.ptp(tips[:, 0]) / np.ptp(run.tip.x_m) * 0.2 / lens.fx
+    )  # of the crop, in the camera's px
+    assert width == pytest.approx(2 * 0.12 * 1920 + np.ptp(run.tip.x_m) * lens.fx / 0.2, rel=0.05)
+    assert np.corrcoef(tips[:, 0], x_m)[0, 1] == pytest.approx(1.0, abs=1e-4)
+    assert "says no camera" in refused(rig, capsys, tmp_path, "--video", str(tmp_path / "v.mp4"))
