@@ -23,6 +23,7 @@ from replay.gather import gather
 from replay.output import write_json, write_text
 from replay.progress import progress_bar, say
 from replay.report.page import page
+from replay.report.proxy import film as film_proxy
 from rig.guarded import GuardedController
 from rig.protocol import PressureProtocol, load_protocol
 from rig.run_read import read_run
@@ -79,7 +80,9 @@ def run(args: argparse.Namespace) -> int:
     say("4/4 replay: the model under the measured pressure, laid over the track")
     (run_with_tip,) = gather([out / "run.mcap", out / "tip.mcap"])
     comparison = compare(run_with_tip, straw)
-    write_text(out / "replay.html", page([comparison]))
+    with progress_bar("proxy", "frame") as progress:
+        filmed = film_proxy(comparison, [out / "video.mp4"], progress=progress)
+    write_text(out / "replay.html", page([comparison], more={run_with_tip.sha256: {"film": filmed}}))
     for path in filter(None, (out / "demo.json", args.json)):
         write_json(path, as_data(errors, comparison))
     print(

@@ -11,7 +11,7 @@ const cellShown = (run) => Math.min(chosenCell ?? run.snapping[0] ?? 1, run.stra
 const rgb = (text) => [1, 3, 5].map((k) => parseInt(text.slice(k, k + 2), 16));
 
 function drawPlane(run, t) {
-  const a = arraysOf(run), [c, width, height] = canvasOf("#plane", 0.72);
+  const a = arraysOf(run), [c, width, height] = canvasOf("#plane", 0.62);
   if (!a.zeta.length) return;
   const box = { left: 44, top: 6, width: width - 52, height: height - 42 };
   const px = (zeta) => box.left + (box.width * (zeta - PLANE.zeta[0])) / (PLANE.zeta[1] - PLANE.zeta[0]);

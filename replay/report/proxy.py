@@ -84,7 +84,7 @@ def _crop(tips_px: Floats, width: int, height: int) -> tuple[int, int, int, int]
     """The part of the picture (left, top, right, bottom) in which the tip moves, with room for the board around it."""
     room = ROOM * width
     low, high = np.nanmin(tips_px, axis=0) - room, np.nanmax(tips_px, axis=0) + room
-    middle, half = (low + high) / 2, max(*(high - low), 1.0) / 2 * np.array([1.0, 0.75])
+    middle, half = (low + high) / 2, max(*(high - low), 1.0) / 2 * np.array([1.0, 0.62])
     left, top = np.clip(np.floor(middle - half), 0, None).astype(int).tolist()
     right, bottom = np.clip(np.ceil(middle + half), None, (width, height)).astype(int).tolist()
     return left, top, max(right, left + 16), max(bottom, top + 16)

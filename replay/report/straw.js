@@ -50,7 +50,7 @@ function reachOf(run) {
 function drawStraw(run, t) {
   const a = arraysOf(run), s = run.straw, r = reachOf(run);
   if (!a.zeta.length) return;
-  const ratio = Math.min(0.8, Math.max(0.42, (r.z[1] - r.z[0]) / (r.x[1] - r.x[0]))), [c, width, height] = canvasOf("#straw", ratio);
+  const ratio = Math.min(0.6, Math.max(0.42, (r.z[1] - r.z[0]) / (r.x[1] - r.x[0]))), [c, width, height] = canvasOf("#straw", ratio);
   const scale = Math.min((width - 16) / (r.x[1] - r.x[0]), (height - 16) / (r.z[1] - r.z[0]));
   const px = (x) => width / 2 + (x - (r.x[0] + r.x[1]) / 2) * scale, pz = (z) => height / 2 - (z - (r.z[0] + r.z[1]) / 2) * scale;
   // a point at some height across the axis of a frame (x, z, angle)
