@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import socket
 import sys
 import threading
@@ -110,6 +111,7 @@ def serve(task: dict[str, str]) -> tuple[PageServer, socket.socket]:
 
 def main() -> None:
     """Serve until stdin ends, which is when the run's process has done with it or is no more."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the run's to answer; this ends with it
     if hasattr(os, "nice"):
         os.nice(5)  # whoever drives a rig goes first
     try:

@@ -13,6 +13,7 @@ from typing import Any
 import av
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 from model.parameters import StrawParameters
 from replay.cli import main
@@ -115,6 +116,13 @@ def test_a_prediction_is_a_recording_of_its_own_on_the_same_clock(
     assert predicted.pressure is not None
     (comparison,) = (compare(run, StrawParameters()) for run in gather(rig))
     np.testing.assert_allclose(predicted.tip.x_m, comparison.prediction.x_m, atol=1e-12)
+    with (tmp_path / "run-prediction.mcap").open("rb") as stream:  # as any other program reads it
+        messages = list(make_reader(stream, validate_crcs=True).iter_messages())
+    assert {(schema.encoding, channel.topic) for schema, channel, _ in messages if schema} == {
+        ("protobuf", "/sim/straw/tip/state"),
+        ("protobuf", "/sim/straw/pressure"),
+    }
+    assert all(message.log_time == message.publish_time for _, _, message in messages)
     assert "not overwritten" in refused(rig, capsys, tmp_path, "--predictions", str(tmp_path))
 
 
