@@ -1,0 +1,100 @@
+"""What is planted in a run is judged: errors that the data can tell are told, others are not."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from model.parameters import StrawParameters
+from replay.compare import Comparison, compare
+from replay.metrics.noise import independent
+from replay.metrics.validation import RESOLVED, UNKNOWN, UNRESOLVED
+from rig.run import Run
+from tests.replay.test_compare import recorded
+
+STRAW = StrawParameters()
+SIGMA = {"x_m": 25e-6, "z_m": 25e-6, "phi_rad": 1.5e-3}
+
+
+@pytest.fixture(scope="module")
+def noisy() -> Run:
+    """A run made by the model, with noise of the sigma it states."""
+    run, _ = recorded(STRAW)
+    assert run.tip is not None
+    chance = np.random.default_rng(3)
+    changes = {name: getattr(run.tip, name) + chance.normal(0, s, len(run.tip)) for name, s in SIGMA.items()}
+    changes |= {f"sigma_{name}": np.full(len(run.tip), s) for name, s in SIGMA.items()}
+    return dataclasses.replace(run, tip=dataclasses.replace(run.tip, **changes))
+
+
+def moved(run: Run, **by: float) -> Run:
+    assert run.tip is not None
+    changes = {name: getattr(run.tip, name) + shift for name, shift in by.items()}
+    return dataclasses.replace(run, tip=dataclasses.replace(run.tip, **changes))
+
+
+def verdict_of(c: Comparison, name: str) -> str:
+    (found,) = (q.verdict for q in c.quantities if q.name == name)
+    return found
+
+
+def test_a_model_that_is_right_cannot_be_told_from_the_noise(noisy: Run) -> None:
+    c = compare(noisy, STRAW)
+    assert [s.verdict for s in c.signals.values()] == [UNRESOLVED] * 3
+    told = [q for q in c.quantities if q.verdict != UNKNOWN]
+    # at two sigma one in twenty is off by chance: of so few, more than two would be one case in a hundred
+    assert sum(q.verdict == RESOLVED for q in told) <= 2
+    assert len(c.pairs) == 1
+    assert c.pairs[0].measured is not None
+    assert c.pairs[0].predicted is not None
+    assert c.pairs[0].measured.cell == c.pairs[0].predicted.cell == 1
+
+
+def test_two_sigma_are_passed_by_one_in_twenty_whether_noise_is_white_or_not() -> None:
+    """Means of 2 x 2000 draws over the sigma stated: one in twenty beyond 2, give or take 4 times its own scatter."""
+    chance = np.random.default_rng(0)
+    for together in (1, 5):
+        beyond = 0
+        for _ in range(2000):
+            white = chance.standard_normal(200 + together - 1)
+            noise = np.convolve(white, np.ones(together) / np.sqrt(together), "valid")
+            beyond += abs(noise.mean()) > 2 / np.sqrt(independent(noise))
+        assert beyond / 2000 == pytest.approx(0.0455, abs=4 * np.sqrt(0.0455 * 0.9545 / 2000))
+
+
+def test_an_offset_is_told_from_what_60_samples_of_the_end_leave_upwards(noisy: Run) -> None:
+    """A quarter of a second at 240 Hz: sigma / sqrt(60) = 3.2 um."""
+    assert verdict_of(compare(moved(noisy, z_m=40e-6), STRAW), "z at the end") == RESOLVED
+    assert verdict_of(compare(moved(noisy, z_m=1e-6), STRAW), "z at the end") == UNRESOLVED
+
+
+def test_what_the_inputs_leave_open_is_not_held_against_the_model(noisy: Run) -> None:
+    """A straw with 1 % less channel is told from the run; if the radius is only known to 2 %, its snap is not."""
+    less = STRAW.replace(r_ch_m=0.99 * STRAW.r_ch_m)
+    start = "snap 1 (cell 1) start"
+    assert verdict_of(compare(noisy, less), start) == RESOLVED
+    # a whole sigma more would let both cells bend at once, and nothing could be said of the snap
+    known = compare(noisy, less, {"r_ch_m": 0.008 * STRAW.r_ch_m})
+    assert known.inputs == ("r_ch_m",)
+    assert verdict_of(known, start) == UNRESOLVED
+
+
+def test_without_sigmas_there_is_no_statement() -> None:
+    run, _ = recorded(STRAW)
+    assert run.tip is not None
+    unknown = np.full(len(run.tip), np.nan)
+    bare = dataclasses.replace(run.tip, sigma_x_m=unknown, sigma_z_m=unknown, sigma_phi_rad=unknown)
+    c = compare(dataclasses.replace(run, tip=bare), STRAW)
+    assert [s.verdict for s in c.signals.values()] == [UNKNOWN] * 3
+    assert verdict_of(c, "x at the end") == UNKNOWN
+
+
+def test_a_straw_whose_cells_do_not_snap_has_its_snap_missing_from_the_prediction(noisy: Run) -> None:
+    """A wall four times as stiff holds against 25 kPa."""
+    stiff = STRAW.replace(E_pa=4 * np.asarray(STRAW.E_pa))
+    c = compare(noisy, stiff)
+    assert [(p.measured is None, p.predicted is None) for p in c.pairs] == [(False, True)]
+    (start,) = (q for q in c.quantities if q.name.endswith("start"))
+    assert (start.verdict, start.words) == (UNKNOWN, "not in the prediction")
