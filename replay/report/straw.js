@@ -79,9 +79,12 @@ function drawStraw(run, t) {
   c.fillStyle = ink;
   c.font = "600 11px system-ui, sans-serif";
   c.textAlign = "center";
-  cells.forEach(({ middle, state }, n) => {
+  let last = -Infinity; // a number that would touch the one before is left out
+  cells.forEach(({ middle }, n) => {
     const [tx, ty] = side(middle, -s.rO - 11 / scale);
-    c.fillText(n % 2 && scale * 4e-3 < 11 ? "" : n + 1, tx, ty + 4);
+    if (tx - last < 10) return;
+    c.fillText(n + 1, tx, ty + 4);
+    last = tx;
   });
   const tip = cells[cells.length - 1].end;
   drawBoard(c, side, tip, s, color("predicted"), [], scale);
