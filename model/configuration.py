@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import ModelError
-from model.frustum import Frustum
+from model.frustum import Equilibrium, Frustum
 from model.parameters import StrawParameters
 
 Floats = NDArray[np.float64]
@@ -35,11 +35,13 @@ def unloaded(straw: StrawParameters, deployed: Collection[int], bent: Bent) -> F
     if straw.form == "full":
         q[: straw.cells] = straw.zeta0_m[:, 0]
     zeta[:] = straw.zeta0_m[:, 1]
+    known: dict[Frustum, list[Equilibrium]] = {}  # cells are mostly alike
     for cell in {*deployed, *bent}:
         frustum = Frustum.of(straw, cell)
-        states = [e for e in frustum.equilibria() if e.stable and e.zeta_m > frustum.zeta0 * (1 - 1e-6)]
+        if frustum not in known:
+            known[frustum] = [e for e in frustum.equilibria() if e.stable and e.zeta_m > frustum.zeta0 * (1 - 1e-6)]
         side = bent.get(cell, 0)
-        fitting = [e for e in states if np.sign(e.phi_rad) == side]
+        fitting = [e for e in known[frustum] if np.sign(e.phi_rad) == side]
         if not fitting:
             what = "bent" if side else "deployed"
             raise ModelError(f"straw: cell {cell} has no {what} state; its wall is too thick for its height")

@@ -95,6 +95,14 @@ class Branch:
                 return y
         return None
 
+    def settled(self, reach: float) -> Floats | None:
+        """Coordinates of the stable state under the whole load within ``reach`` of the start; None where none is."""
+        y = np.append(np.zeros(len(self.free)), self.way)
+        found = self.correct(y, np.eye(len(y))[-1], reach)
+        if found is None or np.abs(found[:-1]).max() > reach or _softest(self.jacobian(found)) <= 0:
+            return None
+        return self.place(found)[0]
+
 
 def _tangent(J: Floats, along: Floats) -> Floats:
     """Unit tangent of the branch where its jacobian is J, in the sense of ``along``."""

@@ -6,6 +6,7 @@ import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
@@ -156,7 +157,11 @@ class StrawParameters:
         return 4 * self.cells if self.form == "full" else 2 * self.cells
 
     def constants(self) -> Constants:
-        """What the compiled equations take; C1, C2, C3 as below equation 6."""
+        """What the compiled equations take; C1, C2, C3 as below equation 6. Worked out once; not to be written to."""
+        return self._constants
+
+    @cached_property
+    def _constants(self) -> Constants:
         r_i, r_o, E, h = self.r_i_m, self.r_o_m, self.E_pa, self.h_m
         width, log = r_o - r_i, math.log(r_o / r_i)
         return Constants(

@@ -38,6 +38,7 @@ class Prediction:
     zeta_m: Floats
     frustum_phi_rad: Floats
     steps: int
+    rest: Floats  # coordinates (coordinates,) it started from
 
 
 def simulate(
@@ -47,15 +48,17 @@ def simulate(
     deployed: Collection[int],
     *,
     tolerance_m: float = TOLERANCE_M,
+    near: Floats | None = None,
 ) -> Prediction:
     """Motion of a straw from rest in a configuration, driven by an external pressure.
 
     ``pressure`` takes times in seconds (array) and returns Pa; a protocol is one, an interpolated recording is one.
     It is read on a 0.25 ms grid and taken as linear in between. ``time_s`` must increase; the run starts at rest at
     time_s[0], under the pressure of that moment. Raises ModelError where the pressure is not finite, the
-    configuration has no rest state, or the motion leaves what the equations describe.
+    configuration has no rest state, or the motion leaves what the equations describe. ``near`` is the rest state
+    (coordinates,) of a slightly different straw, which is faster to start from.
     """
-    return run(straw, sampled(pressure, time_s), time_s, deployed, tolerance_m)
+    return run(straw, sampled(pressure, time_s), time_s, deployed, tolerance_m, near)
 
 
 def sampled(pressure: Callable[[Floats], Floats], time_s: Floats) -> Table:
@@ -74,7 +77,12 @@ def sampled(pressure: Callable[[Floats], Floats], time_s: Floats) -> Table:
 
 
 def run(
-    straw: StrawParameters, table: Table, time_s: Floats, deployed: Collection[int], tolerance_m: float = TOLERANCE_M
+    straw: StrawParameters,
+    table: Table,
+    time_s: Floats,
+    deployed: Collection[int],
+    tolerance_m: float = TOLERANCE_M,
+    near: Floats | None = None,
 ) -> Prediction:
     """`simulate` under a pressure that is `sampled` already; plain data in and out, so it can run anywhere."""
     # arrays that cannot be written are another type, for which all of the model would be compiled again
@@ -82,7 +90,7 @@ def run(
     table = table._replace(pressure_pa=np.require(table.pressure_pa, np.float64, ("C", "W")))
     start, end, first_pa = float(time_s[0]), float(time_s[-1]), float(table.pressure_pa[0])
     c = straw.constants()
-    q = rest_state(straw, deployed, first_pa)
+    q = rest_state(straw, deployed, first_pa, near=near)
     state = at_rest(c, q, start, first_pa, FIRST_STEP_S)
     out_q, out_v, out_pa = np.empty((len(time_s), len(q))), np.empty((len(time_s), len(q))), np.empty(len(time_s))
     counts = np.zeros(4, np.int64)
@@ -103,6 +111,7 @@ def run(
         zeta_m=zeta,
         frustum_phi_rad=phi,
         steps=int(counts[0]),
+        rest=q,
     )
 
 

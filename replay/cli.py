@@ -141,6 +141,17 @@ def parser() -> argparse.ArgumentParser:
     )
     _identified(p)
 
+    p = _command(commands, "diagnose", "locate what differs, name what was left out, model it, show the fit improve")
+    p.add_argument("runs", type=Path, nargs="+", metavar="RUN.mcap", help="runs of one specimen, and their tracks")
+    _straw(p, "the base model; its own constants are refitted")
+    p.add_argument("--report", type=Path, metavar="R.html", help="one page, from the verdict to the evidence")
+    p.add_argument("-o", "--output", type=Path, metavar="S.toml", help="the improved straw")
+    p.add_argument("--experiment", type=Path, metavar="P.toml", help="the protocol that would tell what survives")
+    p.add_argument("--without", nargs="+", default=[], metavar="CAUSE", help="leave causes out of the library")
+    p.add_argument("--thorough", action="store_true", help="fit every cause from every start, more pairs: slow")
+    p.add_argument("--partial", action="store_true", help="take damaged or cut recordings for what is left of them")
+    _json(p)
+
     p = _command(commands, "paper", "the paper's numbers beside the model's, and its figures drawn anew")
     p.add_argument("--out", type=Path, default=Path("paper"), metavar="DIR", help="folder for the figures (paper)")
     p.add_argument("--filling", type=Path, metavar="TABLE.csv", help="filling tests (the shipped synthetic sample)")

@@ -1,0 +1,172 @@
+"""The contest: every cause fitted with the base's constants free, from several starts; the best are finished."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from replay.diagnose.hypothesis import Hypothesis, Unknown, hypothesis
+from replay.diagnose.search import (
+    LONGEST_STEP,
+    Campaign,
+    Fit,
+    clipped,
+    descend,
+    measured_slopes,
+    prior_cost,
+    robust_cost,
+    weights,
+)
+
+Floats = NDArray[np.float64]
+
+#: A first fit ends when a round gains less than this share of the cost.
+LITTLE = 1e-2
+
+
+@dataclass(frozen=True, eq=False)
+class Contestant:
+    """A hypothesis and its best fit so far."""
+
+    hypothesis: Hypothesis
+    fit: Fit
+
+    @property
+    def name(self) -> str:
+        """The hypothesis' name."""
+        return self.hypothesis.name
+
+    @property
+    def cost(self) -> float:
+        """Robust misfit with priors."""
+        return self.fit.cost
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """A cause at one start, not fitted: the point u, its differences and cost, and what a linear reckoning promises."""
+
+    name: str
+    point: Floats
+    residual: Floats
+    cost: float
+    promise: float  # the cost it may come down to
+
+
+def looks(campaign: Campaign, known: Fit, names: Sequence[str], bases: Sequence[Floats] = ()) -> list[Look]:
+    """Every cause at every start beside what is known: as it is, with room made for it, and, for its largest start,
+    beside other values of the base's constants.
+    """
+    out = []
+    whats = {name: hypothesis([name], campaign.straw.cells) for name in names}
+
+    def at(rows: list[tuple[str, Floats]]) -> list[tuple[str, Floats, Floats, float]]:
+        found = []
+        for name, point in rows:
+            unknowns = (*known.unknowns, *whats[name].unknowns)
+            residual = campaign.residuals(unknowns, [point])[0]
+            found.append((name, point, residual, robust_cost(residual) + prior_cost(unknowns, point)))
+        return found
+
+    def placed(name: str, u: Floats, start: Sequence[float]) -> Floats:
+        return clipped((*known.unknowns, *whats[name].unknowns), np.concatenate([u, start]))
+
+    first = at([(name, placed(name, known.u, start)) for name, what in whats.items() for start in what.starts])
+    promises = dict.fromkeys(names, known.cost)
+    for name, _, residual, cost in first:
+        promises[name] = min(promises[name], cost, known.cost - _gain(known, residual))
+    # the constants known before make room for the new cause: without it a large effect looks hopeless at once
+    roomy = [
+        (name, _making_room(known, (*known.unknowns, *whats[name].unknowns), point, residual))
+        for name, point, residual, cost in first
+        if cost > 1.05 * known.cost  # a small effect needs none
+    ]
+    others = [
+        (name, placed(name, np.append(b, known.u[len(b) :]), start))
+        for name, what in whats.items()
+        for start in {what.starts[0], what.starts[-1]}
+        for b in bases
+    ]
+    for name, point, residual, cost in [*first, *at(roomy), *at(others)]:
+        out.append(Look(name, point, residual, cost, min(promises[name], cost)))
+    return out
+
+
+def _gain(known: Fit, moved: Floats) -> float:
+    """How much a cause whose small effect moves the differences thus would lower the cost, by linear reckoning."""
+    w = np.sqrt(weights(known.residual))
+    sd = np.array([k.sd for k in known.unknowns])
+    # as far as robust weights let it count
+    column = np.clip(moved - known.residual, -100, 100) * w
+    slopes = np.concatenate([known.slopes * w[:, None], column[:, None]], axis=1)
+    A = slopes.T @ slopes + np.diag([*(1 / sd**2), 1e-6])
+    g = slopes.T @ (w * known.residual)
+    # the constants known are at their optimum: what they alone would still gain does not count
+    n = len(sd)
+    return float(g @ np.linalg.solve(A, g) - g[:n] @ np.linalg.solve(A[:n, :n], g[:n]))
+
+
+def enter(
+    campaign: Campaign, known: Fit, found: Sequence[Look], *, rounds: int = 7, onto: Hypothesis | None = None
+) -> Contestant:
+    """A first fit of a cause beside what is known, from the given looks.
+
+    Slopes by the constants known before are taken over at first; only the new ones' are measured.
+    """
+    what = hypothesis([found[0].name], campaign.straw.cells)
+    unknowns = (*known.unknowns, *what.unknowns)
+    n, best = len(known.u), None
+    own = range(n, len(unknowns))
+    for look in found:
+        slopes = np.concatenate(
+            [known.slopes, measured_slopes(campaign, unknowns, look.point, look.residual, own)], axis=1
+        )
+        fit = descend(
+            campaign,
+            unknowns,
+            look.point,
+            slopes=slopes,
+            residual=look.residual,
+            rounds=rounds,
+            share=LITTLE,
+        )
+        best = fit if best is None or fit.cost < best.cost else best
+        if campaign.stop():
+            break
+    assert best is not None
+    return Contestant(what.beside(onto) if onto else what, best)
+
+
+def unfitted(campaign: Campaign, known: Fit, look: Look) -> Contestant:
+    """A cause that promises too little to be fitted, with what it shows at its best look, or as without it."""
+    what = hypothesis([look.name], campaign.straw.cells)
+    fit = Fit((*known.unknowns, *what.unknowns), look.point, look.residual, known.slopes, look.cost, False)
+    return Contestant(what, fit)
+
+
+def _making_room(known: Fit, unknowns: tuple[Unknown, ...], point: Floats, residual: Floats) -> Floats:
+    """The point with the constants known before moved as their slopes say is best, the new cause held."""
+    n = len(known.u)
+    w = weights(residual)
+    sd, mean = np.array([k.sd for k in known.unknowns]), np.array([k.mean for k in known.unknowns])
+    slopes = known.slopes[:, :n]
+    A = (slopes * w[:, None]).T @ slopes + np.diag(1 / sd**2)
+    step = np.linalg.solve(A, -(slopes.T @ (w * residual) + (point[:n] - mean) / sd**2))
+    step *= min(1.0, LONGEST_STEP / max(float(np.max(np.abs(step))), 1e-12))
+    return clipped(unknowns, np.concatenate([point[:n] + step, point[n:]]))
+
+
+def seen_again(campaign: Campaign, fit: Fit) -> Fit:
+    """The same fit, its differences and cost as the campaign counts them now."""
+    residual = campaign.residuals(fit.unknowns, [fit.u])[0]
+    return replace(fit, residual=residual, cost=robust_cost(residual) + prior_cost(fit.unknowns, fit.u), fresh=False)
+
+
+def finish(campaign: Campaign, contestant: Contestant, rounds: int = 8) -> Contestant:
+    """The contestant's fit carried to its end, with slopes measured there."""
+    fit = contestant.fit
+    done = descend(campaign, fit.unknowns, fit.u, rounds=rounds)
+    return Contestant(contestant.hypothesis, done)

@@ -1,0 +1,284 @@
+"""Findings: what an inquiry says, in the contract's words: verdict, causes, constants, improvement on runs held out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.parameters import StrawParameters
+from model.terms import TERMS
+from replay.compare import CHANNELS
+from replay.diagnose.contest import Contestant
+from replay.diagnose.diagnosis import Inquiry
+from replay.diagnose.experiment import Experiment, next_experiment
+from replay.diagnose.hypothesis import MEASUREMENT, Unknown, applied
+from replay.diagnose.judge import Judgement, by_cause, surviving
+from replay.diagnose.locate import Located, Wandering, locate, sentence, wandering
+from replay.diagnose.search import Campaign, Fit, descend, weights
+
+Floats = NDArray[np.float64]
+
+#: A hypothesis this probable is named alone; less, and the set that survives is named.
+NAMED_ALONE = 0.8
+#: Units of what is found in instruments.
+UNITS = {
+    "clock_offset_s": "s",
+    "clock_drift": "1",
+    "length_scale": "1",
+    "camera_roll_rad": "rad",
+    "tip_offset_m": "m",
+    "gauge_offset_pa": "Pa",
+    "gauge_gain": "1",
+}
+
+
+@dataclass(frozen=True)
+class Held:
+    """RMS by channel (m, rad) on runs that were not fitted: base model, improved model, and the recordings' noise."""
+
+    train: tuple[str, ...]
+    heldout: tuple[str, ...]
+    chi2_before: float
+    chi2_after: float
+    before: dict[str, float]
+    after: dict[str, float]
+    floor: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """What the runs say. ``best`` is the hypothesis that explains them best, ``straw`` the model with it."""
+
+    verdict: str
+    causes: list[str]
+    judgement: Judgement
+    located: list[Located]
+    wandering: list[Wandering]
+    where: str
+    says: str
+    best: Contestant | None
+    straw: StrawParameters
+    parameters: dict[str, dict[str, dict[str, Any]]]
+    held: Held | None
+    smallest: dict[str, str]
+    indistinguishable: list[list[str]]
+    experiment: Experiment | None
+    notes: tuple[str, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """The contract's Findings."""
+        held = self.held
+        return {
+            "verdict": self.verdict,
+            "causes": self.causes,
+            "probability": dict(self.judgement.probability),
+            "located": [
+                {**{k: v for k, v in vars(one).items() if k != "cells"}, "cells": list(one.cells)}
+                for one in self.located
+            ],
+            "where": self.where,
+            "says": self.says,
+            "wandering": [vars(w) for w in self.wandering[:4]],
+            "parameters": self.parameters,
+            "fit": {
+                "train": {
+                    "runs": list(held.train) if held else [],
+                    "reduced_chi2_before": held.chi2_before if held else None,
+                    "reduced_chi2_after": held.chi2_after if held else None,
+                },
+                "heldout": {
+                    "runs": list(held.heldout) if held else [],
+                    "rms_before": held.before if held else {},
+                    "rms_after": held.after if held else {},
+                    "noise_floor": held.floor if held else {},
+                },
+            },
+            "smallest_effect_seen": self.smallest,
+            "indistinguishable": self.indistinguishable,
+            "next_experiment": self.experiment.as_json() if self.experiment else None,
+            "notes": list(self.notes),
+            "straw": self.straw.to_toml(),
+        }
+
+
+def conclude(found: Inquiry, notes: Sequence[str] = ()) -> Findings:
+    """Findings of an inquiry, finished or cut short."""
+    campaign, judgement = found.campaign, found.judgement()
+    probability = judgement.probability
+    top = next(iter(probability))
+    names = [n for n in surviving(probability) if n != "unknown"] or [top]
+    fitted = {c.name: c for c in found.contestants}
+    verdict, causes = _verdict(probability, top, names)
+    best = fitted.get(top) if verdict not in ("complete", "unknown_physics") else None
+    if verdict == "ambiguous":
+        best = next((fitted[n] for n in probability if n in fitted), None)
+    rivals = [fitted[n] for n in names if n in fitted and n != (best.name if best else "")][:3]
+    fit = best.fit if best else found.null
+    straw = applied(campaign.straw, fit.unknowns, fit.u)[0]
+    located = locate(campaign, found.null)
+    wander = wandering(campaign, found.null)
+    notes = [*notes, *_doubts(found)]
+    experiment = None
+    if verdict in ("ambiguous", "unknown_physics"):
+        experiment = next_experiment(campaign, [c for c in (best, *rivals) if c] or found.contestants[:2])
+    return Findings(
+        verdict=verdict,
+        causes=causes,
+        judgement=judgement,
+        located=[] if verdict == "complete" else located,
+        wandering=wander,
+        where=sentence([] if verdict == "complete" else located, wander),
+        says=_says(verdict, causes, probability, found),
+        best=best,
+        straw=straw,
+        parameters=constants_of(campaign, best) if best else {},
+        held=hold_out(campaign, found.null, best, located),
+        smallest=smallest_seen(campaign, found) if verdict == "complete" else {},
+        indistinguishable=[causes] if verdict == "ambiguous" and len(causes) > 1 else [],
+        experiment=experiment,
+        notes=tuple(notes),
+    )
+
+
+def _verdict(probability: dict[str, float] | Any, top: str, names: Sequence[str]) -> tuple[str, list[str]]:
+    if top == "complete":
+        return "complete", []
+    if top == "unknown":
+        return "unknown_physics", ["unknown"]
+    marginal = by_cause(probability)
+    certain = [cause for cause, p in marginal.items() if p >= NAMED_ALONE]
+    if probability[top] >= NAMED_ALONE or (certain and set(certain) == set(top.split("+"))):
+        causes = sorted(top.split("+"), key=lambda c: -marginal[c])
+        return ("measurement_fault" if set(causes) <= set(MEASUREMENT) else "missing_physics"), causes
+    if certain:  # one cause is sure, only what stands beside it is not
+        return ("measurement_fault" if set(certain) <= set(MEASUREMENT) else "missing_physics"), certain
+    told = [cause for name in names if name != "complete" for cause in name.split("+")]
+    return "ambiguous", sorted(set(told), key=lambda c: -marginal.get(c, 0.0))
+
+
+def _says(verdict: str, causes: Sequence[str], probability: Any, found: Inquiry) -> str:
+    """The verdict in one sentence."""
+    words = [c.replace("_", " ") for c in causes]
+    runs = len(found.campaign.observations)
+    if verdict == "complete":
+        return f"Nothing is missing: the base model, its constants refitted, explains all {runs} runs to repeatability."
+    if verdict == "unknown_physics":
+        return f"Something is missing that no hypothesis in the library explains in these {runs} runs; none is named."
+    sure = f"(probability {sum(p for n, p in probability.items() if set(causes) & set(n.split('+'))):.2f})"
+    if verdict == "ambiguous":
+        return f"These runs cannot tell {' from '.join(words)} {sure}; the next experiment below would."
+    what = "The recording is at fault" if verdict == "measurement_fault" else "The model leaves out"
+    return f"{what}{':' if verdict == 'measurement_fault' else ''} {' and '.join(words)} {sure}."
+
+
+def _doubts(found: Inquiry) -> list[str]:
+    """What a reader should know about how this was found."""
+    runs = found.campaign.observations
+    out = []
+    if not found.whole:
+        out.append("the search was cut short: causes not looked at yet count as impossible here")
+    if len(runs) < 3:
+        out.append(
+            f"{len(runs)} run{'s' if len(runs) > 1 else ''}: nothing could be held out, and repeats are not known"
+        )
+    if not any(len(o.snaps_s) for o in runs):
+        out.append("no run shows a snap: what acts only in snaps (film, cohesion, inertia, drag) was not tested")
+    if len({o.run.cycle for o in runs}) < 2:
+        out.append("all runs are of the same cycle: wear was not tested")
+    if found.campaign.failures:
+        out.append(f"{found.campaign.failures} simulations could not follow and counted as very wrong")
+    return out
+
+
+def constants_of(campaign: Campaign, best: Contestant) -> dict[str, dict[str, dict[str, Any]]]:
+    """The causes' constants with one sigma, by cause and constant; residuals beyond noise widen it."""
+    fit = best.fit
+    w = weights(fit.residual)
+    spread = max(1.0, float(np.mean(w * fit.residual**2)))
+    prior = np.diag([1 / k.sd**2 for k in fit.unknowns])
+    covariance = np.linalg.pinv((fit.slopes * w[:, None]).T @ fit.slopes / spread + prior)
+    out: dict[str, dict[str, dict[str, Any]]] = {cause: {} for cause in best.hypothesis.causes}
+    for k, (unknown, u) in enumerate(zip(fit.unknowns, fit.u, strict=True)):
+        cause, name, unit = _named(unknown)
+        if cause in out or name in UNITS:
+            sigma = abs(unknown.per_u(float(u))) * float(np.sqrt(covariance[k, k]))
+            place = next((c for c in out if c == cause or name.startswith(c)), None)
+            if place:
+                out[place][name] = {"value": unknown.value(float(u)), "sigma": sigma, "unit": unit}
+    return out
+
+
+def _named(unknown: Unknown) -> tuple[str, str, str]:
+    """Cause, constant and unit of an unknown."""
+    kind, *rest = unknown.target.split(".")
+    if kind == "term":
+        term, name, *cell = rest
+        unit = next(c.unit for c in TERMS[term].constants if c.name == name)
+        return term, ".".join([name, *cell]), unit
+    name = rest[0] if rest else kind
+    return name, name, UNITS.get(name, "1")
+
+
+def hold_out(campaign: Campaign, null: Fit, best: Contestant | None, located: Sequence[Located]) -> Held | None:
+    """Base and improved model fitted once more without some runs, and how far each is off on those.
+
+    Held out are runs in which the misfit is, of different kinds, and at most a third; None with fewer than three runs.
+    """
+    names = [o.name for o in campaign.observations]
+    if len(names) < 3:
+        return None
+    blamed = list(dict.fromkeys(one.run for one in located)) + list(reversed(names))
+    configurations: list[Any] = []
+    out: list[str] = []
+    for name in blamed:
+        configuration = next(o.run.initial_deployed for o in campaign.observations if o.name == name)
+        if name not in out and configuration not in configurations and len(out) < max(1, len(names) // 4):
+            out.append(name)
+            configurations.append(configuration)
+    train, rest = campaign.only([n for n in names if n not in out]), campaign.only(out)
+    fits = [(f.unknowns, descend(train, f.unknowns, f.u, rounds=3)) for f in (null, *([best.fit] if best else []))]
+    rms = [_plain_rms(rest, unknowns, fit.u) for unknowns, fit in fits]
+    floor = {
+        c: float(
+            np.sqrt(np.mean(np.concatenate([o.at_rest[i] ** 2 + (o.rate[i] * 1e-3) ** 2 for o in rest.observations])))
+        )
+        for i, c in enumerate(CHANNELS)
+    }
+    chi2 = [float(np.mean(fit.residual**2)) for _, fit in fits]
+    return Held(tuple(n for n in names if n not in out), tuple(out), chi2[0], chi2[-1], rms[0], rms[-1], floor)
+
+
+def _plain_rms(campaign: Campaign, unknowns: Sequence[Unknown], u: Floats) -> dict[str, float]:
+    rows = [one for one in campaign.misfits(unknowns, [u])[0] if one is not None]
+    return {
+        c: float(np.sqrt(np.mean(np.concatenate([one.plain[i] for one in rows]) ** 2))) if rows else float("nan")
+        for i, c in enumerate(CHANNELS)
+    }
+
+
+def smallest_seen(campaign: Campaign, found: Inquiry) -> dict[str, str]:
+    """The smallest effect of each cause that these runs would have shown, with its unit: four sigmas, roughly."""
+    null, out = found.null, {}
+    w = np.sqrt(weights(null.residual))
+    known = null.slopes * w[:, None]
+    prior = np.diag([1 / k.sd**2 for k in null.unknowns])
+    for c in found.singles.values():
+        own = list(range(len(null.u), len(c.fit.unknowns)))
+        if len(own) > 4 or c.fit.unknowns[own[0]].kind != "strength":  # a spread has no one size, a form none
+            continue
+        unknown = replace(c.fit.unknowns[own[0]])
+        u = np.zeros(len(c.fit.u))
+        u[: len(null.u)] = null.u
+        u[own[1:]] = c.fit.u[own[1:]]
+        u[own[0]] = 0.3
+        column = (campaign.residuals(c.fit.unknowns, [u])[0] - null.residual) * w / unknown.value(0.3)
+        shadow = known @ np.linalg.solve(known.T @ known + prior, known.T @ column)
+        size = float(np.linalg.norm(column - shadow))
+        if size > 0:
+            _, name, unit = _named(unknown)
+            out[c.name] = f"{name} {4 * 4.5 / size:.2g} {unit}"
+    return out

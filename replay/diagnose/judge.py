@@ -1,0 +1,102 @@
+"""Weighs hypotheses: how much each leaves unexplained beyond noise, as probabilities with "complete" and "unknown"."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from replay.diagnose.contest import Contestant
+from replay.diagnose.search import Campaign, Fit
+
+Floats = NDArray[np.float64]
+
+#: Samples that are looked at together, and how many deviations of their sum of squares are beyond noise.
+BLOCK, BEYOND = 24, 5.0
+#: Differences of misfit up to this count as likelihoods do; beyond it only ratios of what is left unexplained count,
+#: since no law in the library has exactly the form nature gave it.
+LIKELIHOOD_UP_TO = 10.0
+#: Squared sigmas that count as one: searches end, solvers err and runs repeat only to this.
+COUNTS_AS_ONE = 20.0
+#: What noise and forks of repeats leave unexplained even with the right model, sigmas squared.
+NOISE_LEAVES = 300.0
+#: Share of the base's excess misfit that "unknown" is taken to leave: who explains less than the rest is no answer.
+UNKNOWN_LEAVES = 0.08
+#: Logarithms of prior probabilities: one cause, a second one beside it, each constant beyond a cause's first, unknown.
+LOG_PRIOR_CAUSE, LOG_PRIOR_SECOND, LOG_PRIOR_CONSTANT, LOG_PRIOR_UNKNOWN = -4.0, -4.0, -1.0, -4.0
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Probabilities of hypotheses by name (``complete``, ``unknown``, causes, joint ones), largest first."""
+
+    probability: Mapping[str, float]
+    excess: Mapping[str, float]  # misfit beyond noise that each hypothesis leaves, sigmas squared
+    left_over: float  # of the best of them, from where its differences are too large to be noise
+
+
+def unexplained(campaign: Campaign, fit: Fit) -> float:
+    """Squared sigmas of a fit that lie in stretches whose differences are too large to be noise."""
+    total = 0.0
+    for observed, part in zip(campaign.observations, campaign.slices(), strict=True):
+        row = fit.residual[part]
+        shape = row[: observed.tip.size].reshape(3, -1)
+        blocks = shape.shape[1] // BLOCK
+        squares = np.sum(shape[:, : blocks * BLOCK].reshape(3, blocks, BLOCK) ** 2, axis=2)
+        usual = np.clip(np.median(squares, axis=1, keepdims=True), 0.5 * BLOCK, 1.5 * BLOCK)
+        loud = squares > usual * (1 + BEYOND * np.sqrt(2 / BLOCK))
+        total += float(np.sum(np.where(loud, _gently(squares - usual), 0)))
+        timing = row[observed.tip.size :] ** 2
+        total += float(np.sum(_gently(np.where(timing > 9, timing - 1, 0))))
+    return total
+
+
+def _gently(squares: Floats) -> Floats:
+    """Sums of squares as the robust cost counts them, roughly: large ones with their root."""
+    knee = 25.0 * BLOCK
+    return np.where(squares > knee, 2 * np.sqrt(np.maximum(squares, 0) * knee) - knee, squares)
+
+
+def judge(campaign: Campaign, null: Fit, contestants: Sequence[Contestant]) -> Judgement:
+    """Probabilities over the base alone, all contestants, and a cause nobody has thought of."""
+    fits = {"complete": null, **{c.name: c.fit for c in contestants}}
+    best = min(fits.values(), key=lambda fit: fit.cost)
+    left_over = max(0.0, unexplained(campaign, best) - NOISE_LEAVES)
+    excess = {name: left_over + max(0.0, fit.cost - best.cost) for name, fit in fits.items()}
+    log_p = {"complete": _log_likelihood(excess["complete"])}
+    for c in contestants:
+        constants = len(c.hypothesis.unknowns)
+        prior = LOG_PRIOR_CAUSE + LOG_PRIOR_SECOND * (len(c.hypothesis.causes) - 1)
+        prior += LOG_PRIOR_CONSTANT * (min(constants, 4) - len(c.hypothesis.causes))
+        log_p[c.name] = prior + _log_likelihood(excess[c.name])
+    log_p["unknown"] = LOG_PRIOR_UNKNOWN + _log_likelihood(
+        UNKNOWN_LEAVES * excess["complete"] + (1 - UNKNOWN_LEAVES) * min(left_over, 1.0)
+    )
+    top = max(log_p.values())
+    total = sum(np.exp(v - top) for v in log_p.values())
+    probability = {k: float(np.exp(v - top) / total) for k, v in log_p.items()}
+    return Judgement(dict(sorted(probability.items(), key=lambda kv: -kv[1])), excess, left_over)
+
+
+def _log_likelihood(excess: float) -> float:
+    """Likelihood of what is left unexplained: exp(-excess / 2) while it is small, a power of it when it is large."""
+    return float(-LIKELIHOOD_UP_TO / 2 * np.log1p(excess / COUNTS_AS_ONE / LIKELIHOOD_UP_TO))
+
+
+def by_cause(probability: Mapping[str, float]) -> dict[str, float]:
+    """Probability that each single cause takes part, alone or with another."""
+    out: dict[str, float] = {}
+    for name, p in probability.items():
+        for cause in name.split("+"):
+            if cause not in ("complete", "unknown"):
+                out[cause] = out.get(cause, 0.0) + p
+    return dict(sorted(out.items(), key=lambda kv: -kv[1]))
+
+
+def surviving(probability: Mapping[str, float], covers: float = 0.95) -> list[str]:
+    """The fewest hypotheses that together are as probable as ``covers``."""
+    total = list(itertools.accumulate(probability.values()))
+    return list(probability)[: int(np.searchsorted(total, covers)) + 1]

@@ -1,0 +1,141 @@
+"""How far a straw, seen through an instrument, is from an observation: timing and shape charged separately.
+
+A snap 30 ms late differs by all of its height, whatever was the cause. So the prediction's clock is bent near the
+snaps until they coincide; how far it had to be bent is charged as timing, what then still differs as shape. Both
+change almost linearly with the constants of the straw, which point-wise differences do not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
+
+from model.parameters import StrawParameters
+from model.simulate import Prediction, simulate
+from replay.diagnose.instrument import Instrument
+from replay.diagnose.observation import REPEATABILITY_S, SLACK_S, Observation
+from replay.diagnose.snaps import cell_snaps, crossings
+
+Floats = NDArray[np.float64]
+
+#: Accuracy and output step of simulations; what they leave is below a camera's noise.
+TOLERANCE_M = 2e-6
+STEP_S = 2e-3
+#: Where the recording shows more snaps than the straw, the straw is given this much longer to snap.
+PATIENCE_S = 1.5
+#: The prediction's clock is bent as for the nearest snap from this long before it to this long after it, s.
+BEFORE_S, AFTER_S = 0.1, 0.6
+#: Over the longest of this and a multiple of the difference the bend fades, s.
+FADES_S, FADES = 0.3, 3.0
+#: Noise of a track: share of its variance that lasts, and for how long (measured on recordings, see the facts).
+LASTING, LASTS_S = 0.38, 0.05
+#: A snap that only one of the two shows counts as this late at least, s.
+MISSING_S = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Misfit:
+    """Differences between prediction and observation in sigmas: shape (3, n), white for a right model; timing (k,).
+
+    ``timing`` has an entry for each of the observation's snap times (begin, end, begin, ...), and where the straw
+    shows more, one for all the others; ``late_s`` are the same in seconds. ``plain`` (3, n) is what differs without
+    bending the clock, m and rad.
+    """
+
+    shape: Floats
+    timing: Floats
+    late_s: Floats
+    plain: Floats
+
+    @property
+    def vector(self) -> Floats:
+        """All of it, (3 n + k,)."""
+        return np.concatenate([self.shape.ravel(), self.timing])
+
+
+def play(observed: Observation, straw: StrawParameters, instrument: Instrument) -> tuple[Prediction, Floats]:
+    """What the straw does in this run and its snap times as stamped by the camera; ModelError where it cannot."""
+    run = observed.run
+    assert run.initial_deployed is not None
+
+    def pressure(at_s: Floats) -> Floats:
+        return instrument.true_pressure(observed.pressure(at_s))
+
+    worn = straw.replace(cycle=float(run.cycle))
+    ends = instrument.true_time(np.array([observed.start_s, observed.end_s]))
+    start, end = float(min(ends[0], observed.start_s)), float(ends[1])
+    for patience in (0.0, PATIENCE_S):
+        grid = np.arange(start, end + patience + 2 * STEP_S, STEP_S)
+        near = observed.rests.get(straw.form)
+        seen = simulate(worn, pressure, grid, run.initial_deployed, tolerance_m=TOLERANCE_M, near=near)
+        observed.rests.setdefault(straw.form, seen.rest)
+        told = instrument.camera_roll_rad
+        true_s = crossings(grid, seen.phi_rad + told, observed.levels)
+        if len(true_s) < len(observed.snaps_s):
+            true_s = cell_snaps(grid, seen.zeta_m[:, :, 1], true_s)
+        if len(true_s) >= len(observed.snaps_s):
+            break
+    stamped = true_s * (1 + instrument.clock_drift) + instrument.clock_offset_s
+    return seen, stamped
+
+
+def misfit(observed: Observation, straw: StrawParameters, instrument: Instrument, slack_s: float = SLACK_S) -> Misfit:
+    """Misfit of one run; ModelError where the model cannot follow.
+
+    With more ``slack_s`` what moves fast counts less, and the way down to a good fit is wider.
+    """
+    seen, snaps_s = play(observed, straw, instrument)
+    both = min(len(snaps_s), len(observed.snaps_s))
+    late = np.empty(len(observed.snaps_s) + 1)
+    late[:both] = snaps_s[:both] - observed.snaps_s[:both]
+    late[both:-1] = observed.end_s + PATIENCE_S - observed.snaps_s[both:]
+    extra = snaps_s[len(observed.snaps_s) :]
+    late[-1] = (
+        np.sum(np.clip(observed.end_s - extra, 0, None) + MISSING_S * (extra < observed.end_s)) if len(extra) else 0
+    )
+    spline = CubicSpline(seen.time_s, np.stack([seen.x_m, seen.z_m, seen.phi_rad]), axis=1)
+    span = seen.time_s[0], seen.time_s[-1]
+
+    def at(stamped_s: Floats) -> Floats:
+        return instrument.seen(spline(np.clip(instrument.true_time(stamped_s), *span)))
+
+    bent = observed.time_s + bend(observed.time_s, observed.snaps_s[:both], late[:both])
+    plain = at(observed.time_s) - observed.tip
+    shape = whitened((at(bent) - observed.tip) / observed.sigma(slack_s), observed.time_s)
+    return Misfit(shape, late / REPEATABILITY_S, late, plain)
+
+
+def bend(time_s: Floats, snaps_s: Floats, late_s: Floats) -> Floats:
+    """How much later (s) to look into the prediction at times (n,), so that its snaps coincide; zero far from snaps."""
+    if len(snaps_s) == 0:
+        return np.zeros_like(time_s)
+    fade = np.maximum(FADES_S, FADES * np.abs(late_s))
+    knots = np.concatenate([[snaps_s[0] - BEFORE_S - fade[0], snaps_s[0] - BEFORE_S], snaps_s])
+    values = np.concatenate([[0.0, late_s[0]], late_s])
+    knots = np.concatenate([knots, [snaps_s[-1] + AFTER_S, snaps_s[-1] + AFTER_S + fade[-1]]])
+    values = np.concatenate([values, [late_s[-1], 0.0]])
+    return np.asarray(np.interp(time_s, knots, values))
+
+
+def whitened(scaled: Floats, time_s: Floats) -> Floats:
+    """Differences in sigmas (3, n) with the lasting part of a track's noise filtered out: unit variance, independent.
+
+    White noise plus a first-order process, each at its share of the variance, is an ARMA(1, 1) process: its own
+    one-step prediction is subtracted (Box and Jenkins). Offsets that last count as the few independent looks they are.
+    """
+    fade = float(np.exp(-np.median(np.diff(time_s)) / LASTS_S))
+    drive, white = LASTING * (1 - fade**2), 1 - LASTING
+    # theta and innovation variance from the autocovariances of (1 - fade B) y at lags 0 and 1
+    lag0, lag1 = drive + white * (1 + fade**2), -fade * white
+    half = -lag0 / (2 * lag1)
+    theta = half - np.sqrt(half**2 - 1)
+    innovation = -lag1 / theta
+    # started as if the first difference had lasted for long
+    first = scaled[:, :1] * (1 - fade) / (1 - theta)
+    zi = (theta * first) - fade * scaled[:, :1]
+    out, _ = lfilter([1.0, -fade], [1.0, -theta], scaled, axis=1, zi=zi)
+    return np.asarray(out / np.sqrt(innovation))

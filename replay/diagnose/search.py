@@ -1,0 +1,284 @@
+"""Least squares over a campaign: damped Gauss-Newton with priors, bounds and robust weights on a pool of workers."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import ModelError
+from model.parameters import StrawParameters
+from replay.diagnose.hypothesis import Unknown, applied
+from replay.diagnose.misfit import Misfit, misfit
+from replay.diagnose.observation import SLACK_S, Observation
+
+Floats = NDArray[np.float64]
+
+#: Differences beyond this many sigmas count with their size, not their square.
+ROBUST_SIGMAS = 5.0
+#: A simulation that fails counts as this many sigmas everywhere.
+FAILED_SIGMAS = 300.0
+#: Damping tried in each step, as a share of the curvature.
+DAMPING = (1e-4, 0.1)
+#: A step that gains less than this share of what was predicted was predicted badly.
+WELL = 0.3
+#: Longest step in units of u.
+LONGEST_STEP = 3.0
+#: A derivative's step in u: first, least, most; and how many sigmas (root mean square) it aims to move the runs.
+STEP, SMALLEST_STEP, LARGEST_STEP, STEP_SIGMAS = 0.03, 2e-3, 0.2, 0.3
+
+
+class Campaign:
+    """Observations of one specimen, and where straws are played against them."""
+
+    def __init__(
+        self,
+        observations: Sequence[Observation],
+        straw: StrawParameters,
+        pool: Executor,
+        stop: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self.observations, self.straw, self.pool, self.stop = tuple(observations), straw, pool, stop
+        self.played = self.failures = 0
+        self.steps: dict[str, float] = {}  # of derivatives by each unknown, as last felt well
+        self.scatter: list[tuple[Floats, Floats]] | None = None
+        self.slack_s = SLACK_S
+
+    def only(self, names: Sequence[str]) -> Campaign:
+        """The campaign with some of its runs."""
+        chosen = [o for o in self.observations if o.name in set(names)]
+        return Campaign(chosen, self.straw, self.pool, self.stop)
+
+    def loose(self, slack_s: float) -> Campaign:
+        """The campaign with what moves fast counting less."""
+        out = Campaign(self.observations, self.straw, self.pool, self.stop)
+        out.slack_s = slack_s
+        return out
+
+    def misfits(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[list[Misfit | None]]:
+        """Misfit of every run at every point u; None where the model cannot follow."""
+        jobs = [
+            [
+                self.pool.submit(_one, observed, self.straw, tuple(unknowns), point, self.slack_s)
+                for observed in self.observations
+            ]
+            for point in points
+        ]
+        found = [[job.result() for job in row] for row in jobs]
+        self.played += sum(len(row) for row in found)
+        self.failures += sum(one is None for row in found for one in row)
+        return found
+
+    def residuals(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[Floats]:
+        """All differences of all runs in sigmas as one vector for each point u."""
+        return [self.stacked(row) for row in self.misfits(unknowns, points)]
+
+    def stacked(self, row: Sequence[Misfit | None]) -> Floats:
+        """One vector of all runs; failures count as very wrong."""
+        return self.repeatable(
+            np.concatenate(
+                [
+                    np.full(self.size(o), FAILED_SIGMAS) if one is None else one.vector
+                    for o, one in zip(self.observations, row, strict=True)
+                ]
+            )
+        )
+
+    def allow(self, slopes: Floats) -> None:
+        """Let every run differ a little from the others: ``slopes`` (m, k) are what one deviation of each kind does.
+
+        From now on differences in these directions count as what they are beside what repeats differ by: with
+        covariance 1 + J J' in each run, differences are multiplied by its inverse root.
+        """
+        self.scatter = []
+        for part in self.slices():
+            directions, size, _ = np.linalg.svd(slopes[part], full_matrices=False)
+            self.scatter.append((directions, 1 / np.sqrt(1 + size**2) - 1))
+
+    def repeatable(self, differences: Floats) -> Floats:
+        """Differences (m,) or slopes (m, k) with what runs of one straw differ by counted as such."""
+        if self.scatter is None:
+            return differences
+        out = differences.copy()
+        for part, (directions, less) in zip(self.slices(), self.scatter, strict=True):
+            here = differences[part]
+            out[part] += directions @ ((directions.T @ here).T * less).T
+        return out
+
+    @staticmethod
+    def size(observed: Observation) -> int:
+        """Length of a run's misfit vector."""
+        return observed.tip.size + len(observed.snaps_s) + 1
+
+    def slices(self) -> list[slice]:
+        """Where each run's differences lie in the stacked vector."""
+        ends = np.cumsum([0, *(self.size(o) for o in self.observations)])
+        return [slice(int(a), int(b)) for a, b in itertools.pairwise(ends)]
+
+
+def _one(
+    observed: Observation, straw: StrawParameters, unknowns: tuple[Unknown, ...], at: Floats, slack_s: float
+) -> Misfit | None:
+    try:
+        return misfit(observed, *applied(straw, unknowns, at), slack_s)
+    except ModelError:
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Where a search ended: u, differences (m,), slopes (m, unknowns) there, and what it cost to be there."""
+
+    unknowns: tuple[Unknown, ...]
+    u: Floats
+    residual: Floats
+    slopes: Floats
+    cost: float  # robust, with priors
+    fresh: bool  # whether the slopes were measured here
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Numbers found, SI, by target."""
+        return {k.target: k.value(float(u)) for k, u in zip(self.unknowns, self.u, strict=True)}
+
+
+def robust_cost(residual: Floats) -> float:
+    """Sum of squares in which what is far off counts with its size (soft L1)."""
+    c2 = ROBUST_SIGMAS**2
+    return float(np.sum(2 * c2 * (np.sqrt(1 + residual**2 / c2) - 1)))
+
+
+def weights(residual: Floats) -> Floats:
+    """Weights of squares that stand for the robust cost."""
+    return np.asarray(1 / np.sqrt(1 + (residual / ROBUST_SIGMAS) ** 2))
+
+
+def prior_cost(unknowns: Sequence[Unknown], u: Floats) -> float:
+    """What the priors charge."""
+    return float(sum(((x - k.mean) / k.sd) ** 2 for k, x in zip(unknowns, u, strict=True)))
+
+
+def clipped(unknowns: Sequence[Unknown], u: Floats) -> Floats:
+    """u within its bounds."""
+    return np.clip(u, [k.low for k in unknowns], [k.high for k in unknowns])
+
+
+def measured_slopes(
+    campaign: Campaign, unknowns: Sequence[Unknown], u: Floats, residual: Floats, which: Sequence[int]
+) -> Floats:
+    """Derivatives of the differences by some of the unknowns, (m, len(which)), by steps that are well felt."""
+    steps = np.array([campaign.steps.get(unknowns[k].target, STEP) for k in which])
+    out = np.empty((len(residual), len(which)))
+    todo = list(range(len(which)))
+    for _ in range(2):
+        points = []
+        for k in todo:
+            step = steps[k] if u[which[k]] + steps[k] <= unknowns[which[k]].high else -steps[k]
+            points.append(u + step * np.eye(len(u))[which[k]])
+        for k, point, moved in zip(todo, points, campaign.residuals(unknowns, points), strict=True):
+            out[:, k] = (moved - residual) / (point - u)[which[k]]
+        effect = np.sqrt(np.mean(out**2, axis=0)) * steps
+        better = np.clip(steps * STEP_SIGMAS / np.maximum(effect, 1e-9), SMALLEST_STEP, LARGEST_STEP)
+        todo = [k for k in todo if abs(np.log(better[k] / steps[k])) > np.log(6.0)]
+        steps = better
+        if not todo:
+            break
+    campaign.steps.update((unknowns[k].target, float(step)) for k, step in zip(which, steps, strict=True))
+    return out
+
+
+def descend(
+    campaign: Campaign,
+    unknowns: Sequence[Unknown],
+    u: Floats,
+    *,
+    slopes: Floats | None = None,
+    residual: Floats | None = None,
+    rounds: int = 8,
+    measure: bool = True,
+    enough: float = 1.0,
+    share: float = 0.0,
+) -> Fit:
+    """Damped Gauss-Newton from u. ``slopes`` (m, unknowns) may be known from nearby; with ``measure`` they are
+    measured anew whenever they predict badly, else only corrected by what each step shows (Broyden).
+    Ends when a round gains less than ``enough`` or that ``share`` of the cost.
+    """
+    unknowns = tuple(unknowns)
+    u = clipped(unknowns, np.asarray(u, dtype=np.float64))
+    if residual is None:
+        residual = campaign.residuals(unknowns, [u])[0]
+    cost = robust_cost(residual) + prior_cost(unknowns, u)
+    fresh = slopes is None
+    if slopes is None:
+        slopes = measured_slopes(campaign, unknowns, u, residual, range(len(u)))
+    mean, sd = np.array([k.mean for k in unknowns]), np.array([k.sd for k in unknowns])
+    damping = np.array(DAMPING)
+    for _ in range(rounds):
+        if campaign.stop():
+            break
+
+        def downhill(at: Floats, left: Floats, damped: float, slopes: Floats = slopes) -> tuple[Floats, float]:
+            """Where a step from ``at`` leads, and what it is predicted to gain."""
+            w = weights(left)
+            curvature = (slopes * w[:, None]).T @ slopes + np.diag(1 / sd**2)
+            gradient = slopes.T @ (w * left) + (at - mean) / sd**2
+            end = _step(unknowns, at, curvature, gradient, damped)
+            step = end - at
+            return end, float(-2 * gradient @ step - step @ curvature @ step)
+
+        trials, predictions = zip(*(downhill(u, residual, d) for d in damping), strict=True)
+        points, ends = list(trials), campaign.residuals(unknowns, trials)
+        costs = [robust_cost(r) + prior_cost(unknowns, t) for r, t in zip(ends, points, strict=True)]
+        predicted = predictions[int(np.argmin(costs))]
+        if cost - min(costs) < WELL * predicted:
+            # valleys bend: from where a step has led, the same slopes lead back down to the valley's floor
+            back = [downhill(t, r, d)[0] for t, r, d in zip(trials, ends, damping, strict=True)]
+            ends += campaign.residuals(unknowns, back)
+            points += back
+            costs = [robust_cost(r) + prior_cost(unknowns, t) for r, t in zip(ends, points, strict=True)]
+        best = int(np.argmin(costs))
+        gain, little = cost - costs[best], max(enough, share * cost)
+        corrected = _broyden(slopes, ends[best] - residual, points[best] - u)
+        if gain > 0:
+            u, residual, cost = points[best], ends[best], costs[best]
+            damping = damping / 4 if best % 2 == 0 else damping
+        else:
+            damping = damping * 16
+        if gain < little and (fresh or not measure) and (gain > 0 or damping[0] > 10):
+            slopes, fresh = (corrected, False) if gain > 0 else (slopes, fresh)
+            break
+        if measure and not fresh and (gain < WELL * predicted or gain < little):
+            slopes = measured_slopes(campaign, unknowns, u, residual, range(len(u)))
+            fresh = True
+        elif gain > 0 or not fresh:
+            slopes, fresh = corrected, False
+    return Fit(unknowns, u, residual, slopes, cost, fresh)
+
+
+def _step(unknowns: Sequence[Unknown], u: Floats, curvature: Floats, gradient: Floats, damping: float) -> Floats:
+    """u after a step; unknowns that would leave their bounds are held there and the others solved again."""
+    free = np.ones(len(u), dtype=bool)
+    damped = curvature + damping * np.diag(np.diag(curvature))
+    low, high = np.array([k.low for k in unknowns]), np.array([k.high for k in unknowns])
+    step = np.zeros(len(u))
+    for _ in range(len(u)):
+        step[free] = np.linalg.solve(damped[np.ix_(free, free)], -(gradient + damped @ np.where(free, 0, step))[free])
+        step = step * min(1.0, LONGEST_STEP / max(float(np.max(np.abs(step))), 1e-12))
+        beyond = free & ((u + step < low) | (u + step > high))
+        if not beyond.any():
+            break
+        step[beyond] = np.clip(u + step, low, high)[beyond] - u[beyond]
+        free &= ~beyond
+    return np.asarray(np.clip(u + step, low, high))
+
+
+def _broyden(slopes: Floats, moved: Floats, step: Floats) -> Floats:
+    """Slopes corrected so that they predict the last step."""
+    size = float(step @ step)
+    if size == 0:
+        return slopes
+    return np.asarray(slopes + np.outer(moved - slopes @ step, step) / size)

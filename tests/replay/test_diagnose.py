@@ -1,0 +1,190 @@
+"""Diagnosis: parts against planted truth, and one campaign of an apparatus that shares no code with the model."""
+
+from __future__ import annotations
+
+import json
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from model.parameters import StrawParameters, straw_from_toml
+from model.terms import TERMS
+from replay.cli import main
+from replay.diagnose.diagnosis import inquire
+from replay.diagnose.experiment import Choice, _toml, menu
+from replay.diagnose.findings import conclude
+from replay.diagnose.hypothesis import MEASUREMENT, Unknown, applied, base_unknowns, causes, hypothesis
+from replay.diagnose.instrument import Instrument
+from replay.diagnose.judge import by_cause, surviving
+from replay.diagnose.misfit import bend, misfit, whitened
+from replay.diagnose.observation import observe
+from replay.diagnose.search import Campaign, descend
+from replay.diagnose.snaps import crossings, levels_of
+from rig.protocol import load_protocol
+from tests.apparatus.campaign import NONE, campaign
+from tests.apparatus.campaign import write as write_run
+from tests.apparatus.effects import Cause
+
+BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)
+FEW = ("fold-25kPa", "deploy-35kPa-1", "deploy-30kPa-6", "staircase")
+
+
+@pytest.fixture(scope="module")
+def plain():
+    """A specimen of the apparatus with the base constants and nothing concealed."""
+    return [observe(run) for run in campaign((), 3, FEW, NONE)]
+
+
+def test_a_late_camera_a_turned_camera_and_a_gauge_that_lies_are_undone_by_their_opposite():
+    pose = np.array([[0.05, 0.03], [-0.01, 0.02], [1.6, 1.2]])
+    turned = Instrument(camera_roll_rad=0.02, length_scale=0.01).seen(pose)
+    back = Instrument(camera_roll_rad=-0.02, length_scale=1 / 1.01 - 1).seen(turned)
+    np.testing.assert_allclose(back, pose, atol=1e-15)
+    late = Instrument(clock_offset_s=0.06, clock_drift=0.01)
+    np.testing.assert_allclose(late.true_time(np.array([0.06, 1.07])), [0.0, 1.0])
+    assert Instrument(gauge_offset_pa=100.0, gauge_gain=0.1).true_pressure(np.array([1200.0])) == pytest.approx(1000.0)
+
+
+def test_the_tip_offset_lies_along_the_tip_axis():
+    pose = np.array([[0.0], [0.0], [np.pi / 2]])
+    np.testing.assert_allclose(Instrument(tip_offset_m=1e-3).seen(pose)[:2, 0], [1e-3, 0.0], atol=1e-18)
+
+
+def test_noise_of_a_track_is_white_with_unit_variance_once_whitened():
+    rng = np.random.default_rng(0)
+    n, fade = 20_000, np.exp(-1 / 240 / 0.05)
+    slow = np.zeros(n)
+    for k in range(1, n):
+        slow[k] = fade * slow[k - 1] + np.sqrt(1 - fade**2) * rng.normal()
+    noise = np.sqrt(0.38) * slow + np.sqrt(0.62) * rng.normal(size=n)
+    white = whitened(np.tile(noise, (3, 1)), np.arange(n) / 240)[0]
+    assert np.std(white) == pytest.approx(1.0, abs=4 / np.sqrt(2 * n))
+    lag = np.array([np.mean(white[k:] * white[: n - k]) for k in range(1, 20)])
+    assert np.max(np.abs(lag)) < 4 / np.sqrt(n)
+
+
+def test_snaps_are_found_by_where_phi_leaves_and_returns_and_ringing_is_not_another():
+    t = np.arange(0, 3, 1 / 240)
+    phi = (
+        1.6
+        + 0.3 * ((t > 1.0) & (t < 1.2))
+        + 0.12 * np.exp(-5 * np.clip(t - 1.2, 0, None)) * np.sin(90 * (t - 1.2)) * (t > 1.2)
+    )
+    found = crossings(t, phi, levels_of(phi))
+    assert len(found) == 2
+    np.testing.assert_allclose(found, [1.0, 1.2], atol=1 / 240)
+
+
+def test_a_tip_at_rest_shows_no_snap():
+    t = np.arange(0, 3, 1 / 240)
+    phi = 1.6 + 1.5e-3 * np.random.default_rng(1).normal(size=len(t))
+    assert len(crossings(t, phi, levels_of(phi))) == 0
+
+
+def test_the_clock_is_bent_at_the_snaps_and_nowhere_far_from_them():
+    t = np.linspace(0, 4, 401)
+    late = bend(t, np.array([2.0, 2.1]), np.array([0.03, 0.05]))
+    assert late[200] == pytest.approx(0.03)
+    assert late[210] == pytest.approx(0.05)
+    assert late[0] == late[-1] == 0.0
+    assert np.all(np.diff(t + late) > 0)
+
+
+def test_every_cause_of_the_contract_can_be_set_into_a_straw_or_an_instrument():
+    assert set(TERMS) | set(MEASUREMENT) | {"odd_frusta_compliance"} == set(causes(9))
+    for name in causes(9):
+        what = hypothesis([name], 9)
+        straw, instrument = applied(BASE, what.unknowns, np.array(what.starts[0]))
+        changed = straw.form != BASE.form or bool(straw.terms) or instrument != Instrument()
+        assert changed, name
+        same, sound = applied(BASE, what.unknowns[:1], np.zeros(1))
+        if what.unknowns[0].kind == "strength":
+            assert sound == Instrument()
+            assert same.constants().plain
+
+
+def test_unknowns_give_back_the_value_they_start_from():
+    assert Unknown("straw.r_ch_m", 0.1, 4e-4, "log").value(0.0) == 4e-4
+    strength = Unknown("term.cohesion.force_n", 2.0)
+    assert strength.value(strength.at(3.0)) == pytest.approx(6.0)
+    assert strength.per_u(0.4) == pytest.approx((strength.value(0.4 + 1e-6) - strength.value(0.4 - 1e-6)) / 2e-6)
+
+
+def test_the_apparatus_own_straw_leaves_only_noise(plain):
+    for observed in plain:
+        one = misfit(observed, BASE, Instrument())
+        assert np.mean(one.shape**2) < 1.2
+        assert np.all(np.abs(one.late_s) < 4e-3)
+
+
+def test_the_base_finds_its_constants_again_from_wrong_ones(plain):
+    unknowns = base_unknowns(BASE)
+    with ThreadPoolExecutor() as pool:
+        fit = descend(Campaign(plain, BASE, pool), unknowns, np.array([0.1, 0.2, -0.2, 0.5, 0.3, 0.3, -0.3]), rounds=10)
+    found = fit.values
+    assert found["straw.r_ch_m"] == pytest.approx(0.40e-3, rel=0.01)
+    assert found["straw.c_phi_n_m_s_per_rad"] == pytest.approx(2e-3, rel=0.05)
+
+
+def test_probabilities_are_gathered_by_cause_and_the_fewest_that_suffice_survive():
+    probability = {"cohesion": 0.6, "cohesion+clock_offset": 0.3, "unknown": 0.08, "complete": 0.02}
+    assert by_cause(probability) == pytest.approx({"cohesion": 0.9, "clock_offset": 0.3})
+    assert surviving(probability) == ["cohesion", "cohesion+clock_offset", "unknown"]
+
+
+@pytest.mark.parametrize("choice", menu(9), ids=lambda choice: choice.name)
+def test_every_experiment_on_the_menu_runs_on_the_rig_within_its_limits(choice: Choice, tmp_path):
+    path = tmp_path / "next.toml"
+    path.write_text(_toml(choice))
+    protocol = load_protocol(path)
+    assert protocol.initial_deployed == choice.deployed
+    assert protocol.duration_s == pytest.approx(1.0 + sum(seconds for _, seconds in choice.holds))
+
+
+def test_a_concealed_late_clock_is_named_measured_and_improves_runs_it_did_not_fit():
+    """By an apparatus of other code; the library is cut to a few rivals to keep it short."""
+    runs = campaign((Cause("clock_offset", 0.05, "", 1),), 4, FEW, NONE)
+    rivals = ("clock_offset", "line_lag", "poiseuille_loss", "gauge_gain")
+    with ThreadPoolExecutor() as pool:
+        found = inquire([observe(run) for run in runs], BASE, library=rivals, executor=pool)
+        findings = conclude(found)
+    assert findings.verdict == "measurement_fault"
+    assert findings.causes == ["clock_offset"]
+    offset = findings.parameters["clock_offset"]["clock_offset_s"]
+    assert abs(offset["value"]) == pytest.approx(0.05, abs=2e-3)
+    assert findings.held is not None
+    assert not set(findings.held.heldout) & set(findings.held.train)
+    assert findings.held.after["x_m"] < findings.held.before["x_m"] / 2
+    assert sum(findings.judgement.probability.values()) == pytest.approx(1.0)
+    straw_from_toml(findings.as_json()["straw"])
+
+
+def test_nothing_missing_is_said_where_nothing_is(plain):
+    with ThreadPoolExecutor() as pool:
+        found = inquire(plain, BASE, library=("clock_offset", "cohesion", "gauge_gain"), executor=pool)
+        findings = conclude(found)
+    assert findings.verdict == "complete"
+    assert findings.causes == []
+    assert "cohesion" in findings.smallest
+
+
+def test_runs_of_two_specimens_or_one_run_twice_are_one_line(tmp_path, capsys):
+    one, other = campaign((), 3, FEW[3:], NONE, name="a"), campaign((), 3, FEW[:1], NONE, name="b")
+    a, b = write_run(one[0], tmp_path / "a.mcap"), write_run(other[0], tmp_path / "b.mcap")
+    assert main(["diagnose", str(a), str(b)]) == 2
+    assert "runs of 2 specimens (a, b); diagnose one at a time" in capsys.readouterr().err
+    assert main(["diagnose", str(a), "--without", "magic"]) == 2
+    assert "no such cause" in capsys.readouterr().err
+
+
+def test_one_run_without_a_snap_is_diagnosed_with_what_it_could_not_decide(tmp_path, capsys):
+    run = write_run(campaign((), 3, FEW[3:], NONE)[0], tmp_path / "one.mcap")
+    most = [name for name in causes(9) if name not in ("clock_offset", "gauge_gain")]
+    status = main(["diagnose", str(run), "--json", str(tmp_path / "f.json"), "--without", *most])
+    told = json.loads((tmp_path / "f.json").read_text())
+    assert status in (0, 1)
+    assert told["verdict"] in ("complete", "ambiguous")
+    assert any("no run shows a snap" in note for note in told["notes"])
+    assert any("nothing could be held out" in note for note in told["notes"])
+    assert capsys.readouterr().out
