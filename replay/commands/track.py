@@ -27,7 +27,8 @@ from tracking.board import Board
 from tracking.camera import Camera, camera_json, load_camera, save_camera
 from tracking.chapters import in_order, siblings
 from tracking.reference import place_by_reference
-from tracking.track import Track, track
+from tracking.task import Track
+from tracking.track import track
 
 Pose = tuple[float, float, float]
 _MISFIT, _MISFIT_PX = 3.0, 0.1  # how much more than a board by itself, and at least, tells of a wrong lens or place

@@ -10,7 +10,8 @@ import numpy as np
 
 from tests.benchmarks.tracking_clips import BOARD, LINE_S, REST, SETUPS, SI, blind, errors, painted, rms, snaps
 from tracking.pose import free_pose
-from tracking.track import Track, track
+from tracking.task import Track
+from tracking.track import track
 
 
 def free_errors(found: Track, camera, motion) -> np.ndarray:

@@ -37,6 +37,7 @@ def followed(seen_by_opencv, camera, poses, noise_px=0.0, y_m=0.0, line_s=0.0):
         rate=np.linalg.solve(slopes, rate[..., None])[..., 0],
         bend=np.zeros((n, 49, 2)),
         jerk=np.zeros((n, 49, 2)),
+        doubt=np.zeros(n),
         pitch_px=np.full(n, 20.0),
         widths=np.ones((n, 2)),
         sweep=np.zeros((n, 2)),

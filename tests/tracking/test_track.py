@@ -16,7 +16,8 @@ from tracking.encode import VideoWriter
 from tracking.errors import TrackingError
 from tracking.follow import Follower, Sighting
 from tracking.synthetic import camera_looking_at, paint_video
-from tracking.track import Track, track
+from tracking.task import Track
+from tracking.track import track
 from tracking.video import VideoReader
 
 REST = (0.0221, 0.0, 1.53)  # as the painted clips begin
