@@ -12,7 +12,7 @@ from tracking.board import Board
 from tracking.camera import Camera
 from tracking.errors import TrackingError
 from tracking.follow import Rest
-from tracking.pose import Plane, apply, free_pose
+from tracking.pose import Plane, apply, free_pose, smooth_modes
 from tracking.views import Views
 
 Floats = NDArray[np.float64]
@@ -22,6 +22,7 @@ _LINE_S = 4e-6  # a row takes at most the frame's 4.17 ms / 1080 at 240 frames/s
 _ASIDE_M = 0.01  # how far the board's centre may lie beside the plane of motion
 _ROUNDS = 8
 _FIXED, _FREE = 1e-12, 1e3
+_RASTER_PX = 0.008  # an error that varies smoothly over the board at rest: the pixels' raster, and the codec
 _ALIKE_S = 0.1  # what the codec and the pixels do to the corners is alike for about so long
 # The constants: the camera's turn about the world's X, Y, Z at the board (rad), its shift along them (m), the board's
 # turn about the tip's x and z (rad), the shutter's time from row to row (s).
@@ -98,7 +99,7 @@ class Bundle:
             step[self.prior <= _FIXED] = 0.0
             self.theta = self.theta + step
             poses = poses + solved[..., 9] - solved[..., :9] @ step
-            self.spread = spread + spread @ self._disagreement(score) @ spread
+            self.spread = spread + spread @ (self._disagreement(score) + self._raster(weight, by_theta)) @ spread
             if not np.isfinite(self.theta).all():
                 raise TrackingError("track: the frames fit no common plane of motion; check the lens and the rest pose")
             if np.all(np.abs(step) < 0.01 * np.sqrt(np.maximum(np.diag(spread), 1e-30))):
@@ -111,6 +112,13 @@ class Bundle:
         np.add.at(sums, stretch, score)
         free, count = np.count_nonzero(self.prior > _FIXED), len(sums)
         return np.asarray(sums.T @ sums * (count / max(count - free, 1)))
+
+    def _raster(self, weight: Floats, by_theta: Floats) -> Floats:
+        """Return the covariance (9, 9) of the rest frame's score: what it alone fixes has nothing to disagree with."""
+        if not self.rest:
+            return np.zeros((9, 9))
+        along = np.einsum("n,nm,nci->mci", weight[0], smooth_modes(self.points), by_theta[0])
+        return np.asarray(np.einsum("mci,mcj->ij", along, along) * _RASTER_PX**2)
 
     def response(self, views: Views, poses: Floats) -> Floats:
         """Return by how much poses (f, 3) change with each constant, (f, 3, 9), at the constants found."""

@@ -14,8 +14,7 @@ from tracking.chapters import Timeline
 from tracking.corners import FEWEST_CORNERS, LARGEST_RESIDUAL
 from tracking.errors import TrackingError
 from tracking.follow import NOT_DUE
-from tracking.gpmf import Telemetry
-from tracking.noise import Frames, codec_lag_px, exposure_by_smear, shared_px, with_shared
+from tracking.noise import Frames, codec_lag_px, exposure_by_smear, without_lag
 from tracking.pose import apply
 from tracking.record import Record
 from tracking.settle import REST_FRAMES, Settled, settle
@@ -40,7 +39,7 @@ def solved(work: Task, record: Record, report: DecodeReport, timeline: Timeline)
         views, where, repeats = views_of(record, lens, start, rows)
         size = np.sqrt(views.rays.var(axis=1).sum(axis=1))
         middle = np.column_stack((views.rays.mean(axis=1) * lens.fx, size * lens.fx))
-        kept.append((start + where, middle, views.widths, views.sweep, views.key, views.jump_px))
+        kept.append((start + where, middle, views.widths, views.sweep, views.key, views.jump_px, views.speed_px))
         reasons[REPEATED] += int(repeats.sum())
         for text in rows["reason"][~rows["seen"] & ~repeats]:
             reasons[text.decode()] += 1
@@ -55,9 +54,8 @@ def solved(work: Task, record: Record, report: DecodeReport, timeline: Timeline)
     chosen = np.unique(np.concatenate((np.arange(min(REST_FRAMES, len(seen))), _spread(features))))
     views = _pick(record, work, seen[chosen])
     settled = settle(work.camera, board, work.rest_pose, views, level=work.level, exposure_s=exposure_s)
-    shared = np.zeros(len(record))
-    shared[seen] = shared_px(frames, codec_lag_px(frames, timeline.period_s))
-    return _fit_all(work, record, report, settled, shared, exposure_s, reasons, timeline.telemetry)
+    lag = codec_lag_px(frames)
+    return _fit_all(work, record, report, settled, lag, exposure_s, reasons, timeline)
 
 
 def _spread(features: NDArray[np.float32]) -> NDArray[np.intp]:
@@ -85,10 +83,10 @@ def _fit_all(
     record: Record,
     report: DecodeReport,
     settled: Settled,
-    shared_px: Floats,
+    lag: tuple[float, float],
     exposure_s: float,
     reasons: Counter[str],
-    telemetry: Telemetry,
+    timeline: Timeline,
 ) -> Track:
     n, plane, line_s = len(record), settled.plane, settled.camera.line_s or 0.0
     points_m = apply(settled.camera.tip_from_board, work.board.corner_points_m())
@@ -107,9 +105,10 @@ def _fit_all(
             number = fits.used.sum(axis=1)
             good = (fits.rms_px <= LARGEST_RESIDUAL * views.pitch_px) & (number >= FEWEST_CORNERS)
             reasons[NO_FIT] += int((~good).sum())
-            state[at[good]] = fits.vector[good]
             rate = np.gradient(fits.vector, views.time_s, axis=0) if len(at) > 1 else np.zeros((1, 3))
-            spread = with_shared(fits, shared_px[at]) + settled.covariance(views, fits.vector, rate)
+            vector, spread = without_lag(fits, rate * timeline.period_s, views.key, lag)
+            spread += settled.covariance(views, vector, rate)
+            state[at[good]] = vector[good]
             sigma[at[good]] = np.sqrt(np.diagonal(spread[good], axis1=1, axis2=2))
             rms_px[at[good]], corners[at[good]] = fits.rms_px[good], number[good]
             guess = fits.vector[good][-1] if good.any() else guess
@@ -136,9 +135,9 @@ def _fit_all(
         line_sigma_s=settled.line_sigma_s,
         residual_px=mean,
         spread_px=np.sqrt(np.maximum(square / np.maximum(count, 1) - mean**2, 0)),
-        telemetry=telemetry,
+        telemetry=timeline.telemetry,
         exposure_s=exposure_s,
-        lag_px=float(shared_px.max()),
+        lag_px=lag[0],
     )
 
 

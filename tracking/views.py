@@ -38,8 +38,9 @@ class Views:
     middle's row. ``rate``, ``bend`` and ``jerk`` (f, n, 2) are the rays' time derivatives by the frames around.
     ``doubt`` (f,): by how much, px/s, the rate changes when more frames around tell it.
     ``widths`` (f, 2): half widths of the edges, px, and ``sweep`` (f, 2) how fast (px/s) the board's middle crosses
-    them. ``key`` (f,): coded without prediction. ``jump_px`` (f,): how far the corners lie from where the three frames
-    on either side have them, rms per coordinate; NaN without those.
+    them. ``key`` (f,): coded without prediction. ``speed_px`` (f,): the corners' motion from
+    frame to frame, rms per coordinate, and ``jump_px`` (f,) how far ahead on it they lie of where the three frames on
+    either side have them; NaN without those.
     """
 
     frame: NDArray[np.int64]
@@ -58,6 +59,7 @@ class Views:
     sweep: Floats
     key: Flags
     jump_px: Floats
+    speed_px: Floats
 
     def at_once(self, line_s: float, exposure_s: float) -> Floats:
         """Return the rays (f, n, 2) as a shutter would have seen them that opens everywhere at once, for an instant.
@@ -86,6 +88,7 @@ def views_of(record: Record, lens: Lens, start: int, rows: Rows) -> tuple[Views,
     flat, slopes = lens.rays_with_slopes(np.where(seen[:, None, None], pixels, lens.cx).reshape(-1, 2))
     rays = flat.reshape(pixels.shape)
     rate, bend, jerk, doubt = _derivatives(rays, time_s, seen)
+    jump_px, speed_px = _jumps(pixels, time_s, seen)
     repeats = _repeats(around, pixels, seen)
     where = np.flatnonzero(seen[lead : lead + len(rows)] & ~repeats[lead : lead + len(rows)])
     at = where + lead
@@ -114,7 +117,8 @@ def views_of(record: Record, lens: Lens, start: int, rows: Rows) -> tuple[Views,
         widths=around["widths"][at].astype(np.float64),
         sweep=np.abs(np.einsum("fki,fi->fk", normals, speed / n)),
         key=around["key"][at],
-        jump_px=_jumps(pixels, time_s, seen)[at],
+        jump_px=jump_px[at],
+        speed_px=speed_px[at],
     )
     return views, where, repeats[lead : lead + len(rows)]
 
@@ -145,16 +149,19 @@ def _derivatives(rays: Floats, time_s: Floats, seen: Flags) -> tuple[Floats, Flo
     return rate, bend, jerk, doubt
 
 
-def _jumps(pixels: Floats, time_s: Floats, seen: Flags) -> Floats:
-    """Return the rms (f,) per coordinate of the corners less the quintic through three frames on either side."""
+def _jumps(pixels: Floats, time_s: Floats, seen: Flags) -> tuple[Floats, Floats]:
+    """Return how far (f,) the corners are ahead of the quintic through three frames on either side, and their speed."""
     n = len(time_s)
-    found = np.full(n, np.nan)
+    jump, speed = np.full((2, n), np.nan)
     if n > 6:
         even = np.diff(time_s) < _NEIGHBOUR_PERIODS * np.median(np.diff(time_s))
         whole = np.array([seen[k : k + 7].all() and even[k : k + 6].all() for k in range(n - 6)])
         parts = sum(w * pixels[k : n - 6 + k] for k, w in enumerate(_QUINTIC))
-        found[3:-3] = np.where(whole, np.sqrt((parts**2).mean(axis=(1, 2))), np.nan)
-    return found
+        motion = (pixels[4:-2] - pixels[2:-4]) / 2
+        length = np.sqrt((motion**2).mean(axis=(1, 2)))
+        jump[3:-3] = np.where(whole, (parts * motion).mean(axis=(1, 2)) / np.maximum(length, 1e-9), np.nan)
+        speed[3:-3] = np.where(whole, length, np.nan)
+    return jump, speed
 
 
 def _repeats(around: Rows, pixels: Floats, seen: Flags) -> Flags:
