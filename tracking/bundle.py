@@ -110,7 +110,7 @@ class Bundle:
         stretch = np.unique((self.views.time_s / _ALIKE_S).astype(int), return_inverse=True)[1]
         sums = np.zeros((stretch.max() + 1, score.shape[1]))
         np.add.at(sums, stretch, score)
-        free, count = np.count_nonzero(self.prior > _FIXED), len(sums)
+        free, count = int(np.count_nonzero(self.prior > _FIXED)), len(sums)
         return np.asarray(sums.T @ sums * (count / max(count - free, 1)))
 
     def _raster(self, weight: Floats, by_theta: Floats) -> Floats:

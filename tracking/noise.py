@@ -65,10 +65,10 @@ def codec_lag_px(frames: Frames) -> tuple[float, float]:
     share = np.where(np.isfinite(frames.jump_px), lag_share(frames.speed_px), 0.0)
     seen = share > 0.3
     keys, others = seen & frames.key, seen & ~frames.key
-    count, lag_px = np.count_nonzero(keys), 0.0
+    count, lag_px = int(np.count_nonzero(keys)), 0.0
     if count and others.any():  # medians: where the motion itself is no quintic, jumps are a hundred times larger
-        ahead = float(np.median(frames.jump_px[keys]) - np.median(frames.jump_px[others]))
-        lag_px = max(ahead / float(np.median(share[keys])), 0.0) * count / (count + _USUAL_WEIGHT)
+        ahead_px = float(np.median((frames.jump_px[keys] - np.median(frames.jump_px[others])) / share[keys]))
+        lag_px = max(ahead_px, 0.0) * count / (count + _USUAL_WEIGHT)
     unknown_px = _USUAL_LAG_PX * _USUAL_WEIGHT / (count + _USUAL_WEIGHT)
     return lag_px, float(np.hypot(unknown_px, _SCATTER_PX))
 
