@@ -89,6 +89,9 @@ def track_to_file(
     if left_px > max(_MISFIT * own_px, _MISFIT_PX):
         what = f"corners miss the plane of motion by {left_px:.2f} px, one another by {own_px:.2f} px"
         say(f"{files[0].name}: {what}: check the lens, the rest pose, the board's size and its mount")
+    if tracked.never_seen:
+        what = f"{tracked.never_seen} corners of a board of {tracked.board} are in no frame"
+        say(f"{files[0].name}: {what}: covered all the time, or is the board another?")
     for reason, count in tracked.invalid.items():
         say(f"{files[0].name}: {count} frames without a trustworthy board: {reason}")
     return tracked

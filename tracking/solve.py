@@ -122,6 +122,8 @@ def _fit_all(
             passed[k] = row
         time_s[start : start + len(rows)] = work.start_s + rows["time_s"] + line_s * passed
     mean = total / np.maximum(count, 1)
+    never = count[:, 0].reshape(work.board.shape) == 0
+    _refuse_a_smaller_board(work, record, never)
     return Track(
         trace=_trace(time_s, state, sigma),
         rms_px=rms_px,
@@ -138,7 +140,28 @@ def _fit_all(
         telemetry=timeline.telemetry,
         exposure_s=exposure_s,
         lag_px=lag[0],
+        never_seen=int(never.sum()),
     )
+
+
+def _refuse_a_smaller_board(work: Task, record: Record, never: NDArray[np.bool_]) -> None:
+    """Raise TrackingError when both rows and columns of corners are in no frame, although in the picture.
+
+    A smaller board passes for a part of a larger one. What a hand or the picture's edge takes away all the time is a
+    side of the board, or lies outside.
+    """
+    rows, columns = ~never.all(axis=1), ~never.all(axis=0)
+    if rows.all() or columns.all():
+        return
+    lens, inside, of = work.camera.lens, 0, 0
+    for _, chunk in record.chunks():
+        at = chunk["grid"][chunk["seen"]][:, never]
+        within = (at >= 0) & (at < (lens.width, lens.height))
+        inside, of = inside + int(within.all(axis=(1, 2)).sum()), of + len(at)
+    if 2 * inside > of:
+        seen = f"{rows.sum() + 1}x{columns.sum() + 1}"
+        what = f"{work.videos[0]}: of a board of {work.board} only {seen} squares are ever seen"
+        raise TrackingError(f"{what}; is that the whole board? give its number of squares")
 
 
 def _trace(time_s: Floats, state: Floats, sigma: Floats) -> TipTrace:

@@ -32,7 +32,8 @@ class Track:
     found; ``trace.time_s`` is when the shutter passed the board's middle. ``invalid``: how many frames are not valid,
     by reason. ``rest_frames``: how many still frames placed the camera (0 when its place was given). ``residual_px``
     (corners, 2): the mean over all frames of what the corners miss by, and ``spread_px`` (corners, 2) its deviation.
-    ``exposure_s``: by the camera's telemetry, or by the smear; ``lag_px``: what the codec's prediction lags by.
+    ``exposure_s``: by the camera's telemetry, or by the smear; ``lag_px``: what the codec's prediction lags by, and
+    what was put right (see ``noise``). ``never_seen``: corners of the board that no frame shows.
     """
 
     trace: TipTrace
@@ -50,6 +51,7 @@ class Track:
     telemetry: Telemetry = field(default_factory=Telemetry)
     exposure_s: float = 0.0
     lag_px: float = 0.0
+    never_seen: int = 0
     record: Record | None = None
 
 

@@ -43,7 +43,7 @@ def by_classic(luma, shape):
 
 def by_straw(luma, shape):
     """Corners (n, 2) of the first board of this shape, as straw calibrate takes them."""
-    for grid in find_boards(luma, halve=max(luma.shape) > 1400):
+    for grid in find_boards(luma):
         if sorted(grid.shape[:2]) == sorted(shape):
             return (
                 sharpened(luma, grid)[0] if grid.shape[1] == shape[0] else sharpened(luma, grid.transpose(1, 0, 2))[0]
