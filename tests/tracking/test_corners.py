@@ -111,7 +111,7 @@ def test_fewer_than_sixteen_corners_are_no_board(printed):
 @pytest.mark.parametrize("shrunk", [1, 2, 3])
 def test_a_board_is_found_anywhere_and_laid(printed, shrunk):
     picture, truth = drawn()
-    room = max(int(0.9 * shrunk * 600_000**0.5) - picture.shape[0], 0) if shrunk > 1 else 0
+    room = max(int(0.9 * shrunk * 950_000**0.5) - picture.shape[0], 0) if shrunk > 1 else 0
     picture = np.pad(picture, ((0, room), (0, room)), constant_values=125)
     (grid,) = find_boards(picture)
     laid = [printed.lay(picture, grid, turn, 0.0) for turn in range(4)]
