@@ -83,12 +83,14 @@ class Bundle:
             sigma = max(float(np.median(length[used])) / 1.1774, 1e-4)
             weight = (used & (length < 6 * sigma)) / (sigma**2 + doubt_px[:, None] ** 2)
             by_theta, by_pose = self._slopes(self.views, self.theta, poses, miss)
-            by_pose = np.where(self.held[:, None, None, :], 0.0, by_pose)
-            A, B = _eliminated(weight, by_theta, by_pose)
-            g_pose = -np.einsum("fn,fnci,fnc->fi", weight, by_pose, miss)
-            g_theta = -np.einsum("fn,fnci,fnc->fi", weight, by_theta, miss)
+            by_pose = np.where(self.held[:, None, :], 0.0, by_pose)
+            weights = np.repeat(weight, 2, axis=1)[..., None]
+            A, B = _eliminated(weights * by_pose, by_theta, by_pose)
+            left = miss.reshape(len(poses), -1, 1)
+            g_pose = -((weights * by_pose).transpose(0, 2, 1) @ left)[..., 0]
+            g_theta = -((weights * by_theta).transpose(0, 2, 1) @ left)[..., 0]
             prior = np.diag(self.prior**-2.0)
-            C = np.einsum("fn,fnci,fncj->ij", weight, by_theta, by_theta) + prior
+            C = (weights * by_theta).reshape(-1, 9).T @ by_theta.reshape(-1, 9) + prior
             solved = np.linalg.solve(A, np.concatenate((B, g_pose[..., None]), axis=-1))
             # Priors from 1e-12 to 1e3: scaled to a unit diagonal the matrix is well conditioned.
             normal = C - np.einsum("fij,fik->jk", B, solved[..., :9])
@@ -117,26 +119,30 @@ class Bundle:
         """Return the covariance (9, 9) of the rest frame's score: what it alone fixes has nothing to disagree with."""
         if not self.rest:
             return np.zeros((9, 9))
-        along = np.einsum("n,nm,nci->mci", weight[0], smooth_modes(self.points), by_theta[0])
+        along = np.einsum("n,nm,nci->mci", weight[0], smooth_modes(self.points), by_theta[0].reshape(-1, 2, 9))
         return np.asarray(np.einsum("mci,mcj->ij", along, along) * _RASTER_PX**2)
 
     def response(self, views: Views, poses: Floats) -> Floats:
         """Return by how much poses (f, 3) change with each constant, (f, 3, 9), at the constants found."""
         miss = self._misses(views, self.theta, poses)
         by_theta, by_pose = self._slopes(views, self.theta, poses, miss)
-        A, B = _eliminated(views.used.astype(np.float64), by_theta, by_pose)
+        A, B = _eliminated(np.repeat(views.used, 2, axis=1)[..., None] * by_pose, by_theta, by_pose)
         return np.asarray(-np.linalg.solve(A, B))
 
     def _slopes(self, views: Views, theta: Floats, poses: Floats, miss: Floats) -> tuple[Floats, Floats]:
-        """Return d residual by the constants (f, n, 2, 9) and by the poses (f, n, 2, 3)."""
+        """Return d residual by the constants (f, 2n, 9) and by the poses (f, 2n, 3)."""
+        rays = views.at_once(float(theta[LINE]), self.exposure_s)
+        others = [rays] * LINE + [None]  # they change with the row time alone
         by_theta = [
-            (self._misses(views, theta + h * e, poses) - miss) / h for h, e in zip(_STEP, np.eye(9), strict=True)
+            (self._misses(views, theta + h * e, poses, known) - miss) / h
+            for h, e, known in zip(_STEP, np.eye(9), others, strict=True)
         ]
-        by_pose = [(self._misses(views, theta, poses + 1e-6 * e) - miss) / 1e-6 for e in np.eye(3)]
-        return np.stack(by_theta, axis=-1), np.stack(by_pose, axis=-1)
+        by_pose = [(self._misses(views, theta, poses + 1e-6 * e, rays) - miss) / 1e-6 for e in np.eye(3)]
+        shape = len(poses), -1
+        return np.stack(by_theta, axis=-1).reshape(*shape, 9), np.stack(by_pose, axis=-1).reshape(*shape, 3)
 
-    def _misses(self, views: Views, theta: Floats, poses: Floats) -> Floats:
-        """Return the residuals (f, n, 2) in px."""
+    def _misses(self, views: Views, theta: Floats, poses: Floats, rays: Floats | None = None) -> Floats:
+        """Return the residuals (f, n, 2) in px; ``rays`` as ``at_once`` has them, if known."""
         camera = self.camera_at(theta)
         assert camera.world_from_camera is not None
         to_camera = np.linalg.inv(camera.world_from_camera)
@@ -151,8 +157,9 @@ class Bundle:
             axis=-1,
         )
         seen = world @ to_camera[:3, :3].T + to_camera[:3, 3]
-        miss = views.at_once(float(theta[LINE]), self.exposure_s) - seen[..., :2] / seen[..., 2:]
-        return np.asarray(np.einsum("fnij,fnj->fni", views.px_per_ray, miss))
+        rays = views.at_once(float(theta[LINE]), self.exposure_s) if rays is None else rays
+        miss = rays - seen[..., :2] / seen[..., 2:]
+        return np.asarray(views.px_per_ray[..., 0] * miss[..., :1] + views.px_per_ray[..., 1] * miss[..., 1:])
 
     def _first_poses(self) -> Floats:
         camera = self.camera_at(self.theta)
@@ -171,11 +178,11 @@ class Bundle:
         return first
 
 
-def _eliminated(weight: Floats, by_theta: Floats, by_pose: Floats) -> tuple[Floats, Floats]:
+def _eliminated(weighted: Floats, by_theta: Floats, by_pose: Floats) -> tuple[Floats, Floats]:
     """Return each frame's blocks of the normal matrix: poses with poses (f, 3, 3), poses with constants (f, 3, 9)."""
+    across = weighted.transpose(0, 2, 1)
     # Plus one of some 1e9 or more: a frame without a weight left, or a pose that is held, must stay solvable.
-    A = np.einsum("fn,fnci,fncj->fij", weight, by_pose, by_pose) + np.eye(3)
-    return A, np.einsum("fn,fnci,fncj->fij", weight, by_pose, by_theta)
+    return across @ by_pose + np.eye(3), across @ by_theta
 
 
 def free_start(views: Views, camera: Camera, points_m: Floats) -> Floats:
