@@ -15,7 +15,7 @@ mpl.use("Agg")
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
-from tracking.track import Track
+from tracking.task import Track
 
 _SHOWN = (
     ("x_m", "X / mm", 1e3, 1e6, "µm"),
@@ -41,7 +41,11 @@ def page(track: Track, videos: Sequence[str]) -> str:
         f"<h2>{title}</h2><p>{text}</p><img alt='{title}' src='data:image/png;base64,{_png(draw, track)}'>"
         for title, text, draw in (
             ("The track", "Grey stripes: frames that are not valid. Shaded: one sigma, where it can be seen.", _path),
-            ("Its sigma", "Per frame, from the corners' own residuals and the codec's lag.", _sigmas),
+            (
+                "Its sigma",
+                "Per frame: the corners' own residuals, the codec, and how well camera and row time are known.",
+                _sigmas,
+            ),
             ("Corners", "How many each frame rests on, and what they leave.", _corners),
             (
                 "Where corners miss",
@@ -85,7 +89,7 @@ def _facts(track: Track) -> list[tuple[str, str]]:
         ),
         ("Rolling shutter", f"{1e6 * (camera.line_s or 0):.3f} ± {1e6 * track.line_sigma_s:.3f} µs from row to row"),
         ("Exposure", f"1/{1 / track.exposure_s:.0f} s" if track.exposure_s else "not known: too little motion to tell"),
-        ("Codec's lag", f"{track.lag_px:.4f} px, shared by all corners of a frame"),
+        ("Codec's lag", f"{track.lag_px:.4f} px behind the motion, by the jumps at keyframes; put right"),
         ("Corner residual", f"{float(np.nanmedian(track.rms_px)):.4f} px, median of the frames' rms"),
     ]
 

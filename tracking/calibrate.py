@@ -105,7 +105,7 @@ def _pictures(paths: Sequence[str | os.PathLike[str]]) -> Iterator[tuple[str, Pi
 def _views(name: str, picture: Picture) -> list[View]:
     """Return the boards in a picture, corners sharpened."""
     found = []
-    for grid in find_boards(picture, halve=max(picture.shape) > 1400):
+    for grid in find_boards(picture):
         pixels, used = sharpened(picture, grid)
         if np.count_nonzero(used) >= FEWEST_CORNERS:
             i, j = np.indices(grid.shape[:2])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -28,6 +29,7 @@ _LEAST_CONTRAST = 15.0  # grey levels between the colours' medians: below it the
 _LEAST_LEAD = 4.0  # dark squares by which the print must fit better where it is than one square aside
 _NEAR = 0.3  # of the pitch: what is closer than this to a steady guess has not slipped by a square
 _COARSE = 0.3  # of the pitch: the half width of edges that sees corners from 0.4 pitches away
+_MOST_PIXELS = 950_000  # searched at a time: 720p whole, 1080p halved
 _MOST_BOARDS = 4  # looked at in one picture: each search costs 0.03 s at 960 x 540
 
 
@@ -191,14 +193,18 @@ def _smallest_pitch(where: Floats) -> float:
     return float(np.sqrt(min((where[:, 2:4] ** 2).sum(axis=1).min(), (where[:, 4:6] ** 2).sum(axis=1).min())))
 
 
-def find_boards(picture: Picture, *, halve: bool) -> Iterator[Floats]:
+def find_boards(picture: Picture) -> Iterator[Floats]:
     """Yield the checkerboards in a picture, one after another, as right-handed grids (r, c, 2) of corners in px.
 
     At least 4 x 4 corners, and no more than are seen: cut and covered boards come as their largest whole rectangle.
-    ``halve`` searches at half resolution: 0.05 s for 1080p. Never cv2.findChessboardCorners: on a bright noisy frame
-    it was measured to search for minutes.
+    Large pictures are searched at a half, a third ... of their resolution, which bounds the time: 0.3 s of one core.
+    Never cv2.findChessboardCorners: on a bright noisy frame it was measured to search for minutes.
     """
-    view = cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) if halve else picture
+    shrink = max(math.ceil(math.sqrt(picture.size / _MOST_PIXELS)), 1)
+    size = picture.shape[1] // shrink, picture.shape[0] // shrink
+    # Cut to whole pixels of the smaller picture, so that places scale back exactly.
+    whole = picture[: size[1] * shrink, : size[0] * shrink]
+    view = cv2.resize(whole, size, interpolation=cv2.INTER_AREA) if shrink > 1 else picture
     if min(view.shape) < 16:
         return
     for k in range(_MOST_BOARDS):
@@ -207,8 +213,7 @@ def find_boards(picture: Picture, *, halve: bool) -> Iterator[Floats]:
         if not found or corners is None or corners.size != 2 * meta.size:
             return
         grid = np.asarray(corners.reshape(*meta.shape, 2), dtype=np.float64)
-        # The centre of a halved pixel lies between two whole ones.
-        yield right_handed(2 * grid + 0.5 if halve else grid)
+        yield right_handed(shrink * grid + (shrink - 1) / 2)  # the centre of a larger pixel lies between small ones
         view = view.copy()  # and what else is there?
         cv2.fillConvexPoly(view, cv2.convexHull(corners.reshape(-1, 2).round().astype(np.int32)), 128)
 

@@ -17,6 +17,9 @@ _EXPLAINED = 0.7  # of the grey levels' variance around a corner; a finger over 
 _LEAST, _MOST = 0.5, 1.7  # contrast of a corner over the median of all
 _REACH = 0.3  # of the pitch: a corner farther from its guess is measured again from nearer, or is another one
 _LEAST_WIDTH_PX = 0.7  # half the width of an edge: a pixel alone makes it half a pixel
+# But no edge is compared with a narrower one than this: few pixels lie across it, and where they happen to lie shifts
+# the result, by 0.012 px rms at 0.7, by 0.005 px from 1.5 on; whole rows alike when the board is upright.
+_RASTER_WIDTH_PX = 1.5
 _MOST_WIDTH = 0.42  # of the pitch
 
 
@@ -135,13 +138,15 @@ def _measure_all(
 
     Fills ``pixels`` (n, 2), the share ``explained`` (n), and ``used`` (n): which look like corners, of a contrast as
     the others'. ``parity`` (n) is the sign of each corner's contrast against its neighbours'. ``widths`` (2) are
-    followed: one Gauss-Newton step on all corners together, within bounds.
+    followed: one Gauss-Newton step on all corners together, within bounds; less than ``_RASTER_WIDTH_PX`` is told by
+    that step alone.
     """
     count, out, step = len(where), np.empty(8), np.zeros(4)
+    wide_x, wide_y = max(widths[0], _RASTER_WIDTH_PX), max(widths[1], _RASTER_WIDTH_PX)
     contrast, clear = np.empty(count), np.empty(count)
     n, pitch = 0, 1e9
     for k in range(count):
-        measure(picture, where[k], widths[0], widths[1], stride, out)
+        measure(picture, where[k], wide_x, wide_y, stride, out)
         pixels[k, 0], pixels[k, 1] = where[k, 0] + out[0], where[k, 1] + out[1]
         contrast[k], explained[k] = out[2] * parity[k], out[3]
         pitch = min(pitch, math.hypot(where[k, 2], where[k, 3]), math.hypot(where[k, 4], where[k, 5]))
@@ -156,9 +161,10 @@ def _measure_all(
         far = max(abs(pixels[k, 0] - where[k, 0]), abs(pixels[k, 1] - where[k, 1]))
         used[k] = explained[k] > _EXPLAINED and _LEAST < ratio < _MOST and far < _REACH * pitch
     for k in range(2):
+        wide = wide_x if k == 0 else wide_y
         if step[2 * k + 1] > 0:
-            change, most = step[2 * k] / step[2 * k + 1], 0.5 * widths[k]
-            widths[k] += min(max(change, -most), 2 * most)
+            change, most = step[2 * k] / step[2 * k + 1], 0.5 * wide
+            widths[k] = wide + min(max(change, -most), 2 * most)
         widths[k] = min(max(widths[k], _LEAST_WIDTH_PX), _MOST_WIDTH * pitch)
     return pitch
 

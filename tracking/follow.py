@@ -109,9 +109,9 @@ class Follower:
             left, top = np.maximum(np.floor(low - reach), 0).astype(int)
             right, bottom = np.ceil(high + reach).astype(int)
             region = np.ascontiguousarray(picture[top:bottom, left:right])
-            grids = [grid + np.array((left, top)) for grid in find_boards(region, halve=False)]
+            grids = [grid + np.array((left, top)) for grid in find_boards(region)]
         elif self.lost % SEARCH_EVERY == 0:
-            grids = list(find_boards(picture, halve=True))
+            grids = list(find_boards(picture))
         else:
             return NOT_DUE
         outcome: str | None = None

@@ -1,5 +1,7 @@
 """Compiled geometry of the tracker: the lens, the board's picture from a homography, and whether the print agrees."""
 
+# One file, though long: numba's cache is not told of changes in other files that a compiled function calls into.
+
 from __future__ import annotations
 
 import math

@@ -15,17 +15,12 @@ Flags = NDArray[np.bool_]
 _SMEARED_PX = 1.5  # a frame: edges that move so fast are widened for certain
 _FEWEST_SMEARED = 4
 _MOST_EXPOSURE = 1.0  # of the frame's period
-_USUAL_LAG_PX = 0.019  # of painted clips at 60 Mbit/s, H.264
-_USUAL_WEIGHT = 8.0  # in keyframes: what the usual value counts
-_STILL_LAG_PX = 0.004  # what is left of it when nothing moves
-_MOVED_PX = 0.05  # over _WINDOW frames: the board moves
-_WINDOW = 12
-_INCOHERENT = 0.3  # of the lag's variance: as painted clips of both views have it
-_SPEEDS_PX = (
-    0.02,
-    2.0,
-)  # a frame, between which the jump at a keyframe is the codec's: slower there is none, faster the
-# motion itself is no quintic over seven frames
+# Of painted clips at 60 Mbit/s, H.264, in three views:
+_USUAL_LAG_PX = 0.012
+_USUAL_WEIGHT = 4.0  # in keyframes: what the usual value counts
+_SCATTER_PX = 0.007  # of the lag about its mean
+_SLOW_PX, _FAST_PX = 0.015, 0.6  # a frame: the lag grows with the motion, until so much changes that all is coded anew
+_CALM_PX, _BUSY_PX, _BUSY_AT_PX = 0.004, 0.010, 0.2  # what varies over the board: at rest, moving, and from what speed
 
 
 @dataclass(frozen=True)
@@ -37,6 +32,7 @@ class Frames:
     sweep: Floats
     key: Flags
     jump_px: Floats
+    speed_px: Floats
 
 
 def exposure_by_smear(frames: Frames, period_s: float) -> float:
@@ -54,52 +50,44 @@ def exposure_by_smear(frames: Frames, period_s: float) -> float:
     return float(min(exposure_s, _MOST_EXPOSURE * period_s))
 
 
-def codec_lag_px(frames: Frames, period_s: float) -> float:
-    """Return the codec's error that corners share, px rms per coordinate, by the jumps at its keyframes.
+def lag_share(speed_px: Floats) -> Floats:
+    """Return which share (f,) of the codec's lag there is in a frame whose corners move by so much (rms, px)."""
+    return speed_px / (speed_px + _SLOW_PX) * np.clip(1 - (speed_px / _FAST_PX) ** 2, 0, None)
+
+
+def codec_lag_px(frames: Frames) -> tuple[float, float]:
+    """Return by how much corners lag behind their motion because of the codec, px rms per coordinate, and its sigma.
 
     A predicted picture lags: what the quantiser drops of the change since the last one is missing, the same way for
     all corners that move the same way, so no residual of a single frame shows it. A keyframe is free of it; there the
-    corners jump, by more than they do elsewhere.
+    corners jump ahead. Without such jumps nothing is corrected, but the usual lag is in sigma.
     """
-    speed = np.abs(frames.sweep).max(axis=1) * period_s
-    fit = np.isfinite(frames.jump_px) & (speed > _SPEEDS_PX[0]) & (speed < _SPEEDS_PX[1])
-    keys, others = frames.jump_px[fit & frames.key], frames.jump_px[fit & ~frames.key]
-    square = _USUAL_WEIGHT * _USUAL_LAG_PX**2
-    if len(keys) == 0 or len(others) < 4:
-        return _USUAL_LAG_PX
-    excess = max(float(np.median(keys**2) - np.median(others**2)), 0.0)
-    return float(np.sqrt((square + len(keys) * excess) / (_USUAL_WEIGHT + len(keys))))
+    share = np.where(np.isfinite(frames.jump_px), lag_share(frames.speed_px), 0.0)
+    seen = share > 0.3
+    keys, others = seen & frames.key, seen & ~frames.key
+    count, lag_px = int(np.count_nonzero(keys)), 0.0
+    if count and others.any():  # medians: where the motion itself is no quintic, jumps are a hundred times larger
+        ahead_px = float(np.median((frames.jump_px[keys] - np.median(frames.jump_px[others])) / share[keys]))
+        lag_px = max(ahead_px, 0.0) * count / (count + _USUAL_WEIGHT)
+    unknown_px = _USUAL_LAG_PX * _USUAL_WEIGHT / (count + _USUAL_WEIGHT)
+    return lag_px, float(np.hypot(unknown_px, _SCATTER_PX))
 
 
-def shared_px(frames: Frames, lag_px: float) -> Floats:
-    """Return the error (f,) that corners share in each frame: the lag where the board moves or has just moved."""
-    moved = np.zeros(len(frames.middle_px), np.bool_)
-    step = np.abs(frames.middle_px[_WINDOW:] - frames.middle_px[:-_WINDOW]).max(axis=1) > _MOVED_PX
-    moved[_WINDOW:] |= step
-    after = np.convolve(moved, np.ones(2 * _WINDOW))[: len(moved)] > 0  # it lags on until it is coded anew
-    return np.where(after, lag_px, _STILL_LAG_PX)
+def without_lag(poses: Poses, rate: Floats, key: Flags, lag: tuple[float, float]) -> tuple[Floats, Floats]:
+    """Return poses (f, 3) with the codec's lag put right, and their covariance (f, 3, 3) with what is left of it.
 
-
-def with_shared(poses: Poses, lag_px: Floats) -> Floats:
-    """Return the covariance (f, 3, 3) of poses with the errors that all corners of a frame share: ``lag_px`` (f,).
-
-    The lag is along the motion, as if the picture were a little late; ``_INCOHERENT`` of its variance is taken to vary
-    smoothly over the board, as blocks are coded in different ways.
+    ``rate`` (f, 3): how the poses change from frame to frame; ``key`` (f,): coded without prediction; ``lag``: as
+    ``codec_lag_px`` says. Besides, blocks are coded in different ways: an error that varies smoothly over the board.
     """
     good = np.isfinite(poses.rms_px)
     count = 2.0 * poses.used.sum(axis=1)
-    motion = np.zeros_like(poses.vector)
-    where = np.flatnonzero(good)
-    if len(where) > 1:
-        reach = min(_WINDOW // 2, len(where) - 1)
-        before, after = (
-            np.maximum(np.arange(len(where)) - reach, 0),
-            np.minimum(np.arange(len(where)) + reach, len(where) - 1),
-        )
-        motion[where] = poses.vector[where[after]] - poses.vector[where[before]]
     variance = poses.rms_px**2 * count / (count - 3)
     normal = np.linalg.inv(np.where(good[:, None, None], poses.covariance, np.eye(3))) * variance[:, None, None]
-    moved_px = np.sqrt(np.einsum("fi,fij,fj->f", motion, normal, motion) / count)
-    late = np.where(moved_px[:, None] > _MOVED_PX / 2, motion, 0.0) / np.maximum(moved_px, 1e-9)[:, None]
-    shared = np.einsum("fi,fj->fij", late, late) + _INCOHERENT * poses.shared
-    return np.asarray(poses.covariance + lag_px[:, None, None] ** 2 * shared)
+    speed_px = np.sqrt(np.einsum("fi,fij,fj->f", rate, normal, rate) / count)
+    along = rate / np.maximum(speed_px, 1e-9)[:, None]
+    ahead_px = lag[0] * lag_share(speed_px) * ~key
+    late_px = lag[1] * speed_px / (speed_px + _SLOW_PX)
+    smooth_px = _CALM_PX + (_BUSY_PX - _CALM_PX) * np.minimum(speed_px / _BUSY_AT_PX, 1.0)
+    late = np.einsum("fi,fj->fij", along, along) * late_px[:, None, None] ** 2
+    spread = poses.covariance + late + poses.shared * smooth_px[:, None, None] ** 2
+    return poses.vector + along * ahead_px[:, None], np.asarray(spread)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tracking.chapters import Timeline
 from tracking.encode import VideoWriter
 from tracking.pose import apply, world_from_tip
-from tracking.track import Track
+from tracking.task import Track
 
 Floats = NDArray[np.float64]
 Colour = tuple[int, int, int]

@@ -57,7 +57,7 @@ def place_by_reference(
 
 def _seen(printed: Print, picture: NDArray[np.uint8], along: Floats) -> Sighting | None:
     """Return the board, seen whole, with its x along a direction of the picture."""
-    for grid in find_boards(picture, halve=False):
+    for grid in find_boards(picture):
         if sorted(grid.shape[:2]) != sorted(printed.board.shape):
             continue
         laid = [printed.lay(picture, grid, turn, 0.0) for turn in range(4)]

@@ -68,14 +68,16 @@ def draw(found: Calibration, path: Path) -> None:
     lens = found.fit.lens
     figure, axes = plt.subplots(figsize=(10, 10 * lens.height / lens.width + 0.8), layout="constrained")
     shown = np.clip(found.uncertainty_px, 1e-3, 30)
-    levels = (0.001, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 30)
+    every = np.array((0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 30))
+    first, last = np.searchsorted(every, (np.nanmin(shown), np.nanmax(shown)))
+    levels = every[max(first - 1, 0) : last + 1]
     u, v = found.grid_px[..., 0], found.grid_px[..., 1]
     norm = mpl.colors.BoundaryNorm(levels, 256)
     drawn = axes.contourf(u, v, shown, levels=levels, norm=norm, cmap="viridis_r")
     axes.plot(*np.concatenate([view.pixels for view in found.views]).T, ".", ms=2, color="k", alpha=0.4)
     axes.set(xlim=(0, lens.width), ylim=(lens.height, 0), aspect="equal", xlabel="u / px", ylabel="v / px")
     axes.set_title(f"Where a ray lands, one sigma ({lens.kind}, {len(found.views)} views; dots: corners seen)")
-    figure.colorbar(drawn, ax=axes, label="px", ticks=levels)
+    figure.colorbar(drawn, ax=axes, label="px", ticks=levels, format="%g")
     part = path.with_name(path.name + ".part")
     try:
         figure.savefig(part, dpi=110, format=path.suffix.lstrip(".") or "png")

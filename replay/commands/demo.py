@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 from model.parameters import StrawParameters
 from replay.commands import replay
 from replay.commands.rig_run import drive, emulation
-from replay.commands.track import model_rest, summary, track_to_file
+from replay.commands.track import model_rest, summary
 from replay.compare import CHANNELS, Comparison, compare
 from replay.errors import ReplayError
 from replay.gather import gather
@@ -24,6 +24,7 @@ from replay.output import write_json, write_text
 from replay.progress import progress_bar, say
 from replay.report.page import page
 from replay.report.proxy import film as film_proxy
+from replay.track_file import track_to_file
 from rig.guarded import GuardedController
 from rig.protocol import PressureProtocol, load_protocol
 from rig.run_read import read_run

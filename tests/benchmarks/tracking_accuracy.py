@@ -7,10 +7,12 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from tests.benchmarks.tracking_clips import BOARD, LINE_S, REST, SETUPS, SI, blind, errors, painted, rms, snaps
-from tracking.pose import free_pose
-from tracking.track import Track, track
+from tracking.pose import free_pose, world_from_tip
+from tracking.task import Track
+from tracking.track import track
 
 
 def free_errors(found: Track, camera, motion) -> np.ndarray:
@@ -26,6 +28,28 @@ def free_errors(found: Track, camera, motion) -> np.ndarray:
             truth = np.array([float(value) for value in motion(np.array(found.trace.time_s[k]))])
             missed.append((np.array((tip[0, 3], tip[2, 3], phi)) - truth) * SI)
     return np.array(missed)
+
+
+def allowed(camera) -> np.ndarray:
+    """How much worse (3,) X, Z, Phi are known by six free unknowns than by three, if corners err independently.
+
+    A camera in the plane of motion sees the board in mirror symmetry about it: what moves in the plane and what moves
+    out of it change the picture in an even and an odd way, and not knowing the one costs the other nothing. There the
+    factor is one, whatever the estimator; the constraint pays when the camera stands aside.
+    """
+    points = BOARD.corner_points_m() @ camera.tip_from_board[:3, :3].T + camera.tip_from_board[:3, 3]
+    to_camera, rest = np.linalg.inv(camera.world_from_camera), world_from_tip(*REST)
+
+    def seen(change):
+        turn = Rotation.from_rotvec(change[3:]).as_matrix()
+        world = points @ rest[:3, :3].T @ turn.T + rest[:3, 3] + change[:3]
+        return camera.lens.project(world @ to_camera[:3, :3].T + to_camera[:3, 3]).ravel()
+
+    steps = 1e-6 * np.eye(6)
+    J = np.column_stack([(seen(step) - seen(-step)) / 2e-6 for step in steps])
+    plane = [0, 2, 4]
+    free, planar = np.linalg.inv(J.T @ J), np.linalg.inv(J[:, plane].T @ J[:, plane])
+    return np.sqrt(np.diag(free)[plane] / np.diag(planar))
 
 
 def main() -> int:
@@ -47,6 +71,7 @@ def main() -> int:
                 "systematic": np.abs(error.mean(axis=0)),
                 "free PnP, RMS": rms(free),
                 "free PnP / this": rms(free) / rms(error),
+                "  that geometry allows": allowed(camera),
                 "mean square in sigmas": (ratio**2).mean(axis=0),
             }
             valid = int(found.trace.valid.sum())

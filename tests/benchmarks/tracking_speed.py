@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from replay.commands.track import track_to_file
+from replay.track_file import track_to_file
 from tests.benchmarks.tracking_clips import REST, SETUPS, blind, painted, snaps
 from tracking.video import VideoReader, ahead
 

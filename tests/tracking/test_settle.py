@@ -37,11 +37,13 @@ def followed(seen_by_opencv, camera, poses, noise_px=0.0, y_m=0.0, line_s=0.0):
         rate=np.linalg.solve(slopes, rate[..., None])[..., 0],
         bend=np.zeros((n, 49, 2)),
         jerk=np.zeros((n, 49, 2)),
+        doubt=np.zeros(n),
         pitch_px=np.full(n, 20.0),
         widths=np.ones((n, 2)),
         sweep=np.zeros((n, 2)),
         key=np.zeros(n, bool),
         jump_px=np.full(n, np.nan),
+        speed_px=np.zeros(n),
     )
 
 
@@ -109,7 +111,7 @@ def test_a_board_that_does_not_move_tells_nothing_of_how_it_is_glued(setup, seen
     askew = replace(setup, board_turn_rad=(np.radians(1.5), 0.0))
     blind = settle(Camera(setup.lens), Board(), REST, followed(seen_by_opencv, askew, [REST] * 12))
     assert abs(blind.camera.board_turn_rad[0]) < 1e-3
-    assert blind.turn_sigma_rad[0] == pytest.approx(0.02, rel=0.05)  # it says that it knows nothing
+    assert blind.turn_sigma_rad[0] == pytest.approx(0.02, rel=0.15)  # it says that it knows nothing
     assert blind.line_sigma_s == pytest.approx(4e-6, rel=0.05)
 
 

@@ -16,7 +16,8 @@ from tracking.encode import VideoWriter
 from tracking.errors import TrackingError
 from tracking.follow import Follower, Sighting
 from tracking.synthetic import camera_looking_at, paint_video
-from tracking.track import Track, track
+from tracking.task import Track
+from tracking.track import track
 from tracking.video import VideoReader
 
 REST = (0.0221, 0.0, 1.53)  # as the painted clips begin
@@ -175,6 +176,25 @@ def test_a_video_without_a_board_is_refused_in_one_line(small, tmp_path):
     with pytest.raises(TrackingError, match=r"v\.mp4.*no board") as caught:
         track(tmp_path / "v.mp4", small, Board())
     assert "\n" not in str(caught.value)
+
+
+def test_a_smaller_board_does_not_pass_for_a_part_of_a_larger_one(small_clip):
+    with pytest.raises(TrackingError, match="only 8x8 squares are ever seen"):
+        track(small_clip.path, Camera(small_clip.camera.lens), Board(squares=10), rest_pose=REST)
+    with pytest.raises(TrackingError, match="no board of 6x6"):
+        track(small_clip.path, Camera(small_clip.camera.lens), Board(squares=6), rest_pose=REST)
+
+
+def test_a_side_that_is_always_covered_is_said_and_costs_nothing_else(small_clip, tmp_path, seen_by_opencv):
+    left = int(seen_by_opencv(small_clip.camera, *small_clip.rest)[:, 0].min()) - 40
+
+    def curtain(index, luma):
+        luma[:, : left + 48] = 120
+        return luma
+
+    found = track(altered(small_clip.path, tmp_path / "v.mp4", curtain), small_clip.camera, Board())
+    assert 0 < found.never_seen <= 14
+    assert found.trace.valid.all()
 
 
 def test_a_lens_for_another_picture_size_is_refused(small_clip, clip):

@@ -1,0 +1,138 @@
+"""From a video to the recording of its track: followed, written with quality, corners and camera, and doubts said."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from replay.output import check_new
+from replay.progress import progress_bar, say
+from rig.camera_clock import CameraClock
+from rig.run import Run
+from rig.run_track import write_track
+from tracking.board import Board
+from tracking.camera import Camera, camera_json
+from tracking.chapters import in_order, siblings
+from tracking.follow import Rest
+from tracking.task import Track
+from tracking.track import track
+
+_MISFIT, _MISFIT_PX = 3.0, 0.1  # how much more than a board by itself, and at least, tells of a wrong lens or place
+
+
+def track_to_file(
+    videos: Sequence[Path] | Path,
+    camera: Camera,
+    rest: Rest | None,
+    output: Path,
+    filmed: Run | None,
+    start_s: float,
+    *,
+    board: Board | None = None,
+    clock: CameraClock | None = None,
+    **task: Any,
+) -> Track:
+    """Track a video and write the tip on the run's clock; without a run, on the wall clock of now.
+
+    The track's record is left open, for more to be made of it; an interrupted one stays beside ``output``.
+    """
+    check_new(output)
+    files = in_order([videos] if isinstance(videos, Path) else videos)
+    record = output.with_name(output.name + ".corners")
+    if beside := siblings(files):
+        say(f"{files[0].name}: {', '.join(path.name for path in beside)} beside it belong to it; name all to join them")
+    with progress_bar(f"track {files[0].name}", "frame") as progress:
+        try:
+            known: dict[str, Any] = {"rest_pose": rest, "start_s": 0.0 if clock else start_s, "record": record}
+            tracked = track(files, camera, board or Board(), progress=progress, **known, **task)
+        except KeyboardInterrupt:
+            say(f"{files[0].name}: what was tracked is kept in {record}; the same command goes on from there")
+            raise
+    if clock:
+        trace = dataclasses.replace(tracked.trace, time_s=clock.host_s(tracked.trace.time_s))
+        tracked = dataclasses.replace(tracked, trace=trace)
+    assert tracked.record is not None
+    metadata = dict(filmed.metadata) if filmed else {"run_id": files[0].stem}
+    metadata |= {
+        "video": ", ".join(path.name for path in files),
+        "decode": str(tracked.decode),
+        "clock": str(clock or f"first frame given at {start_s:g} s"),
+        "camera": str(tracked.telemetry),
+    }
+    if not filmed:
+        say(f"{files[0].name}: without --run nothing says when it was filmed; its times count from now")
+    zero_ns = filmed.zero_time_ns if filmed else time.time_ns()
+    try:
+        write_track(
+            output,
+            tracked.trace,
+            quality(tracked),
+            corners(tracked),
+            lens_of(tracked.camera),
+            metadata,
+            {"camera.json": camera_json(tracked.camera).encode()},
+            filmed.sha256 if filmed else "",
+            zero_ns,
+        )
+    except BaseException:
+        tracked.record.close()
+        raise
+    own_px = float(np.median(np.concatenate([rows["rms_px"][rows["seen"]] for _, rows in tracked.record.chunks()])))
+    left_px = float(np.nanmedian(tracked.rms_px))
+    if left_px > max(_MISFIT * own_px, _MISFIT_PX):
+        what = f"corners miss the plane of motion by {left_px:.2f} px, one another by {own_px:.2f} px"
+        say(f"{files[0].name}: {what}: check the lens, the rest pose, the board's size and its mount")
+    if tracked.never_seen:
+        what = f"{tracked.never_seen} corners of a board of {tracked.board} are in no frame"
+        say(f"{files[0].name}: {what}: covered all the time, or is the board another?")
+    for reason, count in tracked.invalid.items():
+        say(f"{files[0].name}: {count} frames without a trustworthy board: {reason}")
+    return tracked
+
+
+def quality(tracked: Track) -> dict[str, Any]:
+    """The columns of ``/tip/quality``."""
+    assert tracked.record is not None
+    kept: list[tuple[NDArray[Any], ...]] = []
+    for _, rows in tracked.record.chunks():
+        reasons = [reason.decode() for reason in rows["reason"]]
+        kept.append((rows["contrast"], rows["widths"].max(axis=1), np.array(reasons, dtype=object)))
+    contrast, blur, reason = (np.concatenate(parts) for parts in zip(*kept, strict=True))
+    said = np.where((reason == "") & ~tracked.trace.valid, "the corners fit no pose, or a repeated picture", reason)
+    grades = {"rms_px": tracked.rms_px, "corners": tracked.corners, "contrast": contrast.astype(float)}
+    return {**grades, "blur_px": blur.astype(float), "reason": said}
+
+
+def corners(tracked: Track) -> Iterator[tuple[NDArray[np.float64], NDArray[np.bool_]] | None]:
+    """Each frame's corners and which were used; None where the board was not seen."""
+    assert tracked.record is not None
+    for _, rows in tracked.record.chunks():
+        for row in rows:
+            yield (row["grid"].reshape(-1, 2), row["used"].ravel()) if row["seen"] else None
+
+
+def lens_of(camera: Camera) -> tuple[tuple[int, int], str, Sequence[float], NDArray[np.float64]]:
+    """A lens as viewers know it: picture size, distortion model in ROS's words, coefficients, matrix."""
+    lens = camera.lens
+    model = "kannala_brandt" if lens.kind == "fisheye" else "plumb_bob"
+    matrix = np.array(((lens.fx, 0, lens.cx), (0, lens.fy, lens.cy), (0, 0, 1.0)))
+    return (lens.width, lens.height), model, lens.distortion, matrix
+
+
+def as_csv(tracked: Track) -> str:
+    """The track as a table: SI, one line a frame, empty where not valid."""
+    trace = tracked.trace
+    names = ("frame", "time_s", "valid", "x_m", "z_m", "phi_rad", "sigma_x_m", "sigma_z_m", "sigma_phi_rad")
+    columns = [getattr(trace, name).tolist() for name in names] + [tracked.rms_px.tolist(), tracked.corners.tolist()]
+    lines = [",".join((*names, "rms_px", "corners"))]
+    for frame, time_s, valid, *rest in zip(*columns, strict=True):
+        numbers = ("" if isinstance(value, float) and math.isnan(value) else f"{value:.9g}" for value in rest)
+        lines.append(",".join((str(frame), f"{time_s:.9f}", str(int(valid)), *numbers)))
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,197 @@
+"""The least-squares problem over some frames of a video: its constants, every frame's pose eliminated."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from tracking.board import Board
+from tracking.camera import Camera
+from tracking.errors import TrackingError
+from tracking.follow import Rest
+from tracking.pose import Plane, apply, free_pose, smooth_modes
+from tracking.views import Views
+
+Floats = NDArray[np.float64]
+
+_GLUED_RAD = 0.02  # how askew a careful hand glues: without motion to tell, the turn stays near zero
+_LINE_S = 4e-6  # a row takes at most the frame's 4.17 ms / 1080 at 240 frames/s; and longer in slower modes
+_ASIDE_M = 0.01  # how far the board's centre may lie beside the plane of motion
+_ROUNDS = 8
+_FIXED, _FREE = 1e-12, 1e3
+_RASTER_PX = 0.008  # an error that varies smoothly over the board at rest: the pixels' raster, and the codec
+_ALIKE_S = 0.1  # what the codec and the pixels do to the corners is alike for about so long
+# The constants: the camera's turn about the world's X, Y, Z at the board (rad), its shift along them (m), the board's
+# turn about the tip's x and z (rad), the shutter's time from row to row (s).
+_STEP = np.array((1e-6, 1e-6, 1e-6, 1e-7, 1e-7, 1e-7, 1e-6, 1e-6, 1e-9))
+LINE = 8  # the row time's place among them
+
+
+class Bundle:
+    """See ``settle``. ``theta`` (9,): the constants, as corrections to ``camera``; ``spread`` (9, 9): their covariance.
+
+    Residuals of a frame are alike over the board and from frame to frame (the codec's lag, the pixels' raster), so that
+    the covariance of least squares alone is several times too small: what stretches of ``_ALIKE_S`` disagree by in the
+    constants is added (Huber's sandwich, clustered).
+    """
+
+    def __init__(
+        self, camera: Camera, board: Board, rest: Rest | None, views: Views, level: bool, exposure_s: float
+    ) -> None:
+        assert camera.world_from_camera is not None
+        self.camera, self.points, self.rest, self.views = camera, board.corner_points_m(), rest, views
+        self.exposure_s, self.place = exposure_s, camera.world_from_camera
+        self.centre = np.array((rest[0], 0.0, rest[1])) if rest else np.zeros(3)
+        start_turn, line = np.array(camera.board_turn_rad), camera.line_s
+        if rest:
+            tilt = _FIXED if level else _FREE
+            sigma = (tilt, tilt, _FREE, _FREE, _FREE, _FREE)
+        else:
+            sigma = (_FIXED, _FIXED, _FIXED, _FIXED, _ASIDE_M, _FIXED)
+        self.prior = np.array((*sigma, _GLUED_RAD, _GLUED_RAD, _LINE_S if line is None else _FIXED))
+        self.start = np.concatenate((np.zeros(6), start_turn, (line or 0.0,)))
+        self.theta, self.spread = self.start, np.diag(self.prior**2)
+        # Rest frame: x and z known, phi too unless the level says it.
+        self.held = np.zeros((len(views.time_s), 3), np.bool_)
+        if rest:
+            self.held[0] = (True, True, not level)
+
+    def camera_at(self, theta: Floats) -> Camera:
+        """Return the camera with the constants applied."""
+        turn = Rotation.from_rotvec(theta[:3]).as_matrix()
+        place = np.eye(4)
+        place[:3, :3] = turn @ self.place[:3, :3]
+        place[:3, 3] = turn @ (self.place[:3, 3] - self.centre) + self.centre + theta[3:6]
+        return dataclasses.replace(
+            self.camera,
+            world_from_camera=place,
+            board_turn_rad=(float(theta[6]), float(theta[7])),
+            line_s=float(theta[LINE]),
+        )
+
+    def solve(self) -> None:
+        """Gauss-Newton to the end; TrackingError when the frames contradict each other."""
+        poses, used = self._first_poses(), self.views.used
+        # The row time times what the motion's rate is not known by: rolling shutter cannot be told better than that.
+        doubt_px = _LINE_S * np.sqrt((self.views.rows**2).mean(axis=1)) * self.views.doubt
+        for _ in range(_ROUNDS):
+            miss = self._misses(self.views, self.theta, poses)
+            length = np.linalg.norm(miss, axis=-1)
+            sigma = max(float(np.median(length[used])) / 1.1774, 1e-4)
+            weight = (used & (length < 6 * sigma)) / (sigma**2 + doubt_px[:, None] ** 2)
+            by_theta, by_pose = self._slopes(self.views, self.theta, poses, miss)
+            by_pose = np.where(self.held[:, None, :], 0.0, by_pose)
+            weights = np.repeat(weight, 2, axis=1)[..., None]
+            A, B = _eliminated(weights * by_pose, by_theta, by_pose)
+            left = miss.reshape(len(poses), -1, 1)
+            g_pose = -((weights * by_pose).transpose(0, 2, 1) @ left)[..., 0]
+            g_theta = -((weights * by_theta).transpose(0, 2, 1) @ left)[..., 0]
+            prior = np.diag(self.prior**-2.0)
+            C = (weights * by_theta).reshape(-1, 9).T @ by_theta.reshape(-1, 9) + prior
+            solved = np.linalg.solve(A, np.concatenate((B, g_pose[..., None]), axis=-1))
+            # Priors from 1e-12 to 1e3: scaled to a unit diagonal the matrix is well conditioned.
+            normal = C - np.einsum("fij,fik->jk", B, solved[..., :9])
+            scale = 1 / np.sqrt(np.diag(C))
+            spread = np.linalg.inv(normal * scale * scale[:, None]) * scale * scale[:, None]
+            score = g_theta - np.einsum("fij,fi->fj", B, solved[..., 9])
+            step = spread @ (score.sum(axis=0) - prior @ (self.theta - self.start))
+            step[self.prior <= _FIXED] = 0.0
+            self.theta = self.theta + step
+            poses = poses + solved[..., 9] - solved[..., :9] @ step
+            self.spread = spread + spread @ (self._disagreement(score) + self._raster(weight, by_theta)) @ spread
+            if not np.isfinite(self.theta).all():
+                raise TrackingError("track: the frames fit no common plane of motion; check the lens and the rest pose")
+            if np.all(np.abs(step) < 0.01 * np.sqrt(np.maximum(np.diag(spread), 1e-30))):
+                return
+
+    def _disagreement(self, score: Floats) -> Floats:
+        """Return the covariance (9, 9) of the sum of the frames' scores (f, 9), by stretches of time."""
+        stretch = np.unique((self.views.time_s / _ALIKE_S).astype(int), return_inverse=True)[1]
+        sums = np.zeros((stretch.max() + 1, score.shape[1]))
+        np.add.at(sums, stretch, score)
+        free, count = int(np.count_nonzero(self.prior > _FIXED)), len(sums)
+        return np.asarray(sums.T @ sums * (count / max(count - free, 1)))
+
+    def _raster(self, weight: Floats, by_theta: Floats) -> Floats:
+        """Return the covariance (9, 9) of the rest frame's score: what it alone fixes has nothing to disagree with."""
+        if not self.rest:
+            return np.zeros((9, 9))
+        along = np.einsum("n,nm,nci->mci", weight[0], smooth_modes(self.points), by_theta[0].reshape(-1, 2, 9))
+        return np.asarray(np.einsum("mci,mcj->ij", along, along) * _RASTER_PX**2)
+
+    def response(self, views: Views, poses: Floats) -> Floats:
+        """Return by how much poses (f, 3) change with each constant, (f, 3, 9), at the constants found."""
+        miss = self._misses(views, self.theta, poses)
+        by_theta, by_pose = self._slopes(views, self.theta, poses, miss)
+        A, B = _eliminated(np.repeat(views.used, 2, axis=1)[..., None] * by_pose, by_theta, by_pose)
+        return np.asarray(-np.linalg.solve(A, B))
+
+    def _slopes(self, views: Views, theta: Floats, poses: Floats, miss: Floats) -> tuple[Floats, Floats]:
+        """Return d residual by the constants (f, 2n, 9) and by the poses (f, 2n, 3)."""
+        rays = views.at_once(float(theta[LINE]), self.exposure_s)
+        others = [rays] * LINE + [None]  # they change with the row time alone
+        by_theta = [
+            (self._misses(views, theta + h * e, poses, known) - miss) / h
+            for h, e, known in zip(_STEP, np.eye(9), others, strict=True)
+        ]
+        by_pose = [(self._misses(views, theta, poses + 1e-6 * e, rays) - miss) / 1e-6 for e in np.eye(3)]
+        shape = len(poses), -1
+        return np.stack(by_theta, axis=-1).reshape(*shape, 9), np.stack(by_pose, axis=-1).reshape(*shape, 3)
+
+    def _misses(self, views: Views, theta: Floats, poses: Floats, rays: Floats | None = None) -> Floats:
+        """Return the residuals (f, n, 2) in px; ``rays`` as ``at_once`` has them, if known."""
+        camera = self.camera_at(theta)
+        assert camera.world_from_camera is not None
+        to_camera = np.linalg.inv(camera.world_from_camera)
+        points = apply(camera.tip_from_board, self.points)
+        sin, cos = np.sin(poses[:, 2:]), np.cos(poses[:, 2:])
+        world = np.stack(
+            (
+                cos * points[:, 0] + sin * points[:, 2] + poses[:, :1],
+                np.broadcast_to(points[:, 1], (len(poses), len(points))),
+                cos * points[:, 2] - sin * points[:, 0] + poses[:, 1:2],
+            ),
+            axis=-1,
+        )
+        seen = world @ to_camera[:3, :3].T + to_camera[:3, 3]
+        rays = views.at_once(float(theta[LINE]), self.exposure_s) if rays is None else rays
+        miss = rays - seen[..., :2] / seen[..., 2:]
+        return np.asarray(views.px_per_ray[..., 0] * miss[..., :1] + views.px_per_ray[..., 1] * miss[..., 1:])
+
+    def _first_poses(self) -> Floats:
+        camera = self.camera_at(self.theta)
+        assert camera.world_from_camera is not None
+        points = apply(camera.tip_from_board, self.points)
+        guess = np.array(self.rest) if self.rest else free_start(self.views, camera, self.points)
+        plane, poses = Plane(camera.lens, camera.world_from_camera), []
+        for rays, slopes, used in zip(self.views.rays, self.views.px_per_ray, self.views.used, strict=True):
+            fit = plane.fit_rays(rays[None], slopes[None], points, guess[None], used[None])
+            if np.isfinite(fit.rms_px[0]):  # the next frame's start; in order of time it is near
+                guess = fit.vector[0]
+            poses.append(guess)
+        first = np.array(poses)
+        if self.rest:
+            first[0] = np.where(self.held[0], self.rest, first[0])
+        return first
+
+
+def _eliminated(weighted: Floats, by_theta: Floats, by_pose: Floats) -> tuple[Floats, Floats]:
+    """Return each frame's blocks of the normal matrix: poses with poses (f, 3, 3), poses with constants (f, 3, 9)."""
+    across = weighted.transpose(0, 2, 1)
+    # Plus one of some 1e9 or more: a frame without a weight left, or a pose that is held, must stay solvable.
+    return across @ by_pose + np.eye(3), across @ by_theta
+
+
+def free_start(views: Views, camera: Camera, points_m: Floats) -> Floats:
+    """Return a first guess of (x, z, phi) for the first view, from its free pose."""
+    assert camera.world_from_camera is not None
+    used = views.used[0]
+    pixels = camera.lens.project(np.column_stack((views.rays[0], np.ones(len(used)))))
+    free = free_pose(camera.lens, points_m[used], pixels[used])
+    if free is None:
+        raise TrackingError("track: the first board fits no pose; check that the lens is this camera's")
+    plane = Plane(camera.lens, camera.world_from_camera)
+    return plane.pose_of(free[0] @ np.linalg.inv(camera.tip_from_board))[0]

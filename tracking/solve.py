@@ -1,0 +1,170 @@
+"""From the corners on record to the tip's path: the video's constants first, then every frame's pose and sigma."""
+
+from __future__ import annotations
+
+from collections import Counter
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracking.bundle import free_start
+from tracking.chapters import Timeline
+from tracking.corners import FEWEST_CORNERS, LARGEST_RESIDUAL
+from tracking.errors import TrackingError
+from tracking.follow import NOT_DUE
+from tracking.noise import Frames, codec_lag_px, exposure_by_smear, without_lag
+from tracking.pose import apply
+from tracking.record import Record
+from tracking.settle import REST_FRAMES, Settled, settle
+from tracking.task import Task, Track
+from tracking.trace import TipTrace
+from tracking.video import DecodeReport
+from tracking.views import Views, views_of
+
+Floats = NDArray[np.float64]
+
+NO_FIT = "the corners fit no pose in the plane of motion"
+REPEATED = "the picture repeats the one before"
+_SPREAD = 40  # frames for each quantity that the constants are found from
+
+
+def solved(work: Task, record: Record, report: DecodeReport, timeline: Timeline) -> Track:
+    """Find the video's constants, then every frame's pose."""
+    lens, board = work.camera.lens, work.board
+    reasons: Counter[str] = Counter()
+    kept: list[tuple[NDArray[Any], ...]] = []
+    for start, rows in record.chunks():
+        views, where, repeats = views_of(record, lens, start, rows)
+        size = np.sqrt(views.rays.var(axis=1).sum(axis=1))
+        middle = np.column_stack((views.rays.mean(axis=1) * lens.fx, size * lens.fx))
+        kept.append((start + where, middle, views.widths, views.sweep, views.key, views.jump_px, views.speed_px))
+        reasons[REPEATED] += int(repeats.sum())
+        for text in rows["reason"][~rows["seen"] & ~repeats]:
+            reasons[text.decode()] += 1
+    seen, middle, *others = (np.concatenate(parts) for parts in zip(*kept, strict=True))
+    if not len(seen):
+        commonest = next((text for text, _ in reasons.most_common() if text != NOT_DUE), "nothing seen")
+        what = f"{timeline.paths[0]}: no board of {board} in any of {len(record)} frames"
+        raise TrackingError(f"{what} ({commonest}); check light, focus, the board's squares and the camera's place")
+    frames = Frames(middle[:, :2], *others)
+    exposure_s = timeline.telemetry.exposure_s or exposure_by_smear(frames, timeline.period_s)
+    features = np.column_stack((middle, frames.sweep)).astype(np.float32)
+    chosen = np.unique(np.concatenate((np.arange(min(REST_FRAMES, len(seen))), _spread(features))))
+    views = _pick(record, work, seen[chosen])
+    settled = settle(work.camera, board, work.rest_pose, views, level=work.level, exposure_s=exposure_s)
+    lag = codec_lag_px(frames)
+    return _fit_all(work, record, report, settled, lag, exposure_s, reasons, timeline)
+
+
+def _spread(features: NDArray[np.float32]) -> NDArray[np.intp]:
+    """Return frames that cover the range of each feature (f, m) evenly; most frames of a long video are alike."""
+    chosen = []
+    for values in features.T:
+        order = np.argsort(values)
+        wanted = np.linspace(values[order[0]], values[order[-1]], _SPREAD)
+        chosen.append(order[np.minimum(np.searchsorted(values[order], wanted), len(order) - 1)])
+    return np.unique(np.concatenate(chosen))
+
+
+def _pick(record: Record, work: Task, frames: NDArray[np.int64]) -> Views:
+    """Return the views of some frames of the record."""
+    parts = []
+    for start, rows in record.chunks():
+        if np.any((frames >= start) & (frames < start + len(rows))):
+            views, where, _ = views_of(record, work.camera.lens, start, rows)
+            parts.append(views.pick(np.flatnonzero(np.isin(start + where, frames))))
+    return Views(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in Views.__annotations__})
+
+
+def _fit_all(
+    work: Task,
+    record: Record,
+    report: DecodeReport,
+    settled: Settled,
+    lag: tuple[float, float],
+    exposure_s: float,
+    reasons: Counter[str],
+    timeline: Timeline,
+) -> Track:
+    n, plane, line_s = len(record), settled.plane, settled.camera.line_s or 0.0
+    points_m = apply(settled.camera.tip_from_board, work.board.corner_points_m())
+    state, sigma = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
+    time_s, rms_px, corners = np.empty(n), np.full(n, np.nan), np.zeros(n, np.int64)
+    total, square, count = np.zeros((3, len(points_m), 2))
+    row, guess = work.camera.lens.height / 2, None
+    for start, rows in record.chunks():
+        views, where, _ = views_of(record, work.camera.lens, start, rows)
+        passed = np.full(len(rows), np.nan)
+        if len(where):
+            guess = guess if guess is not None else free_start(views, settled.camera, work.board.corner_points_m())
+            at = start + where
+            begin = np.tile(guess, (len(where), 1))
+            fits = plane.fit_rays(views.at_once(line_s, exposure_s), views.px_per_ray, points_m, begin, views.used)
+            number = fits.used.sum(axis=1)
+            good = (fits.rms_px <= LARGEST_RESIDUAL * views.pitch_px) & (number >= FEWEST_CORNERS)
+            reasons[NO_FIT] += int((~good).sum())
+            rate = np.gradient(fits.vector, views.time_s, axis=0) if len(at) > 1 else np.zeros((1, 3))
+            vector, spread = without_lag(fits, rate * timeline.period_s, views.key, lag)
+            spread += settled.covariance(views, vector, rate)
+            state[at[good]] = vector[good]
+            sigma[at[good]] = np.sqrt(np.diagonal(spread[good], axis1=1, axis2=2))
+            rms_px[at[good]], corners[at[good]] = fits.rms_px[good], number[good]
+            guess = fits.vector[good][-1] if good.any() else guess
+            counts = (fits.used & good[:, None])[..., None]
+            total += np.where(counts, fits.residual_px, 0).sum(axis=0)
+            square += np.where(counts, fits.residual_px**2, 0).sum(axis=0)
+            count += counts.sum(axis=0)
+            passed[where] = views.middle
+        for k in range(len(rows)):  # a frame without the board is dated by where it was last
+            row = passed[k] if np.isfinite(passed[k]) else row
+            passed[k] = row
+        time_s[start : start + len(rows)] = work.start_s + rows["time_s"] + line_s * passed
+    mean = total / np.maximum(count, 1)
+    never = count[:, 0].reshape(work.board.shape) == 0
+    _refuse_a_smaller_board(work, record, never)
+    return Track(
+        trace=_trace(time_s, state, sigma),
+        rms_px=rms_px,
+        corners=corners,
+        decode=report,
+        camera=settled.camera,
+        board=work.board,
+        invalid=MappingProxyType(dict(+reasons)),
+        rest_frames=settled.rest_frames,
+        turn_sigma_rad=settled.turn_sigma_rad,
+        line_sigma_s=settled.line_sigma_s,
+        residual_px=mean,
+        spread_px=np.sqrt(np.maximum(square / np.maximum(count, 1) - mean**2, 0)),
+        telemetry=timeline.telemetry,
+        exposure_s=exposure_s,
+        lag_px=lag[0],
+        never_seen=int(never.sum()),
+    )
+
+
+def _refuse_a_smaller_board(work: Task, record: Record, never: NDArray[np.bool_]) -> None:
+    """Raise TrackingError when both rows and columns of corners are in no frame, although in the picture.
+
+    A smaller board passes for a part of a larger one. What a hand or the picture's edge takes away all the time is a
+    side of the board, or lies outside.
+    """
+    rows, columns = ~never.all(axis=1), ~never.all(axis=0)
+    if rows.all() or columns.all():
+        return
+    lens, inside, of = work.camera.lens, 0, 0
+    for _, chunk in record.chunks():
+        at = chunk["grid"][chunk["seen"]][:, never]
+        within = (at >= 0) & (at < (lens.width, lens.height))
+        inside, of = inside + int(within.all(axis=(1, 2)).sum()), of + len(at)
+    if 2 * inside > of:
+        seen = f"{rows.sum() + 1}x{columns.sum() + 1}"
+        what = f"{work.videos[0]}: of a board of {work.board} only {seen} squares are ever seen"
+        raise TrackingError(f"{what}; is that the whole board? give its number of squares")
+
+
+def _trace(time_s: Floats, state: Floats, sigma: Floats) -> TipTrace:
+    x, z, phi = state.T
+    sigma_x, sigma_z, sigma_phi = sigma.T
+    return TipTrace(time_s, x, z, phi, sigma_x, sigma_z, sigma_phi, np.isfinite(x), np.arange(len(x)))

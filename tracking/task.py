@@ -1,0 +1,90 @@
+"""What to track and by what; and what a video says about the tip."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracking.board import Board
+from tracking.camera import Camera
+from tracking.errors import TrackingError
+from tracking.follow import Rest
+from tracking.gpmf import Telemetry
+from tracking.record import Record
+from tracking.trace import TipTrace
+from tracking.video import DecodeReport
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Track:
+    """What a video says about the tip.
+
+    ``rms_px`` (n,): reprojection residual per coordinate and frame, ``corners`` (n,): how many corners it rests on (NaN
+    and 0 where invalid). ``camera``: the one used, with ``world_from_camera``, ``board_turn_rad`` and ``line_s`` as
+    found; ``trace.time_s`` is when the shutter passed the board's middle. ``invalid``: how many frames are not valid,
+    by reason. ``rest_frames``: how many still frames placed the camera (0 when its place was given). ``residual_px``
+    (corners, 2): the mean over all frames of what the corners miss by, and ``spread_px`` (corners, 2) its deviation.
+    ``exposure_s``: by the camera's telemetry, or by the smear; ``lag_px``: what the codec's prediction lags by, and
+    what was put right (see ``noise``). ``never_seen``: corners of the board that no frame shows.
+    """
+
+    trace: TipTrace
+    rms_px: Floats
+    corners: NDArray[np.int64]
+    decode: DecodeReport
+    camera: Camera
+    board: Board
+    invalid: Mapping[str, int]
+    rest_frames: int
+    turn_sigma_rad: tuple[float, float]
+    line_sigma_s: float
+    residual_px: Floats
+    spread_px: Floats
+    telemetry: Telemetry = field(default_factory=Telemetry)
+    exposure_s: float = 0.0
+    lag_px: float = 0.0
+    never_seen: int = 0
+    record: Record | None = None
+
+
+@dataclass(frozen=True)
+class Task:
+    """What to track and by what: the files of one recording, camera, board, and what places the camera.
+
+    ``rest_pose`` (x_m, z_m, phi_rad) is the tip's known pose while the board stands still at the beginning; the
+    camera's place is found from it, whatever ``camera`` says (see ``settle``). None takes ``camera.world_from_camera``.
+    ``level``: the camera stands level, phi at rest is not taken from ``rest_pose``. ``near_px``: where the board is in
+    the first picture, if several are in view. ``start_s`` is added to the time stamps.
+    """
+
+    videos: tuple[Path, ...]
+    camera: Camera
+    board: Board
+    rest_pose: Rest | None = None
+    level: bool = False
+    near_px: tuple[float, float] | None = None
+    start_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.start_s) or not all(map(math.isfinite, self.rest_pose or ())):
+            what = f"track: start_s {self.start_s} and rest_pose {self.rest_pose} must be finite"
+            raise TrackingError(f"{what}; give s, and m, m, rad")
+
+    def identity(self) -> dict[str, Any]:
+        """What a record of followed corners depends on."""
+        return {
+            "videos": [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in self.videos],
+            "lens": self.camera.lens.to_json(),
+            "camera": (self.camera.board_x_in_image, self.camera.mount, str(self.camera.world_from_camera)),
+            "board": asdict(self.board),
+            "rest": self.rest_pose,
+            "near": self.near_px,
+        }
