@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
@@ -11,11 +12,11 @@ from numpy.typing import NDArray
 
 from model.parameters import StrawParameters
 from replay.diagnose.contest import Contestant, Look, enter, finish, looks, seen_again, unfitted
-from replay.diagnose.hypothesis import REPEATS, REPEATS_MOUNT, base_unknowns, causes
+from replay.diagnose.hypothesis import REPEATS, REPEATS_MOUNT, Unknown, base_unknowns, causes, hypothesis
 from replay.diagnose.judge import Judgement, judge, unexplained
 from replay.diagnose.observation import Observation
 from replay.diagnose.search import Campaign, Fit, descend, measured_slopes, robust_cost
-from replay.diagnose.start import LOOSE_S, base_start, few_of
+from replay.diagnose.start import LOOSE_S, base_start, few_of, rough
 
 Floats = NDArray[np.float64]
 
@@ -61,6 +62,10 @@ OWN = 8.0
 ANOTHER = 0.8
 #: A rival this much behind is not close, whatever more fitting would bring.
 CLOSE = 1000.0
+#: What a single cause may leave unexplained before all are looked for from further away; damping looked at there, as
+#: logarithms beside the base's.
+AFAR_LEFT, AFAR_SHARE = 1500.0, 0.02
+AFAR_AXIAL, AFAR_ANGULAR = (-1.0, -0.4, 0.0, 0.4, 1.0), (-0.7, 0.0, 0.7)
 #: Causes that are carried to the end, that get partners; pairs tried.
 FINISHED, PARTNERS, PAIRS = 3, 1, 2
 
@@ -112,7 +117,11 @@ def inquire(
     campaign.played += wide.played
     told("finishing the best", len(names) + 2, total)
     _finish_best(found, FINISHED + 3 * thorough)
-    if found.contestants[0].cost < found.null.cost - HOPELESS:
+    if thorough and not stop() and _unfinished(found):
+        told("looking from further away", len(names) + 2, total)
+        if _from_afar(found, wide, base, names, known.u):
+            _finish_best(found, FINISHED)
+    if found.singles and found.contestants[0].cost < found.null.cost - HOPELESS:
         _weigh_anew(found, len(base))
         told("pairs", len(names) + 3, total)
         if thorough or unexplained(campaign, found.contestants[0].fit) > EXPLAINED:
@@ -120,6 +129,41 @@ def inquire(
     told("weighing", len(names) + 4, total)
     found.whole = not stop()
     return found
+
+
+def _unfinished(found: Inquiry) -> bool:
+    """Whether much is left that no single cause explains: it, or the search, is not one of them."""
+    if not found.singles:
+        return False
+    best = min(found.singles.values(), key=lambda c: c.cost)
+    best_left = unexplained(found.campaign, best.fit)
+    return best_left > AFAR_LEFT and best_left > AFAR_SHARE * unexplained(found.campaign, found.null)
+
+
+def _from_afar(found: Inquiry, wide: Campaign, base: tuple[Unknown, ...], names: Sequence[str], u: Floats) -> bool:
+    """Look for strong causes with elasticity and geometry as given and damping anew; whether one has got better.
+
+    A strong effect drags all of the base's constants to where the way back is lost. Minutes: for the thorough only.
+    """
+    better, place = False, {k.target: i for i, k in enumerate(base)}
+    for name in names:
+        what = hypothesis([name], found.campaign.straw.cells)
+        unknowns = (*base, *what.unknowns)
+        points = []
+        for start in what.starts[-2:]:
+            for a, b in itertools.product(AFAR_AXIAL, AFAR_ANGULAR):
+                point = np.concatenate([np.where([k.target == "straw.r_ch_m" for k in base], u, 0.0), start])
+                point[place["straw.c_zeta_n_s_per_m"]] = u[place["straw.c_zeta_n_s_per_m"]] + a
+                point[place["straw.c_phi_n_m_s_per_rad"]] = u[place["straw.c_phi_n_m_s_per_rad"]] + b
+                points.append(point)
+        if found.campaign.stop():
+            return better
+        best = points[int(np.argmin(rough(wide, unknowns, points)))]
+        fit = descend(wide, unknowns, best, rounds=7, share=0.01)
+        seen = seen_again(found.campaign, fit)
+        if seen.cost < found.singles[name].cost:
+            found.singles[name], better = Contestant(what, seen), True
+    return better
 
 
 def _ranked(found: Sequence[Look], known: Fit) -> list[list[Look]]:

@@ -64,14 +64,14 @@ def base_start(campaign: Campaign, unknowns: tuple[Unknown, ...]) -> Floats:
     if still.observations:
         u = descend(still, unknowns, u, rounds=4, enough=20.0).u
     points = [own, u, *(moved(u, c_zeta_n_s_per_m=a, c_phi_n_m_s_per_rad=b) for a in C_ZETA for b in C_PHI)]
-    looks = _looks(few, unknowns, points)
+    looks = rough(few, unknowns, points)
     best = np.argsort(looks, kind="stable")[:FOLLOWED]
     ends = [descend(few, unknowns, points[k], rounds=3, share=0.01, enough=20.0) for k in best]
     u = min(ends, key=lambda fit: fit.cost).u
     return descend(campaign.loose(LOOSE_S), unknowns, u, rounds=8, enough=5.0).u
 
 
-def _looks(campaign: Campaign, unknowns: tuple[Unknown, ...], points: list[Floats]) -> list[float]:
+def rough(campaign: Campaign, unknowns: tuple[Unknown, ...], points: list[Floats]) -> list[float]:
     """How bad each point looks, hardly minding how far off what is far off is."""
     return [float(np.sum(np.log1p((r / 10) ** 2))) for r in campaign.residuals(unknowns, points)]
 

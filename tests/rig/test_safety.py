@@ -31,6 +31,8 @@ VENT = b"<PRESS!:0:0\n"
 SCRIPT = """
 import os, signal, sys, time
 from rig.guarded import GuardedController
+if hasattr(signal, "SIGHUP"):  # under nohup it would be ignored, by everything that is started
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 with GuardedController("ob1-mk4", sys.argv[1], heartbeat_s=1.0, patience_s=20.0) as controller:
     controller.set_pressure(1, -25e3)
     print("under pressure", controller.guardian_pid, flush=True)
