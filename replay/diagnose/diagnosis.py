@@ -17,6 +17,7 @@ from replay.diagnose.judge import Judgement, judge, unexplained
 from replay.diagnose.observation import Observation
 from replay.diagnose.search import Campaign, Fit, descend, measured_slopes, robust_cost
 from replay.diagnose.start import LOOSE_S, base_start, few_of, rough
+from replay.errors import ReplayError
 
 Floats = NDArray[np.float64]
 
@@ -82,6 +83,8 @@ def inquire(
 ) -> Inquiry:
     """Fit the base and every cause in the library (all by default), alone and in pairs, until done or stopped.
 
+    Raises ReplayError where a run cannot be played at all.
+
     ``executor`` plays runs: a `ThreadPoolExecutor` (the compiled model releases the GIL), or a Dask client's
     ``client.get_executor()``. It must outlive what is asked of the inquiry later.
     """
@@ -92,6 +95,12 @@ def inquire(
     told("base model", 0, total)
     start = base_start(campaign, base)
     null = descend(campaign, base, start, rounds=6, enough=5.0)
+    unplayed = [o.name for o, one in zip(observations, campaign.misfits(base, [null.u])[0], strict=True) if one is None]
+    if unplayed:
+        raise ReplayError(
+            f"run {unplayed[0]}: the straw cannot be played from where this run starts, whatever its constants; "
+            "check initial_deployed and the straw, or leave the run out"
+        )
     allow_repeats(campaign, null)
     null = descend(campaign, base, null.u, rounds=5)
     found = Inquiry(campaign, null)

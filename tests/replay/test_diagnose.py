@@ -178,6 +178,18 @@ def test_runs_of_two_specimens_or_one_run_twice_are_one_line(tmp_path, capsys):
     assert "no such cause" in capsys.readouterr().err
 
 
+def test_a_run_that_starts_where_no_straw_can_rest_is_one_line(tmp_path, capsys):
+    from dataclasses import replace
+
+    from rig.run import PressureLog
+
+    (run,) = campaign((), 3, FEW[3:], NONE)
+    high = PressureLog(run.pressure.time_s, run.pressure.pressure_pa + 90e3, run.pressure.sigma_pa)
+    path = write_run(replace(run, pressure=high), tmp_path / "high.mcap")
+    assert main(["diagnose", str(path)]) == 2
+    assert "run staircase: the straw cannot be played from where this run starts" in capsys.readouterr().err
+
+
 def test_one_run_without_a_snap_is_diagnosed_with_what_it_could_not_decide(tmp_path, capsys):
     run = write_run(campaign((), 3, FEW[3:], NONE)[0], tmp_path / "one.mcap")
     most = [name for name in causes(9) if name not in ("clock_offset", "gauge_gain")]
