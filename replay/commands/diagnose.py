@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import signal
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
-from threading import Event as Flag
-from types import FrameType
 
 from model.parameters import load_straw
 from replay.diagnose.diagnosis import inquire
@@ -20,6 +16,7 @@ from replay.errors import ReplayError
 from replay.gather import gather
 from replay.output import check_new, write_json, write_text
 from replay.progress import prepare, progress_bar, say
+from rig.interrupts import Interrupts
 from rig.run import Run
 
 #: How many hypotheses the table shows.
@@ -43,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
     with (
         ThreadPoolExecutor() as pool,
         progress_bar("diagnose", "step") as update,
-        _stopped_by_ctrl_c() as stopped,
+        Interrupts() as interrupts,
     ):
 
         def told(_what: str, done: int, total: int) -> None:
@@ -56,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
             executor=pool,
             thorough=args.thorough,
             told=told,
-            stop=stopped.is_set,
+            stop=lambda: interrupts.pending is not None,
         )
         findings = conclude(found, _about(runs))
         page = report(findings, found) if args.report else ""
@@ -120,20 +117,3 @@ def text(f: Findings) -> str:
 
 def _about(runs: Sequence[Run]) -> list[str]:
     return [f"{one.run_id}: {lost}" for one in runs for lost in one.lost]
-
-
-@contextmanager
-def _stopped_by_ctrl_c() -> Iterator[Flag]:
-    """A flag that the first Ctrl-C sets; the second one interrupts as usual."""
-    flag = Flag()
-
-    def handler(_signal: int, _frame: FrameType | None) -> None:
-        flag.set()
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-        say("stopping: findings from what is known so far (Ctrl-C again leaves without them)")
-
-    before = signal.signal(signal.SIGINT, handler)
-    try:
-        yield flag
-    finally:
-        signal.signal(signal.SIGINT, before)

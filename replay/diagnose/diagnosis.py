@@ -123,7 +123,6 @@ def inquire(
         else:
             entered = unfitted(wide, known, min(group, key=lambda look: look.cost))
         found.singles[entered.name] = Contestant(entered.hypothesis, seen_again(campaign, entered.fit))
-    campaign.played += wide.played
     told("finishing the best", len(names) + 2, total)
     _finish_best(found, FINISHED + 3 * thorough)
     if thorough and not stop() and _unfinished(found):
@@ -251,10 +250,10 @@ def _pairs(found: Inquiry, names: Sequence[str], thorough: bool) -> None:
         if pair.name not in found.pairs or pair.cost < found.pairs[pair.name].cost:
             found.pairs[pair.name] = pair
     # a single cause fitted less well than its pairs would make them look needed
-    for one in first[:1]:
-        with_it = [c for c in found.pairs.values() if one.name in c.hypothesis.causes]
-        for pair in with_it[:1]:
-            at = {k.target: u for k, u in zip(pair.fit.unknowns, pair.fit.u, strict=True)}
-            again = descend(campaign, one.fit.unknowns, np.array([at[k.target] for k in one.fit.unknowns]), rounds=4)
-            if again.cost < one.cost:
-                found.singles[one.name] = Contestant(one.hypothesis, again)
+    one = first[0]
+    if with_it := [c for c in found.pairs.values() if one.name in c.hypothesis.causes]:
+        pair = min(with_it, key=lambda c: c.cost)
+        at = {k.target: u for k, u in zip(pair.fit.unknowns, pair.fit.u, strict=True)}
+        again = descend(campaign, one.fit.unknowns, np.array([at[k.target] for k in one.fit.unknowns]), rounds=4)
+        if again.cost < one.cost:
+            found.singles[one.name] = Contestant(one.hypothesis, again)

@@ -16,8 +16,9 @@ from replay.diagnose.contest import Contestant
 from replay.diagnose.diagnosis import Inquiry
 from replay.diagnose.experiment import Experiment, next_experiment
 from replay.diagnose.hypothesis import MEASUREMENT, Unknown, applied
-from replay.diagnose.judge import Judgement, by_cause, surviving
+from replay.diagnose.judge import COUNTS_AS_ONE, Judgement, by_cause, surviving
 from replay.diagnose.locate import Located, Wandering, locate, sentence, wandering
+from replay.diagnose.observation import REPEATABILITY_S
 from replay.diagnose.search import Campaign, Fit, descend, weights
 
 Floats = NDArray[np.float64]
@@ -113,6 +114,8 @@ def conclude(found: Inquiry, notes: Sequence[str] = ()) -> Findings:
     names = [n for n in surviving(probability) if n != "unknown"] or [top]
     fitted = {c.name: c for c in found.contestants}
     verdict, causes = _verdict(probability, top, names)
+    if not found.whole:  # what was not looked at counts as impossible in the probabilities, so nothing is settled
+        verdict, causes = "ambiguous", [c for c in causes if c != "unknown"]
     best = fitted.get(top) if verdict not in ("complete", "unknown_physics") else None
     if verdict == "ambiguous":
         best = next((fitted[n] for n in probability if n in fitted), None)
@@ -123,7 +126,7 @@ def conclude(found: Inquiry, notes: Sequence[str] = ()) -> Findings:
     wander = wandering(campaign, found.null)
     notes = [*notes, *_doubts(found)]
     experiment = None
-    if verdict in ("ambiguous", "unknown_physics"):
+    if found.whole and verdict in ("ambiguous", "unknown_physics"):
         experiment = next_experiment(campaign, [c for c in (best, *rivals) if c] or found.contestants[:2])
     return Findings(
         verdict=verdict,
@@ -136,7 +139,7 @@ def conclude(found: Inquiry, notes: Sequence[str] = ()) -> Findings:
         best=best,
         straw=straw,
         parameters=constants_of(campaign, best) if best else {},
-        held=hold_out(campaign, found.null, best, located),
+        held=hold_out(campaign, found.null, best, located) if found.whole else None,
         smallest=smallest_seen(campaign, found) if verdict == "complete" else {},
         indistinguishable=[causes] if verdict == "ambiguous" and len(causes) > 1 else [],
         experiment=experiment,
@@ -164,6 +167,9 @@ def _says(verdict: str, causes: Sequence[str], probability: Any, found: Inquiry)
     """The verdict in one sentence."""
     words = [c.replace("_", " ") for c in causes]
     runs = len(found.campaign.observations)
+    if not found.whole:
+        so_far = f"; so far {' and '.join(words)} would explain these runs best" if words else ""
+        return f"Stopped before every cause was looked at: nothing is named and nothing excluded{so_far}."
     if verdict == "complete":
         return f"Nothing is missing: the base model, its constants refitted, explains all {runs} runs to repeatability."
     if verdict == "unknown_physics":
@@ -189,8 +195,8 @@ def _doubts(found: Inquiry) -> list[str]:
         out.append("no run shows a snap: what acts only in snaps (film, cohesion, inertia, drag) was not tested")
     if len({o.run.cycle for o in runs}) < 2:
         out.append("all runs are of the same cycle: wear was not tested")
-    if found.campaign.failures:
-        out.append(f"{found.campaign.failures} simulations could not follow and counted as very wrong")
+    if found.campaign.tally["failed"]:
+        out.append(f"{found.campaign.tally['failed']} simulations could not follow and counted as very wrong")
     return out
 
 
@@ -243,9 +249,7 @@ def hold_out(campaign: Campaign, null: Fit, best: Contestant | None, located: Se
     fits = [(f.unknowns, descend(train, f.unknowns, f.u, rounds=3)) for f in (null, *([best.fit] if best else []))]
     rms = [_plain_rms(rest, unknowns, fit.u) for unknowns, fit in fits]
     floor = {
-        c: float(
-            np.sqrt(np.mean(np.concatenate([o.at_rest[i] ** 2 + (o.rate[i] * 1e-3) ** 2 for o in rest.observations])))
-        )
+        c: float(np.sqrt(np.mean(np.concatenate([o.sigma(REPEATABILITY_S)[i] ** 2 for o in rest.observations]))))
         for i, c in enumerate(CHANNELS)
     }
     chi2 = [float(np.mean(fit.residual**2)) for _, fit in fits]
@@ -261,7 +265,7 @@ def _plain_rms(campaign: Campaign, unknowns: Sequence[Unknown], u: Floats) -> di
 
 
 def smallest_seen(campaign: Campaign, found: Inquiry) -> dict[str, str]:
-    """The smallest effect of each cause that these runs would have shown, with its unit: four sigmas, roughly."""
+    """The smallest effect of each cause these runs would have shown: four sigmas, estimated to first order."""
     null, out = found.null, {}
     w = np.sqrt(weights(null.residual))
     known = null.slopes * w[:, None]
@@ -280,5 +284,5 @@ def smallest_seen(campaign: Campaign, found: Inquiry) -> dict[str, str]:
         size = float(np.linalg.norm(column - shadow))
         if size > 0:
             _, name, unit = _named(unknown)
-            out[c.name] = f"{name} {4 * 4.5 / size:.2g} {unit}"
+            out[c.name] = f"{name} {4 * np.sqrt(COUNTS_AS_ONE) / size:.2g} {unit}"
     return out

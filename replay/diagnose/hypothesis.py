@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.parameters import StrawParameters
-from model.terms import TERMS
 from replay.diagnose.instrument import Instrument
 
 Floats = NDArray[np.float64]
@@ -106,9 +105,8 @@ def _shape(target: str, start: float, low: float, high: float) -> Unknown:
     return Unknown(target, 1.0, start, "log", low=np.log(low / start), high=np.log(high / start), sd=1.0)
 
 
-#: Each cause's unknowns and where to start them: small effects first.
 def causes(cells: int) -> dict[str, tuple[tuple[Unknown, ...], tuple[tuple[float, ...], ...]]]:
-    """Unknowns and starts of every single cause of the contract; strengths in units that one is well seen."""
+    """Unknowns and starts, small effects first, of every single cause of the contract; one unit is well seen."""
     t = "term."
     out: dict[str, tuple[tuple[Unknown, ...], tuple[tuple[float, ...], ...]]] = {
         "cohesion": (
@@ -236,8 +234,3 @@ def applied(straw: StrawParameters, unknowns: Sequence[Unknown], at: Floats) -> 
     for term, constants in terms.items():
         changed = changed.with_term(term, **constants)
     return changed, replace(Instrument(), **instrument)
-
-
-def known_terms() -> tuple[str, ...]:
-    """Names of the model's terms; each must be a cause above."""
-    return tuple(TERMS)

@@ -12,7 +12,7 @@ from replay.compare import CHANNELS
 from replay.diagnose.hypothesis import applied
 from replay.diagnose.misfit import Misfit, play
 from replay.diagnose.observation import Observation
-from replay.diagnose.search import Campaign, Fit
+from replay.diagnose.search import Campaign, Fit, weights
 
 Floats = NDArray[np.float64]
 
@@ -147,17 +147,17 @@ def wandering(campaign: Campaign, fit: Fit) -> list[Wandering]:
             continue
         for part in campaign.slices():
             slope = fit.slopes[part, k]
-            w = 1 / np.sqrt(1 + (fit.residual[part] / 5.0) ** 2)
+            w = weights(fit.residual[part])
             weight = float(slope @ (w * slope)) + 1e-9
             wishes.setdefault(name, []).append(-float(slope @ (w * fit.residual[part])) / weight * unknown.scale)
             precision.setdefault(name, []).append(weight / unknown.scale**2)
     out = []
     for name, values in wishes.items():
         wish: Floats = np.array(values)
-        weights: Floats = np.array(precision[name])
-        spread = float(np.sqrt(np.sum(weights * (wish - np.average(wish, weights=weights)) ** 2)))
+        known: Floats = np.array(precision[name])
+        spread = float(np.sqrt(np.sum(known * (wish - np.average(wish, weights=known)) ** 2)))
         told = dict(zip((o.name for o in runs), values, strict=True))
-        out.append(Wandering(EQUATIONS[name][1], EQUATIONS[name][0], told, spread, _goes_with(runs, wish, weights)))
+        out.append(Wandering(EQUATIONS[name][1], EQUATIONS[name][0], told, spread, _goes_with(runs, wish, known)))
     return sorted(out, key=lambda w: -w.spread_sigma)
 
 

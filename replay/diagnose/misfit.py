@@ -31,7 +31,7 @@ PATIENCE_S = 1.5
 BEFORE_S, AFTER_S = 0.1, 0.6
 #: Over the longest of this and a multiple of the difference the bend fades, s.
 FADES_S, FADES = 0.3, 3.0
-#: Noise of a track: share of its variance that lasts, and for how long (measured on recordings, see the facts).
+#: Noise of a track: share of its variance that lasts, and for how long (measured on one campaign of another apparatus).
 LASTING, LASTS_S = 0.38, 0.05
 #: A snap that only one of the two shows counts as this late at least, s.
 MISSING_S = 0.1
@@ -94,9 +94,7 @@ def misfit(observed: Observation, straw: StrawParameters, instrument: Instrument
     late[:both] = snaps_s[:both] - observed.snaps_s[:both]
     late[both:-1] = observed.end_s + PATIENCE_S - observed.snaps_s[both:]
     extra = snaps_s[len(observed.snaps_s) :]
-    late[-1] = (
-        np.sum(np.clip(observed.end_s - extra, 0, None) + MISSING_S * (extra < observed.end_s)) if len(extra) else 0
-    )
+    late[-1] = np.sum(observed.end_s - extra[extra < observed.end_s] + MISSING_S)
     spline = CubicSpline(seen.time_s, np.stack([seen.x_m, seen.z_m, seen.phi_rad]), axis=1)
     span = seen.time_s[0], seen.time_s[-1]
 

@@ -13,12 +13,11 @@ from replay.compare import CHANNELS
 from replay.diagnose.snaps import Levels, crossings, levels_of
 from replay.driving import driving_pressure
 from replay.errors import ReplayError
+from replay.fit import UNSTATED
 from rig.run import Run
 
 Floats = NDArray[np.float64]
 
-#: Noise where a recording does not state it: m, m, rad.
-UNSTATED = (30e-6, 30e-6, 2e-3)
 #: What two runs of the same straw differ by beside the camera's noise: m, m, rad, s in the time of a snap, and s by
 #: which what rings after it is early or late; the last also leaves room for a law's form, which is never nature's.
 REPEATABILITY = (5e-6, 5e-6, 0.3e-3)
@@ -69,7 +68,7 @@ def observe(run: Run) -> Observation:
     time_s = tip.time_s[good]
     seen = np.stack([getattr(tip, c)[good] for c in CHANNELS])
     stated = np.stack([getattr(tip, f"sigma_{c}")[good] for c in CHANNELS])
-    camera = np.where(np.isfinite(stated) & (stated > 0), stated, np.array(UNSTATED)[:, None])
+    camera = np.where(np.isfinite(stated) & (stated > 0), stated, np.array([[UNSTATED[c]] for c in CHANNELS]))
     step_s = float(np.median(np.diff(time_s)))
     rate = np.abs(np.gradient(gaussian_filter1d(seen, 8e-3 / step_s, axis=1), time_s, axis=1))
     # what noise alone looks like as a rate is taken off

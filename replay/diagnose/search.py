@@ -43,20 +43,23 @@ class Campaign:
         stop: Callable[[], bool] = lambda: False,
     ) -> None:
         self.observations, self.straw, self.pool, self.stop = tuple(observations), straw, pool, stop
-        self.played = self.failures = 0
+        self.tally = {"played": 0, "failed": 0}  # of runs, shared with campaigns made from this one
         self.steps: dict[str, float] = {}  # of derivatives by each unknown, as last felt well
         self.scatter: list[tuple[Floats, Floats]] | None = None
         self.slack_s = SLACK_S
 
     def only(self, names: Sequence[str]) -> Campaign:
         """The campaign with some of its runs."""
-        chosen = [o for o in self.observations if o.name in set(names)]
-        return Campaign(chosen, self.straw, self.pool, self.stop)
+        return self._like([o for o in self.observations if o.name in set(names)], self.slack_s)
 
     def loose(self, slack_s: float) -> Campaign:
         """The campaign with what moves fast counting less."""
-        out = Campaign(self.observations, self.straw, self.pool, self.stop)
-        out.slack_s = slack_s
+        return self._like(self.observations, slack_s)
+
+    def _like(self, observations: Sequence[Observation], slack_s: float) -> Campaign:
+        """Another campaign that counts with this one; what repeats differ by has to be felt anew."""
+        out = Campaign(observations, self.straw, self.pool, self.stop)
+        out.slack_s, out.tally = slack_s, self.tally
         return out
 
     def misfits(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[list[Misfit | None]]:
@@ -69,8 +72,8 @@ class Campaign:
             for point in points
         ]
         found = [[job.result() for job in row] for row in jobs]
-        self.played += sum(len(row) for row in found)
-        self.failures += sum(one is None for row in found for one in row)
+        self.tally["played"] += sum(len(row) for row in found)
+        self.tally["failed"] += sum(one is None for row in found for one in row)
         return found
 
     def residuals(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[Floats]:
@@ -199,12 +202,11 @@ def descend(
     slopes: Floats | None = None,
     residual: Floats | None = None,
     rounds: int = 8,
-    measure: bool = True,
     enough: float = 1.0,
     share: float = 0.0,
 ) -> Fit:
-    """Damped Gauss-Newton from u. ``slopes`` (m, unknowns) may be known from nearby; with ``measure`` they are
-    measured anew whenever they predict badly, else only corrected by what each step shows (Broyden).
+    """Damped Gauss-Newton from u. ``slopes`` (m, unknowns) may be known from nearby; they are measured anew whenever
+    they predict badly, else corrected by what each step shows (Broyden).
     Ends when a round gains less than ``enough`` or that ``share`` of the cost.
     """
     unknowns = tuple(unknowns)
@@ -248,10 +250,10 @@ def descend(
             damping = damping / 4 if best % 2 == 0 else damping
         else:
             damping = damping * 16
-        if gain < little and (fresh or not measure) and (gain > 0 or damping[0] > 10):
+        if gain < little and fresh and (gain > 0 or damping[0] > 10):
             slopes, fresh = (corrected, False) if gain > 0 else (slopes, fresh)
             break
-        if measure and not fresh and (gain < WELL * predicted or gain < little):
+        if not fresh and (gain < WELL * predicted or gain < little):
             slopes = measured_slopes(campaign, unknowns, u, residual, range(len(u)))
             fresh = True
         elif gain > 0 or not fresh:

@@ -41,7 +41,7 @@ def diagnosed(case: Case) -> dict[str, object]:
         "left_over": judgement.left_over,
         "effect_sigma": made.effect_sigma,
         "cpu_s": time.process_time() - start,
-        "failures": found.campaign.failures,
+        "failures": found.campaign.tally["failed"],
     }
 
 

@@ -169,6 +169,23 @@ def test_nothing_missing_is_said_where_nothing_is(plain):
     assert "cohesion" in findings.smallest
 
 
+def test_an_inquiry_that_is_stopped_settles_nothing_and_holds_nothing_out(plain):
+    with ThreadPoolExecutor() as pool:
+        findings = conclude(inquire(plain, BASE, executor=pool, stop=lambda: True))
+    assert findings.verdict == "ambiguous"
+    assert findings.causes == []
+    assert findings.held is None
+    assert "Stopped before every cause was looked at" in findings.says
+
+
+def test_simulations_that_fail_are_counted_also_in_a_part_of_the_campaign(plain):
+    with ThreadPoolExecutor() as pool:
+        whole = Campaign(plain, BASE, pool)
+        part = whole.only([plain[0].name]).loose(0.02)
+        part.misfits(base_unknowns(BASE), [np.array([0, 0, 0, 0, 60.0, 0, 0])])  # walls too thick for two states
+    assert whole.tally == {"played": 1, "failed": 1}
+
+
 def test_runs_of_two_specimens_or_one_run_twice_are_one_line(tmp_path, capsys):
     one, other = campaign((), 3, FEW[3:], NONE, name="a"), campaign((), 3, FEW[:1], NONE, name="b")
     a, b = write_run(one[0], tmp_path / "a.mcap"), write_run(other[0], tmp_path / "b.mcap")
