@@ -56,10 +56,8 @@ class Look:
     promise: float  # the cost it may come down to
 
 
-def looks(campaign: Campaign, known: Fit, names: Sequence[str], bases: Sequence[Floats] = ()) -> list[Look]:
-    """Every cause at every start beside what is known: as it is, with room made for it, and, for its largest start,
-    beside other values of the base's constants.
-    """
+def looks(campaign: Campaign, known: Fit, names: Sequence[str]) -> list[Look]:
+    """Every cause at every start beside what is known: as it is, and with room made for it."""
     out = []
     whats = {name: hypothesis([name], campaign.straw.cells) for name in names}
 
@@ -84,13 +82,7 @@ def looks(campaign: Campaign, known: Fit, names: Sequence[str], bases: Sequence[
         for name, point, residual, cost in first
         if cost > 1.05 * known.cost  # a small effect needs none
     ]
-    others = [
-        (name, placed(name, np.append(b, known.u[len(b) :]), start))
-        for name, what in whats.items()
-        for start in {what.starts[0], what.starts[-1]}
-        for b in bases
-    ]
-    for name, point, residual, cost in [*first, *at(roomy), *at(others)]:
+    for name, point, residual, cost in [*first, *at(roomy)]:
         out.append(Look(name, point, residual, cost, min(promises[name], cost)))
     return out
 
@@ -165,8 +157,8 @@ def seen_again(campaign: Campaign, fit: Fit) -> Fit:
     return replace(fit, residual=residual, cost=robust_cost(residual) + prior_cost(fit.unknowns, fit.u), fresh=False)
 
 
-def finish(campaign: Campaign, contestant: Contestant, rounds: int = 8) -> Contestant:
-    """The contestant's fit carried to its end, with slopes measured there."""
+def finish(campaign: Campaign, contestant: Contestant, rounds: int = 8, share: float = 0.0) -> Contestant:
+    """The contestant's fit carried on from where it is, with slopes measured there, until a round gains little."""
     fit = contestant.fit
-    done = descend(campaign, fit.unknowns, fit.u, rounds=rounds)
+    done = descend(campaign, fit.unknowns, fit.u, rounds=rounds, share=share)
     return Contestant(contestant.hypothesis, done)

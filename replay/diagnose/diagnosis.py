@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
@@ -12,11 +11,11 @@ from numpy.typing import NDArray
 
 from model.parameters import StrawParameters
 from replay.diagnose.contest import Contestant, Look, enter, finish, looks, seen_again, unfitted
-from replay.diagnose.hypothesis import REPEATS, REPEATS_MOUNT, Unknown, base_unknowns, causes, hypothesis
+from replay.diagnose.hypothesis import REPEATS, REPEATS_MOUNT, base_unknowns, causes
 from replay.diagnose.judge import Judgement, judge, unexplained
 from replay.diagnose.observation import Observation
-from replay.diagnose.search import Campaign, Fit, descend, measured_slopes, robust_cost
-from replay.diagnose.start import LOOSE_S, base_start, few_of, rough
+from replay.diagnose.search import Campaign, Fit, descend, measured_slopes
+from replay.diagnose.start import base_start, few_of
 from replay.errors import ReplayError
 
 Floats = NDArray[np.float64]
@@ -49,26 +48,25 @@ class Inquiry:
         return judge(self.campaign, self.null, self.contestants)
 
 
-#: Gain by linear reckoning below which a cause is not worth a fit when the base already explains everything.
+#: Rounds a search may take to its end; most take ten.
+ROUNDS = 40
+#: Gain by linear reckoning below which a cause is not worth a fit.
 HOPELESS = 12.0
-#: What is unexplained up to this, sigmas squared, may be the noise's own.
-EXPLAINED = 150.0
+#: What is unexplained up to this, sigmas squared, may be the noise's own; beyond the second, causes are looked for in
+#: outlines first, as the base's constants have been dragged away.
+EXPLAINED, LOUD = 300.0, 1000.0
 #: What the wide search leaves this little above the base may still win when it is finished.
 NEARLY = 1.3
-#: Constants a dragged base is taken at its word for.
-TAKEN_ALONG = ("straw.r_ch_m", "straw.c_zeta_n_s_per_m", "straw.c_phi_n_m_s_per_rad")
-#: The given straw is not far off while its misfit is this many times the fitted base's.
-OWN = 8.0
 #: Starts this far apart, in units of u, are different ones.
 ANOTHER = 0.8
 #: A rival this much behind is not close, whatever more fitting would bring.
 CLOSE = 1000.0
-#: What a single cause may leave unexplained before all are looked for from further away; damping looked at there, as
-#: logarithms beside the base's.
-AFAR_LEFT, AFAR_SHARE = 1500.0, 0.02
-AFAR_AXIAL, AFAR_ANGULAR = (-1.0, -0.4, 0.0, 0.4, 1.0), (-0.7, 0.0, 0.7)
+#: Causes fitted from near the base; carried on by outlines, and from there by all that is seen.
+NEARBY, CARRIED_ON, SEEN_FULLY = 6, 6, 4
+#: Whose outlines fit this many times worse than the best's is not carried on.
+HOPEFUL = 2.5
 #: Causes that are carried to the end, that get partners; pairs tried.
-FINISHED, PARTNERS, PAIRS = 3, 1, 2
+FINISHED, PARTNERS, PAIRS = 3, 2, 3
 
 
 def inquire(
@@ -94,84 +92,83 @@ def inquire(
     base = base_unknowns(straw)
     told("base model", 0, total)
     start = base_start(campaign, base)
-    null = descend(campaign, base, start, rounds=6, enough=5.0)
+    null = descend(campaign, base, start, rounds=8, enough=5.0)
     unplayed = [o.name for o, one in zip(observations, campaign.misfits(base, [null.u])[0], strict=True) if one is None]
     if unplayed:
         raise ReplayError(
             f"run {unplayed[0]}: the straw cannot be played from where this run starts, whatever its constants; "
             "check initial_deployed and the straw, or leave the run out"
         )
+    loud = unexplained(campaign, null) > LOUD
+    if not loud:
+        null = descend(campaign, base, null.u, rounds=ROUNDS)
     allow_repeats(campaign, null)
-    null = descend(campaign, base, null.u, rounds=5)
+    null = descend(campaign, base, null.u, rounds=4 if loud else ROUNDS)
     found = Inquiry(campaign, null)
     told("looking at every cause", 1, total)
-    # causes are looked for in few runs, what moves fast counting little: the way down is wider, forms matter less
-    wide = campaign.only(few_of(observations)).loose(LOOSE_S)
-    known = descend(wide, base, start, rounds=3)
-    # what is missing has dragged the base's constants away: other places to start from are damping and channel alone,
-    # and the given straw's own constants where they are not far off
-    calm = np.where([k.target in TAKEN_ALONG for k in base], known.u, 0.0)
-    given = np.zeros(len(base))
-    near = robust_cost(wide.residuals(base, [given])[0]) < OWN * known.cost
-    others = [calm, given] if near or thorough else [calm]
-    for k, group in enumerate(_ranked(looks(wide, known, names, others), known)):
-        if stop():
-            return found
-        told(group[0].name, k + 2, total)
-        if thorough or known.cost - group[0].promise > HOPELESS:
-            entered = enter(wide, known, group[: 3 if thorough else 2])
-        else:
-            entered = unfitted(wide, known, min(group, key=lambda look: look.cost))
-        found.singles[entered.name] = Contestant(entered.hypothesis, seen_again(campaign, entered.fit))
+    wide = campaign.only(few_of(observations)).roughly()
+    if loud:
+        known = descend(wide, base, start, rounds=ROUNDS, share=3e-3)
+        _by_outlines(found, wide, known, names, thorough, told)
+    if thorough or not loud or unexplained(campaign, found.contestants[0].fit) > EXPLAINED:
+        _from_nearby(found, names, thorough, told)
+    if stop():
+        return found
     told("finishing the best", len(names) + 2, total)
     _finish_best(found, FINISHED + 3 * thorough)
-    if thorough and not stop() and _unfinished(found):
-        told("looking from further away", len(names) + 2, total)
-        if _from_afar(found, wide, base, names, known.u):
-            _finish_best(found, FINISHED)
     if found.singles and found.contestants[0].cost < found.null.cost - HOPELESS:
         _weigh_anew(found, len(base))
         told("pairs", len(names) + 3, total)
         if thorough or unexplained(campaign, found.contestants[0].fit) > EXPLAINED:
-            _pairs(found, names, thorough)
+            _pairs(found, wide, names, thorough)
     told("weighing", len(names) + 4, total)
     found.whole = not stop()
     return found
 
 
-def _unfinished(found: Inquiry) -> bool:
-    """Whether much is left that no single cause explains: it, or the search, is not one of them."""
-    if not found.singles:
-        return False
-    best = min(found.singles.values(), key=lambda c: c.cost)
-    best_left = unexplained(found.campaign, best.fit)
-    return best_left > AFAR_LEFT and best_left > AFAR_SHARE * unexplained(found.campaign, found.null)
+def _keep(found: Inquiry, one: Contestant) -> None:
+    """Remember a contestant where it is better than what is known of its hypothesis."""
+    kept = found.singles if len(one.hypothesis.causes) == 1 else found.pairs
+    if one.name not in kept or one.cost < kept[one.name].cost:
+        kept[one.name] = one
 
 
-def _from_afar(found: Inquiry, wide: Campaign, base: tuple[Unknown, ...], names: Sequence[str], u: Floats) -> bool:
-    """Look for strong causes with elasticity and geometry as given and damping anew; whether one has got better.
+def _by_outlines(found: Inquiry, wide: Campaign, known: Fit, names: Sequence[str], thorough: bool, told: Told) -> None:
+    """Fit every cause to outlines of a few runs, the best further, and the best of these to all that is seen."""
+    entered = []
+    for k, group in enumerate(_ranked(looks(wide, known, names), known)):
+        if wide.stop():
+            return
+        told(group[0].name, k + 2, len(names) + 5)
+        entered.append(enter(wide, known, group[: 2 if thorough else 1], rounds=5))
+    entered.sort(key=lambda c: c.cost)
+    hopeful = [c for c in entered if c.cost < HOPEFUL * entered[0].cost][: CARRIED_ON * (1 + thorough)]
+    further = [finish(wide, c, rounds=ROUNDS, share=3e-3) for c in hopeful]
+    for one in entered:
+        _keep(found, Contestant(one.hypothesis, seen_again(found.campaign, one.fit)))
+    _seen_fully(found, further, SEEN_FULLY * (1 + thorough))
 
-    A strong effect drags all of the base's constants to where the way back is lost. Minutes: for the thorough only.
-    """
-    better, place = False, {k.target: i for i, k in enumerate(base)}
-    for name in names:
-        what = hypothesis([name], found.campaign.straw.cells)
-        unknowns = (*base, *what.unknowns)
-        points = []
-        for start in what.starts[-2:]:
-            for a, b in itertools.product(AFAR_AXIAL, AFAR_ANGULAR):
-                point = np.concatenate([np.where([k.target == "straw.r_ch_m" for k in base], u, 0.0), start])
-                point[place["straw.c_zeta_n_s_per_m"]] = u[place["straw.c_zeta_n_s_per_m"]] + a
-                point[place["straw.c_phi_n_m_s_per_rad"]] = u[place["straw.c_phi_n_m_s_per_rad"]] + b
-                points.append(point)
+
+def _from_nearby(found: Inquiry, names: Sequence[str], thorough: bool, told: Told) -> None:
+    """Fit to all that is seen the causes that promise most by linear reckoning at the base's optimum."""
+    campaign, null = found.campaign, found.null
+    near = _ranked(looks(campaign, null, names), null)
+    for group in near:
+        _keep(found, unfitted(campaign, null, min(group, key=lambda look: look.cost)))
+    for group in near[: len(near) if thorough else NEARBY]:
+        if campaign.stop():
+            return
+        told(group[0].name, len(names), len(names) + 5)
+        if null.cost - group[0].promise > HOPELESS:
+            _keep(found, enter(campaign, null, group[: 3 if thorough else 1], rounds=5))
+
+
+def _seen_fully(found: Inquiry, rough: Sequence[Contestant], most: int) -> None:
+    """Take contestants that were fitted to outlines on to all runs and all that is seen, the best first."""
+    for one in sorted(rough, key=lambda c: c.cost)[:most]:
         if found.campaign.stop():
-            return better
-        best = points[int(np.argmin(rough(wide, unknowns, points)))]
-        fit = descend(wide, unknowns, best, rounds=7, share=0.01)
-        seen = seen_again(found.campaign, fit)
-        if seen.cost < found.singles[name].cost:
-            found.singles[name], better = Contestant(what, seen), True
-    return better
+            return
+        _keep(found, finish(found.campaign, one, rounds=4))
 
 
 def _ranked(found: Sequence[Look], known: Fit) -> list[list[Look]]:
@@ -229,31 +226,37 @@ def _finish_best(found: Inquiry, most: int) -> None:
             beaten = next_one.cost - best.cost
             if unexplained(found.campaign, best.fit) < EXPLAINED and beaten > CLOSE:
                 return
-        found.singles[next_one.name] = finish(found.campaign, next_one, rounds=14 if not done else 8)
+        found.singles[next_one.name] = finish(found.campaign, next_one, rounds=ROUNDS)
         done[next_one.name] = found.singles[next_one.name].cost
 
 
-def _pairs(found: Inquiry, names: Sequence[str], thorough: bool) -> None:
-    """Pairs that promise most by linear reckoning at the best single causes' optima."""
+def _pairs(found: Inquiry, wide: Campaign, names: Sequence[str], thorough: bool) -> None:
+    """Pairs that promise most by linear reckoning at the best single causes' optima, near them and by outlines."""
     campaign = found.campaign
     first = sorted(found.singles.values(), key=lambda c: c.cost)[: PARTNERS + 2 * thorough]
-    promising = []
-    for one in first:
-        others = [n for n in names if n not in one.hypothesis.causes]
-        groups = _ranked(looks(campaign, one.fit, others), one.fit)
-        promising += [(group[0].promise, one, group) for group in groups]
-    promising.sort(key=lambda row: row[0])
-    for _, one, group in promising[: PAIRS + 3 * thorough]:
-        if campaign.stop():
-            return
-        pair = finish(campaign, enter(campaign, one.fit, group[:1], onto=one.hypothesis), rounds=5)
-        if pair.name not in found.pairs or pair.cost < found.pairs[pair.name].cost:
-            found.pairs[pair.name] = pair
-    # a single cause fitted less well than its pairs would make them look needed
-    one = first[0]
-    if with_it := [c for c in found.pairs.values() if one.name in c.hypothesis.causes]:
-        pair = min(with_it, key=lambda c: c.cost)
-        at = {k.target: u for k, u in zip(pair.fit.unknowns, pair.fit.u, strict=True)}
-        again = descend(campaign, one.fit.unknowns, np.array([at[k.target] for k in one.fit.unknowns]), rounds=4)
-        if again.cost < one.cost:
-            found.singles[one.name] = Contestant(one.hypothesis, again)
+    best = first[0]
+    loud = unexplained(campaign, best.fit) > LOUD
+    for where, partners in ((campaign, first[:1]), *(((wide, first),) if loud else ())):
+        promising = []
+        for one in partners:
+            at = one.fit if where is campaign else finish(where, one, rounds=ROUNDS, share=3e-3).fit
+            others = [n for n in names if n not in one.hypothesis.causes]
+            promising += [(group[0].promise, one, at, group) for group in _ranked(looks(where, at, others), at)]
+        promising.sort(key=lambda row: row[0])
+        pairs = []
+        for _, one, at, group in promising[: PAIRS + 3 * thorough]:
+            if campaign.stop():
+                return
+            pairs.append(enter(where, at, group[:1], onto=one.hypothesis))
+        if where is wide:
+            pairs = [finish(wide, c, rounds=ROUNDS, share=3e-3) for c in pairs]
+        _seen_fully(found, pairs, 2 + 2 * thorough)
+    if found.pairs:
+        pair = min(found.pairs.values(), key=lambda c: c.cost)
+        _keep(found, finish(campaign, pair, rounds=ROUNDS))
+        # a single cause fitted less well than its pairs would make them look needed
+        at_pair = {k.target: u for k, u in zip(pair.fit.unknowns, pair.fit.u, strict=True)}
+        for cause in pair.hypothesis.causes:
+            single = found.singles[cause]
+            u = np.array([at_pair[k.target] for k in single.fit.unknowns])
+            _keep(found, Contestant(single.hypothesis, descend(campaign, single.fit.unknowns, u, rounds=4)))

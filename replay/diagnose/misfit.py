@@ -7,6 +7,7 @@ change almost linearly with the constants of the straw, which point-wise differe
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,9 +16,10 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from model.parameters import StrawParameters
-from model.simulate import Prediction, simulate
+from model.simulate import Prediction
+from model.simulate import run as simulate
 from replay.diagnose.instrument import Instrument
-from replay.diagnose.observation import REPEATABILITY_S, SLACK_S, Observation
+from replay.diagnose.observation import REPEATABILITY_S, Observation
 from replay.diagnose.snaps import cell_snaps, crossings
 
 Floats = NDArray[np.float64]
@@ -25,6 +27,9 @@ Floats = NDArray[np.float64]
 #: Accuracy and output step of simulations; what they leave is below a camera's noise.
 TOLERANCE_M = 2e-6
 STEP_S = 2e-3
+#: Laws that make the water swing, or stick, carry what a step leaves out on to the next snap: with less accuracy a
+#: small change of a constant is lost in it, and the search with it.
+FINER_M = {"trapped_gas": 1e-7, "fluid_inertia": 1e-7, "dry_friction": 5e-7}
 #: Where the recording shows more snaps than the straw, the straw is given this much longer to snap.
 PATIENCE_S = 1.5
 #: The prediction's clock is bent as for the nearest snap from this long before it to this long after it, s.
@@ -33,6 +38,8 @@ BEFORE_S, AFTER_S = 0.1, 0.6
 FADES_S, FADES = 0.3, 3.0
 #: Noise of a track: share of its variance that lasts, and for how long (measured on one campaign of another apparatus).
 LASTING, LASTS_S = 0.38, 0.05
+#: How far off a snap may be while only outlines are compared, s.
+ROUGHLY_S = 3e-3
 #: A snap that only one of the two shows counts as this late at least, s.
 MISSING_S = 0.1
 
@@ -61,17 +68,15 @@ def play(observed: Observation, straw: StrawParameters, instrument: Instrument) 
     """What the straw does in this run and its snap times as stamped by the camera; ModelError where it cannot."""
     run = observed.run
     assert run.initial_deployed is not None
-
-    def pressure(at_s: Floats) -> Floats:
-        return instrument.true_pressure(observed.pressure(at_s))
-
+    pressure = observed.pressure._replace(pressure_pa=instrument.true_pressure(observed.pressure.pressure_pa))
+    tolerance_m = min(FINER_M.get(term, TOLERANCE_M) for term in ("", *straw.terms))
     worn = straw.replace(cycle=float(run.cycle))
     ends = instrument.true_time(np.array([observed.start_s, observed.end_s]))
     start, end = float(min(ends[0], observed.start_s)), float(ends[1])
     for patience in (0.0, PATIENCE_S):
         grid = np.arange(start, end + patience + 2 * STEP_S, STEP_S)
         near = observed.rests.get(straw.form)
-        seen = simulate(worn, pressure, grid, run.initial_deployed, tolerance_m=TOLERANCE_M, near=near)
+        seen = simulate(worn, pressure, grid, run.initial_deployed, tolerance_m, near)
         observed.rests.setdefault(straw.form, seen.rest)
         told = instrument.camera_roll_rad
         true_s = crossings(grid, seen.phi_rad + told, observed.levels)
@@ -83,11 +88,25 @@ def play(observed: Observation, straw: StrawParameters, instrument: Instrument) 
     return seen, stamped
 
 
-def misfit(observed: Observation, straw: StrawParameters, instrument: Instrument, slack_s: float = SLACK_S) -> Misfit:
-    """Misfit of one run; ModelError where the model cannot follow.
+def misfit(observed: Observation, straw: StrawParameters, instrument: Instrument) -> Misfit:
+    """Misfit of one run; ModelError where the model cannot follow."""
+    at, late, bent = _aligned(observed, straw, instrument)
+    plain = at(observed.time_s) - observed.tip
+    shape = whitened((at(bent(observed.time_s)) - observed.tip) / observed.sigma(), observed.time_s)
+    return Misfit(shape, late / REPEATABILITY_S, late, plain)
 
-    With more ``slack_s`` what moves fast counts less, and the way down to a good fit is wider.
-    """
+
+def rough_misfit(observed: Observation, straw: StrawParameters, instrument: Instrument) -> Floats:
+    """Misfit of one run by its outline alone and its snaps' times, in sigmas: what leads from afar to a good fit."""
+    at, late, bent = _aligned(observed, straw, instrument)
+    outline = observed.outline
+    return np.concatenate([outline.differs(at(bent(outline.time_s))), late / ROUGHLY_S])
+
+
+def _aligned(
+    observed: Observation, straw: StrawParameters, instrument: Instrument
+) -> tuple[Callable[[Floats], Floats], Floats, Callable[[Floats], Floats]]:
+    """Of a prediction: the tip (3, n) by stamped time, how late its snaps are (k,), and the clock bent to make up."""
     seen, snaps_s = play(observed, straw, instrument)
     both = min(len(snaps_s), len(observed.snaps_s))
     late = np.empty(len(observed.snaps_s) + 1)
@@ -101,10 +120,10 @@ def misfit(observed: Observation, straw: StrawParameters, instrument: Instrument
     def at(stamped_s: Floats) -> Floats:
         return instrument.seen(spline(np.clip(instrument.true_time(stamped_s), *span)))
 
-    bent = observed.time_s + bend(observed.time_s, observed.snaps_s[:both], late[:both])
-    plain = at(observed.time_s) - observed.tip
-    shape = whitened((at(bent) - observed.tip) / observed.sigma(slack_s), observed.time_s)
-    return Misfit(shape, late / REPEATABILITY_S, late, plain)
+    def bent(time_s: Floats) -> Floats:
+        return np.asarray(time_s + bend(time_s, observed.snaps_s[:both], late[:both]))
+
+    return at, late, bent
 
 
 def bend(time_s: Floats, snaps_s: Floats, late_s: Floats) -> Floats:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
+from model.integrate import Table
+from model.simulate import sampled
 from replay.compare import CHANNELS
+from replay.diagnose.gauge import quieted
+from replay.diagnose.outline import Outline, outline_of
 from replay.diagnose.snaps import Levels, crossings, levels_of
 from replay.driving import driving_pressure
 from replay.errors import ReplayError
@@ -40,7 +44,7 @@ class Observation:
     rate: Floats  # (3, n) how fast the tip moves, per s
     levels: Levels
     snaps_s: Floats
-    pressure: Callable[[Floats], Floats]
+    pressure: Table  # as the gauge showed it, without what is its noise
     start_s: float
     end_s: float
     rests: dict[str, Floats] = field(default_factory=dict)  # by form of the equations: where a straw like it rests
@@ -49,6 +53,11 @@ class Observation:
     def name(self) -> str:
         """The run's name."""
         return self.run.run_id
+
+    @cached_property
+    def outline(self) -> Outline:
+        """The tip's outline on its own even grid, and how far off each part of it may be."""
+        return outline_of(self.time_s, self.tip, self.at_rest)
 
     def sigma(self, slack_s: float = SLACK_S) -> Floats:
         """Noise (3, n): where the tip moves fast, a little difference in time is a difference in place."""
@@ -78,6 +87,7 @@ def observe(run: Run) -> Observation:
     at_rest = np.sqrt(camera**2 + np.array(REPEATABILITY)[:, None] ** 2)
     levels = levels_of(seen[2])
     start_s = min(float(pressure.time_s[0]), float(time_s[0]))
+    curve = driving_pressure(quieted(pressure, run.command), run.command)
     return Observation(
         run,
         time_s,
@@ -86,7 +96,7 @@ def observe(run: Run) -> Observation:
         rate,
         levels,
         crossings(time_s, seen[2], levels),
-        driving_pressure(pressure, run.command),
+        sampled(curve, np.array([start_s, max(float(pressure.time_s[-1]), start_s + step_s)])),
         start_s,
         float(time_s[-1]),
     )

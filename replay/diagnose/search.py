@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +14,8 @@ from numpy.typing import NDArray
 from model.errors import ModelError
 from model.parameters import StrawParameters
 from replay.diagnose.hypothesis import Unknown, applied
-from replay.diagnose.misfit import Misfit, misfit
-from replay.diagnose.observation import SLACK_S, Observation
+from replay.diagnose.misfit import Misfit, misfit, rough_misfit
+from replay.diagnose.observation import Observation
 
 Floats = NDArray[np.float64]
 
@@ -46,29 +47,31 @@ class Campaign:
         self.tally = {"played": 0, "failed": 0}  # of runs, shared with campaigns made from this one
         self.steps: dict[str, float] = {}  # of derivatives by each unknown, as last felt well
         self.scatter: list[tuple[Floats, Floats]] | None = None
-        self.slack_s = SLACK_S
+        self.rough = False  # whether only outlines are compared
 
     def only(self, names: Sequence[str]) -> Campaign:
         """The campaign with some of its runs."""
-        return self._like([o for o in self.observations if o.name in set(names)], self.slack_s)
+        return self._like([o for o in self.observations if o.name in set(names)], self.rough)
 
-    def loose(self, slack_s: float) -> Campaign:
-        """The campaign with what moves fast counting less."""
-        return self._like(self.observations, slack_s)
+    def roughly(self) -> Campaign:
+        """The campaign with only outlines compared: the way down to a good fit is wider."""
+        return self._like(self.observations, True)
 
-    def _like(self, observations: Sequence[Observation], slack_s: float) -> Campaign:
+    def _like(self, observations: Sequence[Observation], rough: bool) -> Campaign:
         """Another campaign that counts with this one; what repeats differ by has to be felt anew."""
         out = Campaign(observations, self.straw, self.pool, self.stop)
-        out.slack_s, out.tally = slack_s, self.tally
+        out.rough, out.tally = rough, self.tally
         return out
 
     def misfits(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[list[Misfit | None]]:
         """Misfit of every run at every point u; None where the model cannot follow."""
+        return self._played(_one, unknowns, points)
+
+    def _played(
+        self, how: Callable[..., Any], unknowns: Sequence[Unknown], points: Sequence[Floats]
+    ) -> list[list[Any]]:
         jobs = [
-            [
-                self.pool.submit(_one, observed, self.straw, tuple(unknowns), point, self.slack_s)
-                for observed in self.observations
-            ]
+            [self.pool.submit(how, o, self.straw, tuple(unknowns), point) for o in self.observations]
             for point in points
         ]
         found = [[job.result() for job in row] for row in jobs]
@@ -78,14 +81,15 @@ class Campaign:
 
     def residuals(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[Floats]:
         """All differences of all runs in sigmas as one vector for each point u."""
-        return [self.stacked(row) for row in self.misfits(unknowns, points)]
+        played = self._played(_rough if self.rough else _vector, unknowns, points)
+        return [self.stacked(row) for row in played]
 
-    def stacked(self, row: Sequence[Misfit | None]) -> Floats:
+    def stacked(self, row: Sequence[Floats | None]) -> Floats:
         """One vector of all runs; failures count as very wrong."""
         return self.repeatable(
             np.concatenate(
                 [
-                    np.full(self.size(o), FAILED_SIGMAS) if one is None else one.vector
+                    np.full(self.size(o), FAILED_SIGMAS) if one is None else one
                     for o, one in zip(self.observations, row, strict=True)
                 ]
             )
@@ -112,10 +116,9 @@ class Campaign:
             out[part] += directions @ ((directions.T @ here).T * less).T
         return out
 
-    @staticmethod
-    def size(observed: Observation) -> int:
+    def size(self, observed: Observation) -> int:
         """Length of a run's misfit vector."""
-        return observed.tip.size + len(observed.snaps_s) + 1
+        return (observed.outline.size if self.rough else observed.tip.size) + len(observed.snaps_s) + 1
 
     def slices(self) -> list[slice]:
         """Where each run's differences lie in the stacked vector."""
@@ -123,11 +126,21 @@ class Campaign:
         return [slice(int(a), int(b)) for a, b in itertools.pairwise(ends)]
 
 
-def _one(
-    observed: Observation, straw: StrawParameters, unknowns: tuple[Unknown, ...], at: Floats, slack_s: float
-) -> Misfit | None:
+def _one(observed: Observation, straw: StrawParameters, unknowns: tuple[Unknown, ...], at: Floats) -> Misfit | None:
     try:
-        return misfit(observed, *applied(straw, unknowns, at), slack_s)
+        return misfit(observed, *applied(straw, unknowns, at))
+    except ModelError:
+        return None
+
+
+def _vector(observed: Observation, straw: StrawParameters, unknowns: tuple[Unknown, ...], at: Floats) -> Floats | None:
+    one = _one(observed, straw, unknowns, at)
+    return None if one is None else one.vector
+
+
+def _rough(observed: Observation, straw: StrawParameters, unknowns: tuple[Unknown, ...], at: Floats) -> Floats | None:
+    try:
+        return rough_misfit(observed, *applied(straw, unknowns, at))
     except ModelError:
         return None
 

@@ -20,8 +20,6 @@ C_ZETA = (1.0, 4.0, 8.0, 16.0, 32.0, 64.0, 150.0, 600.0)
 C_PHI = (0.4e-3, 0.8e-3, 1.6e-3, 3.2e-3, 6.4e-3)
 #: Runs looked at, and starts followed.
 LOOKED_AT, FOLLOWED = 3, 4
-#: What moves fast counts little at first (s by which it may be off), as snaps make the way down narrow.
-LOOSE_S = 20e-3
 
 
 def most_telling(observations: Sequence[Observation]) -> list[str]:
@@ -48,7 +46,7 @@ def base_start(campaign: Campaign, unknowns: tuple[Unknown, ...]) -> Floats:
     The volume that has come in, so X, tells the channel's radius whatever the damping; runs that do not snap tell
     elasticity and geometry; then damping is looked for on a grid, in a few runs, and the best starts are followed.
     """
-    few = campaign.only(most_telling(campaign.observations)).loose(LOOSE_S)
+    few = campaign.only(most_telling(campaign.observations)).roughly()
 
     def moved(u: Floats, **values: float) -> Floats:
         out = u.copy()
@@ -68,7 +66,7 @@ def base_start(campaign: Campaign, unknowns: tuple[Unknown, ...]) -> Floats:
     best = np.argsort(looks, kind="stable")[:FOLLOWED]
     ends = [descend(few, unknowns, points[k], rounds=3, share=0.01, enough=20.0) for k in best]
     u = min(ends, key=lambda fit: fit.cost).u
-    return descend(campaign.loose(LOOSE_S), unknowns, u, rounds=8, enough=5.0).u
+    return descend(campaign.roughly(), unknowns, u, rounds=8, enough=5.0).u
 
 
 def rough(campaign: Campaign, unknowns: tuple[Unknown, ...], points: list[Floats]) -> list[float]:

@@ -181,7 +181,7 @@ def test_an_inquiry_that_is_stopped_settles_nothing_and_holds_nothing_out(plain)
 def test_simulations_that_fail_are_counted_also_in_a_part_of_the_campaign(plain):
     with ThreadPoolExecutor() as pool:
         whole = Campaign(plain, BASE, pool)
-        part = whole.only([plain[0].name]).loose(0.02)
+        part = whole.only([plain[0].name]).roughly()
         part.misfits(base_unknowns(BASE), [np.array([0, 0, 0, 0, 60.0, 0, 0])])  # walls too thick for two states
     assert whole.tally == {"played": 1, "failed": 1}
 
