@@ -14,6 +14,7 @@ from replay.diagnose.hypothesis import REPEATS, REPEATS_MOUNT, Unknown, base_unk
 from replay.diagnose.observation import Observation
 from replay.diagnose.search import Campaign, Fit, descend, weights
 from replay.diagnose.start import C_PHI, C_ZETA, LOOSE_S, R_CH, base_start, few_of, rough
+from replay.progress import say
 
 Floats = NDArray[np.float64]
 
@@ -23,18 +24,18 @@ WISHED = ("c_zeta_n_s_per_m", "c_phi_n_m_s_per_rad", "r_ch_m")
 DELAY = "instrument.clock_offset_s"
 #: What moves fast counts little at first, then more and more (s by which it may be off).
 SLACKS_S = (LOOSE_S, 8e-3, 4e-3, 2e-3)
-#: Where the four laws are looked for, by constant: a few sizes a decade or so apart, none of them the truth's.
+#: Where the four laws are looked for, by constant: a few sizes each.
 LOOKED_AT: dict[str, tuple[float, ...]] = {
-    "straw.c_zeta_n_s_per_m": (3.0, 12.0),
-    "straw.c_phi_n_m_s_per_rad": (2e-3, 6e-3),
-    "term.squeeze_film.folded_n_s_per_m": (1e3, 5e3, 25e3),
-    "term.squeeze_film.gap_m": (0.1e-3, 0.25e-3),
-    "term.cohesion.force_n": (1.5, 5.0),
-    "term.fluid_inertia.inertance_kg_per_m4": (1e7, 5e7),
+    "straw.c_zeta_n_s_per_m": (2.0, 10.0),
+    "straw.c_phi_n_m_s_per_rad": (2e-3, 5e-3),
+    "term.squeeze_film.folded_n_s_per_m": (1e3, 5e3, 20e3),
+    "term.squeeze_film.gap_m": (0.1e-3, 0.2e-3),
+    "term.cohesion.force_n": (2.0, 6.0),
+    "term.fluid_inertia.inertance_kg_per_m4": (1e7, 6e7),
 }
 WEAKER = -0.06
 #: Starts followed a little way of each cell that may be weaker.
-FOLLOWED = 2
+FOLLOWED = 3
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,7 @@ def by_itself(campaign: Campaign) -> Fit:
             delayed.append(at(unknowns, {DELAY: -float(np.clip(one.late_s[0], -1.5, 1.5))}, point))
     points += delayed
     looks = rough(campaign.loose(LOOSE_S), unknowns, points)
-    best = [points[k] for k in np.argsort(looks, kind="stable")[: 2 * FOLLOWED]]
+    best = [points[k] for k in np.argsort(looks, kind="stable")[: FOLLOWED + 1]]
     ends = [descend(campaign.loose(LOOSE_S), unknowns, u, rounds=6, share=0.01, enough=5.0) for u in best]
     return tightened(campaign, unknowns, min(ends, key=lambda fit: fit.cost).u)
 
@@ -143,6 +144,7 @@ def improved_for_all(campaign: Campaign) -> Fit:
         first = [descend(few, unknowns, points[k], rounds=4, share=0.02, enough=20.0) for k in best]
         u = min(first, key=lambda fit: fit.cost).u
         ends.append(descend(loose, unknowns, u, rounds=8, share=0.01, enough=20.0))
+        say(f"weaker cell {cell or 'none'}: from {[round(fit.cost) for fit in first]} to {ends[-1].cost:.0f}")
     return settled(campaign, tightened(campaign, unknowns, min(ends, key=lambda fit: fit.cost).u, rounds=12))
 
 

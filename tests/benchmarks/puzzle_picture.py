@@ -73,8 +73,12 @@ def draw(
             panel.axhline(factor * one.value if one else 0.0, color=color, lw=0.8, ls="--")
         if logarithmic:
             panel.set_yscale("log")
-        panel.set_title(title + ": each run alone; dashed: one set", loc="left", fontsize=8)
+            panel.yaxis.set_major_formatter("{x:g}")
+            panel.yaxis.set_minor_formatter("{x:g}")
+            panel.tick_params(axis="y", which="minor", labelsize=6)
+        panel.set_title(title, loc="left")
         panel.set_xticks(range(len(fitted)), fitted, rotation=30, ha="right", fontsize=7)
+    fig.suptitle("below: what each run alone wishes, with one sigma; dashed: the one set", fontsize=10)
     part = path.with_name(path.name + ".part")
     fig.savefig(part, format=path.suffix.lstrip(".").lower() or "png", dpi=110)
     part.replace(path)
