@@ -96,7 +96,7 @@ def settled(campaign: Campaign, fit: Fit, rounds: int = 6) -> Fit:
 
 def by_itself(campaign: Campaign) -> Fit:
     """One run fitted by itself with the campaign's straw, from a grid of the three constants with the delay that
-    brings the first snap to its time, and from the straw's own constants."""
+    brings the first snap to its time and without one."""
     unknowns = alone_unknowns(base_unknowns(campaign.straw))
     points = [
         at(unknowns, dict(zip((f"straw.{name}" for name in WISHED), values, strict=True)))
@@ -114,8 +114,9 @@ def by_itself(campaign: Campaign) -> Fit:
 
 
 def near_own(campaign: Campaign) -> Fit:
-    """One run fitted by itself from the campaign's straw's own constants."""
-    return descend(campaign, alone_unknowns(base_unknowns(campaign.straw)), np.zeros(6), rounds=8)
+    """One run fitted by itself from the campaign's straw's own constants and no delay: nothing further off is tried."""
+    unknowns = alone_unknowns(base_unknowns(campaign.straw))
+    return descend(campaign, unknowns, np.zeros(len(unknowns)), rounds=8)
 
 
 def base_for_all(campaign: Campaign) -> Fit:
