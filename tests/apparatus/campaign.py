@@ -74,9 +74,11 @@ def make(
     runs: tuple[str, ...] | None = None,
     scatter: Scatter = SCATTER,
     plans: tuple[Plan, ...] = PLANS,
+    straw: Straw | None = None,
 ) -> list[Made]:
-    """The runs without noise; the same seed gives the same specimen and repeats whatever is concealed in it."""
-    return _make(specimen(seed, scatter), truth, seed, runs, scatter, plans)
+    """The runs without noise; the same seed gives the same repeats, and the same specimen where no ``straw`` is given,
+    whatever is concealed in it."""
+    return _make(straw or specimen(seed, scatter), truth, seed, runs, scatter, plans)
 
 
 @lru_cache(maxsize=512)
@@ -184,9 +186,10 @@ def campaign(
     scatter: Scatter = SCATTER,
     plans: tuple[Plan, ...] = PLANS,
     name: str = "concealed",
+    straw: Straw | None = None,
 ) -> tuple[Run, ...]:
     """Runs of one specimen with the causes concealed in it, as ``straw diagnose`` would read them."""
-    return tuple(record(made, seed, name) for made in make(truth, seed, runs, scatter, plans))
+    return tuple(record(made, seed, name) for made in make(truth, seed, runs, scatter, plans, straw))
 
 
 def effect_sigma(made: list[Made], plain: list[Made]) -> dict[str, float]:

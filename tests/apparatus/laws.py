@@ -48,6 +48,7 @@ def frustum(active, zeta, phi, zeta_rate, phi_rate, p, d, c, cell, P, row):
     if P[at.FILM] != 0.0:
         film = P[at.FILM] / (1.0 + max(gap, 0.0) / P[at.FILM_GAP]) ** P[at.FILM_POWER]
         force += film * zeta_rate
+        moment += film * P[at.FILM_TILT] * phi_rate
     force += P[at.CREASE] * gap + P[at.CREASE_CUBIC] * gap**3
     moment += P[at.CREASE_PHI] * phi + P[at.CREASE_PHI_CUBIC] * phi**3
     if P[at.BUMP] != 0.0:  # energy -B(zeta) phi: the wall leans to one side while it passes through the middle

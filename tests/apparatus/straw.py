@@ -42,7 +42,7 @@ class Straw:
         return replace(self, laws={**self.laws, **laws})
 
     def numbers(self) -> tuple[np.ndarray, np.ndarray]:
-        """The constants (56,) and the frusta's table (18, 7) of the compiled physics."""
+        """The constants (len(layout.NAMES),) and the frusta's table (18, 7) of the compiled physics."""
         said = {**BASE, **self.laws}
         P = np.array([said.get(name, 0.0) for name in at.NAMES])
         wide, ratio = said["R_O"] - said["R_I"], log(said["R_O"] / said["R_I"])

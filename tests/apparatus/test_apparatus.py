@@ -10,6 +10,7 @@ import pytest
 
 from rig.run_read import read_run
 
+from ..benchmarks.puzzle_runs import CAUSES, REPETITIONS, SPECIMEN
 from . import layout as at
 from .campaign import NONE, campaign, make, specimen, write
 from .cases import deck, generate, opened, seal
@@ -238,3 +239,14 @@ def test_a_generated_case_says_how_strong_its_effect_is():
     assert [run.run_id for run in made.runs] == list(roll.runs)
     # A roll is the same angle in every sample of Phi, so at least that over three channels.
     assert min(made.effect_sigma.values()) > roll.truth[0].size / SIGMA[2] / np.sqrt(3.0) * 0.99
+
+
+def test_in_the_papers_puzzle_cell_4_deploys_first_and_sooner_with_each_repetition():
+    made = make(CAUSES, 7, plans=REPETITIONS, straw=SPECIMEN)
+
+    def deployed_s(motion, cell):
+        return motion.time_s[int(np.argmax(motion.q[:, at.CELLS + cell - 1] > 0.0))]
+
+    first, second = (np.array([deployed_s(one.motion, cell) for one in made]) for cell in (4, 1))
+    assert np.all(first < second)
+    assert np.all(np.diff(first) < 0.0)
