@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from model.parameters import StrawParameters, straw_from_toml
-from model.terms import TERMS
+from model.terms import CAUSES
 from replay.cli import main
 from replay.diagnose.diagnosis import inquire
 from replay.diagnose.experiment import Choice, _toml, menu
@@ -92,7 +92,7 @@ def test_the_clock_is_bent_at_the_snaps_and_nowhere_far_from_them():
 
 
 def test_every_cause_of_the_contract_can_be_set_into_a_straw_or_an_instrument():
-    assert set(TERMS) | set(MEASUREMENT) | {"odd_frusta_compliance"} == set(causes(9))
+    assert set(CAUSES) | set(MEASUREMENT) | {"odd_frusta_compliance"} == set(causes(9))
     for name in causes(9):
         what = hypothesis([name], 9)
         straw, instrument = applied(BASE, what.unknowns, np.array(what.starts[0]))
