@@ -127,7 +127,9 @@ class StrawParameters:
             for points in TERMS[name].rising:
                 at = [checked[name].get(point, known[point].default) for point in points]
                 if any(np.ndim(x) for x in at) or not np.all(np.diff(at) > 0):
-                    raise ModelError(f"straw: terms.{name}: {points[0]} to {points[-1]} = {at}, expected rising numbers")
+                    raise ModelError(
+                        f"straw: terms.{name}: {points[0]} to {points[-1]} = {at}, expected rising numbers"
+                    )
         return checked
 
     def _per_frustum_of_term(self, where: str, value: Any, kind: str) -> Floats:
@@ -211,7 +213,9 @@ class StrawParameters:
         for name, given in self.terms.items():
             for column, constant in enumerate(TERMS[name].constants, COLUMNS[name][0]):
                 if constant.name in given:
-                    packed[:, :, column] = self._per_frustum_of_term(constant.name, given[constant.name], TERMS[name].kind)
+                    packed[:, :, column] = self._per_frustum_of_term(
+                        constant.name, given[constant.name], TERMS[name].kind
+                    )
         return packed
 
     def to_toml(self) -> str:

@@ -37,7 +37,8 @@ def _energy(f: Frustum, k: Floats) -> float:
     return float(k[0] * (stored + share * elastic_energy(f.zeta, f.phi, f.zeta0, f.C1, f.C2, f.r_i)))
 
 
-HEIGHTS = (-1.12, -1.0, -0.9, -0.7, 0.0, 0.6, 0.85, 1.0)
+#: Dense where the faces of a folded frustum nearly touch.
+HEIGHTS = (-1.1, -1.0, -0.93, -0.85, -0.7, -0.2, 0.6, 0.95)
 ANGLES = (-0.3, -0.15, -0.06, -0.02, 0.02, 0.06, 0.15, 0.3)
 CYCLES = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
 

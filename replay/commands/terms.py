@@ -16,6 +16,7 @@ from replay.output import write_json
 from replay.paper.runs import DEPLOYMENT, FOLDING, ValidationRun, crossing_s
 from replay.progress import prepare, progress_bar
 
+
 def run(args: argparse.Namespace) -> int:
     """Print the terms; simulate both validation runs with each at a plausible strength, and print what changed."""
     prepare()

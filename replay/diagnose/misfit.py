@@ -63,7 +63,7 @@ def play(observed: Observation, straw: StrawParameters, instrument: Instrument) 
     assert run.initial_deployed is not None
 
     def pressure(at_s: Floats) -> Floats:
-        return instrument.true_pressure(observed.pressure(at_s))
+        return instrument.true_pressure(observed.pressure(at_s), at_s)
 
     worn = straw.replace(cycle=float(run.cycle))
     ends = instrument.true_time(np.array([observed.start_s, observed.end_s]))
@@ -79,8 +79,7 @@ def play(observed: Observation, straw: StrawParameters, instrument: Instrument) 
             true_s = cell_snaps(grid, seen.zeta_m[:, :, 1], true_s)
         if len(true_s) >= len(observed.snaps_s):
             break
-    stamped = true_s * (1 + instrument.clock_drift) + instrument.clock_offset_s
-    return seen, stamped
+    return seen, instrument.stamped(true_s)
 
 
 def misfit(observed: Observation, straw: StrawParameters, instrument: Instrument, slack_s: float = SLACK_S) -> Misfit:

@@ -43,7 +43,9 @@ def test_a_late_camera_a_turned_camera_and_a_gauge_that_lies_are_undone_by_their
     np.testing.assert_allclose(back, pose, atol=1e-15)
     late = Instrument(clock_offset_s=0.06, clock_drift=0.01)
     np.testing.assert_allclose(late.true_time(np.array([0.06, 1.07])), [0.0, 1.0])
-    assert Instrument(gauge_offset_pa=100.0, gauge_gain=0.1).true_pressure(np.array([1200.0])) == pytest.approx(1000.0)
+    assert Instrument(gauge_offset_pa=100.0, gauge_gain=0.1).true_pressure(
+        np.array([1200.0]), np.zeros(1)
+    ) == pytest.approx(1000.0)
 
 
 def test_the_tip_offset_lies_along_the_tip_axis():
