@@ -10,12 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.search import Fit, weights
+from replay.diagnose.hypothesis import Unknown
+from replay.diagnose.misfit import Misfit
+from replay.diagnose.search import Campaign, Fit, descend, prior_cost, robust_cost, weights
 
 Floats = NDArray[np.float64]
 
-#: Most functions in a formula, and the condition number at which some of them are alike.
-MOST, ALIKE = 3, 12.0
+#: How many sums of one, two and three functions are tried on the runs; the condition number at which some are alike.
+KEPT, ALIKE = (3, 2, 1), 12.0
+#: Rounds of a sum's fit, and the share of the gain that another function has to earn.
+ROUNDS, EARNS = 4, 0.02
 
 
 @dataclass(frozen=True)
@@ -99,45 +103,96 @@ def tangent(fit: Fit, base: int, rows: Floats) -> Tangent:
     return Tangent(values, g, H, (rows / units).T @ (rows / units) + wide)
 
 
-def sparse(
-    t: Tangent, at: Floats, atoms: Sequence[Atom], symbol: str, units: Callable[[float], str], count: int
-) -> Formula:
-    """The best sum of at most MOST atoms by BIC, of ``count`` independent differences; ``at`` (n,) in SI.
+def sparse(t: Tangent, at: Floats, atoms: Sequence[Atom]) -> list[tuple[tuple[Atom, ...], Floats]]:
+    """Atoms and coefficients of the sums that come nearest to the curve as the runs see it: a few of each size.
 
-    Exhaustive. What the base's constants can take over costs nothing, so it does not enter a formula.
+    Exhaustive, and the first atom alone in any case; ``at`` (n,) in SI. What the base's constants can take over costs
+    nothing, so it need not be in a sum.
     """
     table = np.stack([atom.of(at) for atom in atoms], axis=1)
     size = np.linalg.norm(table, axis=0)
     table = table / size
     target = t.H @ t.values - t.g
-    none = _misfit(t, np.zeros(len(at)))
-    best: tuple[float, tuple[int, ...], Floats] | None = None
-    for k in range(1, MOST + 1):
+    found = []
+    for k, most in enumerate(KEPT, 1):
+        rows = []
         for chosen in itertools.combinations(range(len(atoms)), k):
             A = table[:, chosen]
             if np.linalg.cond(A) > ALIKE:  # the difference of two that are alike says nothing
                 continue
-            normal = A.T @ t.H @ A
-            a = np.linalg.lstsq(normal, A.T @ target, rcond=1e-10)[0]
-            price = sum(atoms[j].numbers for j in chosen) * np.log(count)
-            score = _misfit(t, A @ a) + price
-            if best is None or score < best[0]:
-                best = score, chosen, a
-    assert best is not None
-    _, chosen, a = best
-    A = table[:, chosen]
-    sigma = np.sqrt(np.diag(np.linalg.pinv(A.T @ t.H @ A)))
-    least = -float(t.g @ np.linalg.lstsq(t.H, t.g, rcond=1e-10)[0])
-    keeps = (none - _misfit(t, A @ a)) / max(none - least, 1e-9)
-    order = sorted(range(len(chosen)), key=lambda j: -abs(a[j]))
-    return Formula(
-        symbol,
-        tuple(atoms[chosen[j]] for j in order),
-        np.array([a[j] / size[chosen[j]] for j in order]),
-        np.array([sigma[j] / size[chosen[j]] for j in order]),
-        tuple(units(atoms[chosen[j]].power) for j in order),
-        float(keeps),
+            a = np.linalg.lstsq(A.T @ t.H @ A, A.T @ target, rcond=1e-10)[0]
+            rows.append((_misfit(t, A @ a), chosen, a / size[list(chosen)]))
+        simplest = [row for row in rows if row[1] == (0,)]
+        rows.sort(key=lambda row: row[0])
+        tried = [*rows[:most], *(row for row in simplest if row[1] not in [r[1] for r in rows[:most]])]
+        found += [(tuple(atoms[j] for j in chosen), a) for _, chosen, a in tried]
+    return found
+
+
+class Formed(Campaign):
+    """A campaign in which a curve is a sum of functions: unknowns beside the base's are shares of coefficients."""
+
+    curve: tuple[Unknown, ...]  # the base's and the curve's
+    to_u: Floats  # (points of the curve, coefficients): u of the curve by the shares
+
+    @classmethod
+    def of(cls, campaign: Campaign, curve: tuple[Unknown, ...], to_u: Floats) -> Formed:
+        """The campaign with the curve's unknowns as such sums."""
+        out = cls(campaign.observations, campaign.straw, campaign.pool, campaign.stop)
+        out.tally, out.scatter, out.slack_s = campaign.tally, campaign.scatter, campaign.slack_s
+        out.curve, out.to_u = curve, to_u
+        return out
+
+    def misfits(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[list[Misfit | None]]:
+        """Misfit of every run at every point."""
+        base = len(self.curve) - len(self.to_u)
+        return super().misfits(self.curve, [np.concatenate([p[:base], self.to_u @ p[base:]]) for p in points])
+
+
+def fitted(
+    campaign: Campaign, fit: Fit, base: int, rows: int, at: Floats, atoms: tuple[Atom, ...], start: Floats
+) -> tuple[Fit, Floats]:
+    """A sum of atoms fitted to the runs themselves, and its coefficients; ``fit`` is the curve's, with fresh slopes."""
+    scale = np.array([k.scale for k in fit.unknowns[base:]])
+    to_u = np.stack([atom.of(at) for atom in atoms], axis=1) * start / scale[:, None]
+    here = Formed.of(campaign, fit.unknowns, to_u)
+    unknowns = (
+        *fit.unknowns[:base],
+        *(Unknown(f"coefficient.{n}", 1.0, kind="linear", sd=100.0) for n in range(len(atoms))),
     )
+    slopes = fit.slopes[: len(fit.residual) - rows]
+    slopes = np.hstack([slopes[:, :base], slopes[:, base:] @ to_u])
+    u = np.concatenate([fit.u[:base], np.ones(len(atoms))])
+    end = descend(here, unknowns, u, slopes=slopes, rounds=ROUNDS, share=2e-3)
+    return end, end.u[base:] * start
+
+
+def formula(
+    campaign: Campaign, fit: Fit, base: int, rows: Floats, at: Floats, atoms: Sequence[Atom], null_cost: float
+) -> tuple[tuple[Atom, ...], Floats, Floats, float]:
+    """The fewest atoms that explain the runs nearly as well as any: they, coefficients, sigmas, share of the gain kept.
+
+    An atom more has to earn its price, or a share of all that there is to gain: no law has exactly nature's form.
+    """
+    t, count = tangent(fit, base, rows), len(fit.residual) - len(rows)
+    best: tuple[float, tuple[Atom, ...], Floats, Fit] | None = None
+    curve_cost = robust_cost(fit.residual[:count]) + prior_cost(fit.unknowns[:base], fit.u[:base])
+    price = max(float(np.log(count)), EARNS * (null_cost - curve_cost))
+    for chosen, start in sparse(t, at, atoms):
+        end, coefficients = fitted(campaign, fit, base, len(rows), at, chosen, start)
+        score = end.cost + price * sum(atom.numbers for atom in chosen)
+        if best is None or score < best[0]:
+            best = score, chosen, coefficients, end
+        if campaign.stop():
+            break
+    assert best is not None
+    _, chosen, coefficients, end = best
+    w = weights(end.residual)
+    spread = max(1.0, float(np.mean(w * end.residual**2)))
+    prior = np.diag([1 / k.sd**2 for k in end.unknowns])
+    covariance = np.linalg.inv((end.slopes * w[:, None]).T @ end.slopes / spread + prior)
+    sigmas = np.sqrt(np.diag(covariance))[base:] * np.abs(coefficients / end.u[base:])
+    return chosen, coefficients, sigmas, (null_cost - end.cost) / max(null_cost - curve_cost, 1e-9)
 
 
 def _misfit(t: Tangent, values: Floats) -> float:

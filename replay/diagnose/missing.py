@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 from model.parameters import StrawParameters
 from replay.diagnose.contest import seen_again
 from replay.diagnose.dictionary import atoms
-from replay.diagnose.formula import Formula, sparse, tangent
+from replay.diagnose.formula import Formula, formula, tangent
 from replay.diagnose.hypothesis import Unknown, applied
 from replay.diagnose.judge import NOISE_LEAVES, unexplained
 from replay.diagnose.misfit import play
@@ -36,7 +35,7 @@ from replay.diagnose.states import STATES, State, points
 Floats = NDArray[np.float64]
 
 #: How far a point of a curve may be off the line between its neighbours, in units of the state, one sigma.
-ROUGH = 1.0
+ROUGH = 4.0
 #: States that are fitted, that are carried to the end; rounds of the first fit and of the last.
 FITTED, FINISHED, FIRST_ROUNDS, ROUNDS = 5, 2, 8, 14
 
@@ -183,20 +182,30 @@ def missing_force(
         fit = replace(fit, slopes=slopes, fresh=True)
     seen, at = tangent(fit, base, best.campaign.rows), best.at * state.scale(campaign.straw)
     sigmas = np.sqrt(np.diag(np.linalg.inv(seen.H + seen.smooth)))
-    formula = None
+    law = None
     if shares[0] >= TELLS:
-        units = partial(_unit, state)
-        count = len(fit.residual) - len(best.campaign.rows)
-        formula = sparse(seen, at, atoms(state, at), f"{state.value_symbol}({state.symbol})", units, count)
+        told("formula", 1, 1)
+        chosen, coefficients, errors, keeps = formula(
+            _plain(best.campaign), fit, base, best.campaign.rows, at, atoms(state, at), null.cost
+        )
+        units = tuple(_unit(state, atom.power) for atom in chosen)
+        law = Formula(f"{state.value_symbol}({state.symbol})", chosen, coefficients, errors, units, keeps)
     return Missing(
         replace(best, fit=fit),
         at,
         seen.values,
         sigmas,
-        formula,
+        law,
         shares[0],
         tuple((c.state.name, share) for c, share in zip(found[1:], shares[1:], strict=True)),
     )
+
+
+def _plain(campaign: Smooth) -> Campaign:
+    """The campaign without a price on roughness."""
+    out = Campaign(campaign.observations, campaign.straw, campaign.pool, campaign.stop)
+    out.tally, out.scatter, out.slack_s = campaign.tally, campaign.scatter, campaign.slack_s
+    return out
 
 
 def _unit(state: State, power: float) -> str:

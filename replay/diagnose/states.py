@@ -115,7 +115,7 @@ STATES: tuple[State, ...] = (
     ),
     State(
         "damping over height", "zeta", "m", "d", "N s/m", "an axial damping of each frustum that depends on its height",
-        "term.missing_damping.damping_{}_n_s_per_m", "height_{}", 5.0, _height, scale=_even_m,
+        "term.missing_damping.damping_{}_n_s_per_m", "height_{}", 50.0, _height, scale=_even_m,
     ),
     State(
         "cycles: stiffness", "n", "cycles", "e", "1", "a stiffness of the frusta that changes with the cycles before",
@@ -177,6 +177,9 @@ def points(state: State, visited: Sequence[Floats]) -> Floats | None:
     least = APART * (high - low)
     for n in range(1, POINTS):
         at[n] = max(at[n], at[n - 1] + least)
+    at[-1] = high
+    for n in range(POINTS - 2, -1, -1):
+        at[n] = min(at[n], at[n + 1] - least)
     if state.zero:
         at[np.argmin(np.abs(at))] = 0.0
     return np.asarray(at)
