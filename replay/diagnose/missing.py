@@ -35,9 +35,9 @@ from replay.diagnose.states import STATES, State, points
 Floats = NDArray[np.float64]
 
 #: How far a point of a curve may be off the line between its neighbours, in units of the state, one sigma.
-ROUGH = 4.0
+ROUGH = 1.5
 #: States that are fitted, that are carried to the end; rounds of the first fit and of the last.
-FITTED, FINISHED, FIRST_ROUNDS, ROUNDS = 5, 2, 8, 14
+FITTED, FINISHED, FIRST_ROUNDS, ROUNDS = 4, 2, 8, 10
 
 
 #: Steps of the search to a force as large as the first slopes want it, and how many units that may be.
@@ -126,6 +126,7 @@ class Missing:
     at: Floats  # (n,) SI
     values: Floats  # (n,) SI
     sigmas: Floats  # (n,) one deviation, the base's constants free
+    matters: Floats  # (n,) sigmas by which the runs would miss each point's value
     formula: Formula | None
     explains: float  # share of the base's unexplained misfit that the curve takes away
     others: tuple[tuple[str, float], ...]  # what curves over other states take away
@@ -133,7 +134,7 @@ class Missing:
     @property
     def says(self) -> str:
         """In one sentence."""
-        s, k = self.curve.state, int(np.argmax(np.abs(self.values) / np.maximum(self.sigmas, 1e-300)))
+        s, k = self.curve.state, int(np.argmax(self.matters))
         if self.formula is None:
             return (
                 f"No force over any one state explains the runs: the best, {s.says}, takes away "
@@ -195,6 +196,7 @@ def missing_force(
         at,
         seen.values,
         sigmas,
+        np.abs(seen.values) * np.sqrt(np.maximum(np.diag(seen.H), 0.0)),
         law,
         shares[0],
         tuple((c.state.name, share) for c, share in zip(found[1:], shares[1:], strict=True)),
