@@ -54,7 +54,8 @@ def _step(x: str, edge: float) -> Atom:
 
 
 def _beyond(x: str, edge: float, unit: str) -> Atom:
-    return Atom(f"max(0, {x} - {edge:.3g} {unit})", 1, lambda v: np.maximum(0.0, v - edge), 2)
+    sign = "-" if edge > 0 else "+"
+    return Atom(f"max(0, {x} {sign} {abs(edge):.3g} {unit})", 1, lambda v: np.maximum(0.0, v - edge), 2)
 
 
 def _near_folded(x: str, folded: float) -> tuple[Atom, ...]:

@@ -175,7 +175,7 @@ def missing_force(
     if campaign.stop() or not found:
         return None
     left = max(unexplained(campaign, null) - NOISE_LEAVES, 1.0)
-    shares = [1 - max(0.0, unexplained(campaign, c.fit) - NOISE_LEAVES) / left for c in found]
+    shares = [max(0.0, 1 - max(0.0, unexplained(campaign, c.fit) - NOISE_LEAVES) / left) for c in found]
     best, state, base = found[0], found[0].state, len(null.u)
     fit = best.fit
     if not fit.fresh:
@@ -214,7 +214,8 @@ def _unit(state: State, power: float) -> str:
     """Unit of a coefficient of the state to a power."""
     if power == 0:
         return state.value_unit
-    return f"{state.value_unit}/({state.state_unit})" + (f"^{power:g}" if power != 1 else "")
+    per = f"({state.state_unit})" if "/" in state.state_unit else state.state_unit
+    return f"{state.value_unit}/{per}" + (f"^{power:g}" if power != 1 else "")
 
 
 def curves(campaign: Campaign, null: Fit, told: Told = silent, states: Sequence[State] = STATES) -> list[Curve]:
