@@ -47,7 +47,7 @@ class Formula:
     def text(self) -> str:
         """In one line, coefficients in SI units."""
         parts = [
-            f"({c:.3g} ± {s:.2g}) {unit}{' ' + atom.text if atom.text else ''}"
+            " ".join(word for word in (f"({c:.3g} ± {s:.2g})", unit if unit != "1" else "", atom.text) if word)
             for atom, c, s, unit in zip(self.atoms, self.coefficients, self.sigmas, self.units, strict=True)
         ]
         return f"{self.symbol} = {' + '.join(parts)}"

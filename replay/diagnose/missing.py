@@ -20,6 +20,7 @@ from replay.diagnose.formula import Formula, formula, tangent
 from replay.diagnose.hypothesis import Unknown, applied
 from replay.diagnose.judge import NOISE_LEAVES, unexplained
 from replay.diagnose.misfit import play
+from replay.diagnose.observation import Observation
 from replay.diagnose.search import (
     Campaign,
     Fit,
@@ -142,7 +143,7 @@ class Missing:
             )
         return (
             f"What is missing looks like {s.says}: {s.value_symbol} = {self.values[k]:.2g} ± {self.sigmas[k]:.1g} "
-            f"{s.value_unit} at {s.symbol} = {self.at[k]:.3g} {s.state_unit}; it takes away "
+            f"{s.value_unit.replace('1', '')} at {s.symbol} = {self.at[k]:.3g} {s.state_unit}; it takes away "
             f"{100 * self.explains:.0f} % of what the base model leaves"
         )
 
@@ -225,7 +226,7 @@ def curves(campaign: Campaign, null: Fit, told: Told = silent, states: Sequence[
     calm = np.where([k.target in TAKEN_ALONG for k in null.unknowns], null.u, 0.0)
     known = seen_again(wide, replace(null, u=calm))
     starts: list[_Start] = []
-    for start in _starts(wide, known, told, states):
+    for start in _starts(wide, known, campaign.observations, told, states):
         starts.append(start)
         if campaign.stop():
             return []
@@ -252,13 +253,15 @@ def curves(campaign: Campaign, null: Fit, told: Told = silent, states: Sequence[
     return sorted(found, key=lambda c: c.fit.cost)
 
 
-def _starts(campaign: Campaign, null: Fit, told: Told, states: Sequence[State]) -> Iterator[_Start]:
-    """Every state's curve at zero with its slopes."""
+def _starts(
+    campaign: Campaign, null: Fit, observations: Sequence[Observation], told: Told, states: Sequence[State]
+) -> Iterator[_Start]:
+    """Every state's curve at zero with its slopes; its points lie where all of the observations pass."""
     base = null.unknowns
     residual = campaign.residuals(base, [null.u])[0]
     slopes = measured_slopes(campaign, base, null.u, residual, range(len(base)))
     straw, instrument = applied(campaign.straw, base, null.u)
-    seen = [(o, play(o, straw, instrument)[0]) for o in campaign.observations]
+    seen = [(o, play(o, straw, instrument)[0]) for o in observations]
     for k, state in enumerate(states):
         told(state.name, k, len(states) + 2 * FITTED)
         at = points(state, [state.visited(straw, o, p) for o, p in seen])
