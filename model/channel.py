@@ -4,6 +4,7 @@ Base model (equation 2):      p_in = p_c - K Q|Q|,  K = rho / (2 pi^2 r_ch^4),  
 With what it leaves out:      I Q' = p_r - p_in - R Q - K Q|Q|      fluid_inertia, poiseuille_loss
                               p_r' = (p_c - p_r) / tau - Q / C      line_lag (p_r = p_c without)
                               v' = V' - Q,  p_in = p_0 (V_g/v - 1)  trapped_gas (Q = V' without)
+and, where `straw diagnose` found no law for it, a table l(Q) beside K Q|Q|.
 Within an implicit step the whole way is one equation for Q, so the straw only sees a pressure and its slope by V'.
 """
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from model.compiled import allocates_nothing, compiled
 from model.constants import Constants
+from model.table import POINTS, table
 from model.terms import COLUMNS
 
 Floats = NDArray[np.float64]
@@ -25,10 +27,14 @@ INERTANCE = COLUMNS["fluid_inertia"][0]
 RESISTANCE = COLUMNS["poiseuille_loss"][0]
 LAG, LINE_AIR = COLUMNS["line_lag"][0], COLUMNS["line_lag"][0] + 1
 GAS = COLUMNS["trapped_gas"][0]
+MISSING = COLUMNS["missing_loss"][0]
+CYCLES = MISSING + 1 + 2 * POINTS
 
 #: States of the way in: pressure of the reservoir (Pa), flow through the channel (m^3/s), gas inside (m^3).
 STATES = 3
 NEWTON_LIMIT = 30
+#: Step in Q for the slope of a table, m^3/s.
+NEARBY = 1e-9
 
 
 class Channel(NamedTuple):
@@ -40,13 +46,29 @@ class Channel(NamedTuple):
     lag_s: float  # tau
     line_pa_per_m3: float  # 1 / C
     gas_m3: float  # V_g
+    more: Floats  # l(Q): amount, and a table of points (m^3/s) and values (Pa)
 
 
-@allocates_nothing
+@compiled
 def channel_of(c: Constants) -> Channel:
     """The straw's channel and line."""
     k = c.terms[0, 0]
-    return Channel(c.loss, k[RESISTANCE], k[INERTANCE], k[LAG], AMBIENT_PA / k[LINE_AIR], k[GAS])
+    loss = c.loss
+    if k[MISSING] != 0:
+        loss *= 1 + k[MISSING] * table(c.cycle, k, CYCLES)
+    line = AMBIENT_PA / k[LINE_AIR]
+    return Channel(loss, k[RESISTANCE], k[INERTANCE], k[LAG], line, k[GAS], k[MISSING:CYCLES])
+
+
+@allocates_nothing
+def lost(w: Channel, flow: float) -> tuple[float, float]:
+    """Pressure (Pa) lost to what is quadratic in the flow or in a table, and its slope by the flow."""
+    pressure, slope = w.loss * flow * abs(flow), 2 * w.loss * abs(flow)
+    if w.more[0] != 0:
+        pressure += w.more[0] * table(flow, w.more, 1)
+        up, down = table(flow + NEARBY, w.more, 1), table(flow - NEARBY, w.more, 1)
+        slope += w.more[0] * (up - down) / (2 * NEARBY)
+    return pressure, slope
 
 
 @compiled
@@ -78,19 +100,21 @@ def inside_pressure(
             gas = max(gas, 1e-3 * w.gas_m3)
             inside = AMBIENT_PA * (w.gas_m3 / gas - 1)
             spring = step_s * (inside + AMBIENT_PA) / gas
-            wrong = linear * flow + w.loss * flow * abs(flow) + inside - source
-            change = wrong / (linear + 2 * w.loss * abs(flow) + spring)
+            drop, steep = lost(w, flow)
+            wrong = linear * flow + drop + inside - source
+            change = wrong / (linear + steep + spring)
             flow -= change
             if abs(change) <= 1e-12 * (abs(flow) + 1e-9):
                 break
-        resists = linear + 2 * w.loss * abs(flow)
+        resists = linear + lost(w, flow)[1]
         now[1] = flow
         now[2] = known[2] + step_s * (rate_m3_per_s - flow)
         slope = -spring * resists / (spring + resists)
     else:
         flow = rate_m3_per_s
-        inside = source - linear * flow - w.loss * flow * abs(flow)
-        slope = -linear - 2 * w.loss * abs(flow)
+        drop, steep = lost(w, flow)
+        inside = source - linear * flow - drop
+        slope = -linear - steep
         now[1], now[2] = flow, 0.0
     now[0] = (source - inertia * known[1]) - fall * flow
     return inside, slope

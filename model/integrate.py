@@ -31,7 +31,7 @@ Floats = NDArray[np.float64]
 DONE, STEP_TOO_SMALL, NOT_FINITE, TOO_MANY_STEPS = 0, 1, 2, 3
 SMALLEST_STEP_S = 1e-9
 #: Steps a simulated second may take; the livelier validation run takes some 430.
-MOST_STEPS_PER_S = 30_000
+MOST_STEPS_PER_S = 6_000
 NEWTON_LIMIT = 8
 #: Newton stops when what is missing is this small in units of the tolerance; snaps amplify what is left.
 NEWTON_SHARE = 1e-3

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from model.constants import Constants
 from model.errors import ModelError
-from model.terms import COLUMNS, TERMS, WIDTH
+from model.terms import COLUMNS, DEFAULTS, TERMS, WIDTH
 
 Floats = NDArray[np.float64]
 
@@ -124,6 +124,12 @@ class StrawParameters:
                 if not (good and np.all(np.isfinite(numbers))):
                     raise ModelError(f"straw: {where} = {value!r}, expected {expected}")
                 checked[name][key] = np.asarray(value, dtype=np.float64).tolist()
+            for points in TERMS[name].rising:
+                at = [checked[name].get(point, known[point].default) for point in points]
+                if any(np.ndim(x) for x in at) or not np.all(np.diff(at) > 0):
+                    raise ModelError(
+                        f"straw: terms.{name}: {points[0]} to {points[-1]} = {at}, expected rising numbers"
+                    )
         return checked
 
     def _per_frustum_of_term(self, where: str, value: Any, kind: str) -> Floats:
@@ -203,10 +209,13 @@ class StrawParameters:
     def _packed_terms(self) -> Floats:
         """Constants of all terms side by side, (cells, 2, WIDTH); defaults, strengths zero, where none are given."""
         packed = np.empty((self.cells, 2, WIDTH))
-        for name, term in TERMS.items():
-            for column, constant in enumerate(term.constants, COLUMNS[name][0]):
-                value = self.terms.get(name, {}).get(constant.name, constant.default)
-                packed[:, :, column] = self._per_frustum_of_term(constant.name, value, term.kind)
+        packed[:] = DEFAULTS
+        for name, given in self.terms.items():
+            for column, constant in enumerate(TERMS[name].constants, COLUMNS[name][0]):
+                if constant.name in given:
+                    packed[:, :, column] = self._per_frustum_of_term(
+                        constant.name, given[constant.name], TERMS[name].kind
+                    )
         return packed
 
     def to_toml(self) -> str:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from model.channel import channel_of
+from model.channel import channel_of, lost
 from model.compiled import allocates_nothing, compiled, composed
 from model.constants import Constants
 from model.frusta import MEMORIES, add_frusta, frusta_energy
@@ -105,7 +105,7 @@ def forces_left(
 def pressure_at(c: Constants, v: Floats, external_pa: float) -> float:
     """Pressure inside, Pa (equation 2 and the laminar loss), of a straw without lag, gas or inertia on the way in."""
     w, flow = channel_of(c), volume_rate(c, v)
-    return float(external_pa - w.loss * flow * abs(flow) - w.resistance * flow)
+    return float(external_pa - lost(w, flow)[0] - w.resistance * flow)
 
 
 @compiled

@@ -55,7 +55,7 @@ class Term:
     * ``flow``: constants of the way from the controller to the inside of the straw; `model.channel` takes them.
     """
 
-    name: str  # the cause's name in the contract
+    name: str  # the cause's name in the contract, if it is one
     kind: str
     law: str
     source: str
@@ -63,6 +63,8 @@ class Term:
     constants: tuple[Constant, ...]
     force: Any = None
     energy: Any = None
+    rising: tuple[tuple[str, ...], ...] = ()  # constants that are points of a table: each beyond the one before
+    cause: bool = True  # one of the contract's; a table stands for what none of them explains
 
     def __post_init__(self) -> None:
         names = [c.name for c in self.constants]

@@ -17,6 +17,9 @@ def _discover() -> dict[str, Term]:
 #: Every term the base model lacks, by its name.
 TERMS: dict[str, Term] = _discover()
 
+#: Those of them that are causes of the contract; the others are tables for what none of these explains.
+CAUSES: dict[str, Term] = {name: term for name, term in TERMS.items() if term.cause}
+
 
 def _columns() -> dict[str, tuple[int, int]]:
     columns, at = {}, 0
@@ -29,3 +32,5 @@ def _columns() -> dict[str, tuple[int, int]]:
 #: Where each term's constants lie in a row of ``Constants.terms``.
 COLUMNS: dict[str, tuple[int, int]] = _columns()
 WIDTH = sum(len(term.constants) for term in TERMS.values())
+#: Such a row where nothing is given: strengths zero.
+DEFAULTS: tuple[float, ...] = tuple(c.default for term in TERMS.values() for c in term.constants)

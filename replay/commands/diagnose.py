@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
             told=told,
             stop=lambda: interrupts.pending is not None,
         )
-        findings = conclude(found, _about(runs))
+        findings = conclude(found, _about(runs), told)
         page = report(findings, found) if args.report else ""
     print(text(findings))
     written = []
@@ -101,6 +101,11 @@ def text(f: Findings) -> str:
     for cause, constants in f.parameters.items():
         for name, found in constants.items():
             lines.append(f"{cause}: {name} = {found['value']:.4g} ± {found['sigma']:.2g} {found['unit']}")
+    if f.missing:
+        lines.append(f"{f.missing.says}.")
+        if f.missing.formula:
+            keeps = 100 * f.missing.formula.keeps
+            lines.append(f"  as a formula: {f.missing.formula.text}; keeps {keeps:.0f} % of what the curve gains")
     if f.held:
         lines.append(f"fitted without {', '.join(f.held.heldout)}, there (RMS):")
         for channel, unit, scale in (("x_m", "mm", 1e3), ("z_m", "mm", 1e3), ("phi_rad", "mrad", 1e3)):

@@ -10,7 +10,7 @@ import numpy as np
 
 from model.simulate import Prediction
 from model.term import Term
-from model.terms import TERMS
+from model.terms import CAUSES
 from model.typical import typical, with_typical
 from replay.output import write_json
 from replay.paper.runs import DEPLOYMENT, FOLDING, ValidationRun, crossing_s
@@ -23,11 +23,11 @@ def run(args: argparse.Namespace) -> int:
     bases = {run.name: run.simulate() for run in (FOLDING, DEPLOYMENT)}
     effects: dict[str, dict[str, dict[str, float]]] = {}
     with progress_bar("terms", "term") as update:
-        for done, (name, term) in enumerate(TERMS.items()):
-            update(done, len(TERMS))
+        for done, (name, term) in enumerate(CAUSES.items()):
+            update(done, len(CAUSES))
             effects[name] = {run.name: _effect(run, term, bases[run.name]) for run in (FOLDING, DEPLOYMENT)}
-        update(len(TERMS), len(TERMS))
-    for term in TERMS.values():
+        update(len(CAUSES), len(CAUSES))
+    for term in CAUSES.values():
         print(f"{term.name}: {term.law}\n    {term.source}")
         for c in term.constants:
             kind = "strength" if c.name in term.strengths else f"default {c.default:g}"
@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
         f" {'4/ms':>8}"
     )
     for name, runs in effects.items():
-        strength = _strength(TERMS[name])
+        strength = _strength(CAUSES[name])
         for title, e in runs.items():
             print(
                 f"{name:<20} {strength:<34} {title:<11} {e['x_m'] * 1e6:>7.0f} {e['z_m'] * 1e6:>7.0f} "
@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
             )
             name = strength = ""
     if args.json:
-        write_json(args.json, {"terms": [_described(t) for t in TERMS.values()], "effects": effects})
+        write_json(args.json, {"terms": [_described(t) for t in CAUSES.values()], "effects": effects})
     return 0
 
 

@@ -103,7 +103,7 @@ def _played(campaign: Campaign, contestant: Contestant, choice: Choice) -> Float
         for begin, (kpa, _) in zip(begins, choice.holds, strict=True):
             out += (1e3 * kpa - before) * np.where(t > begin, 1 - np.exp(-np.clip(t - begin, 0, None) / SETTLES_S), 0)
             before = 1e3 * kpa
-        return instrument.true_pressure(out)
+        return instrument.true_pressure(out, t)
 
     try:
         seen = simulate(straw, pressure, grid, choice.deployed, tolerance_m=TOLERANCE_M)

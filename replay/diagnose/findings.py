@@ -18,6 +18,7 @@ from replay.diagnose.experiment import Experiment, next_experiment
 from replay.diagnose.hypothesis import MEASUREMENT, Unknown, applied
 from replay.diagnose.judge import COUNTS_AS_ONE, Judgement, by_cause, surviving
 from replay.diagnose.locate import Located, Wandering, locate, sentence, wandering
+from replay.diagnose.missing import Missing, Told, missing_force, silent
 from replay.diagnose.observation import REPEATABILITY_S
 from replay.diagnose.search import Campaign, Fit, descend, weights
 
@@ -69,6 +70,7 @@ class Findings:
     indistinguishable: list[list[str]]
     experiment: Experiment | None
     notes: tuple[str, ...]
+    missing: Missing | None = None  # what stands for the cause where it is unknown
 
     def as_json(self) -> dict[str, Any]:
         """The contract's Findings."""
@@ -101,13 +103,14 @@ class Findings:
             "smallest_effect_seen": self.smallest,
             "indistinguishable": self.indistinguishable,
             "next_experiment": self.experiment.as_json() if self.experiment else None,
+            "missing": self.missing.as_json() if self.missing else None,
             "notes": list(self.notes),
             "straw": self.straw.to_toml(),
         }
 
 
-def conclude(found: Inquiry, notes: Sequence[str] = ()) -> Findings:
-    """Findings of an inquiry, finished or cut short."""
+def conclude(found: Inquiry, notes: Sequence[str] = (), told: Told = silent) -> Findings:
+    """Findings of an inquiry, finished or cut short. An unknown cause is looked for as a curve, a minute."""
     campaign, judgement = found.campaign, found.judgement()
     probability = judgement.probability
     top = next(iter(probability))
@@ -120,8 +123,13 @@ def conclude(found: Inquiry, notes: Sequence[str] = ()) -> Findings:
     if verdict == "ambiguous":
         best = next((fitted[n] for n in probability if n in fitted), None)
     rivals = [fitted[n] for n in names if n in fitted and n != (best.name if best else "")][:3]
-    fit = best.fit if best else found.null
-    straw = applied(campaign.straw, fit.unknowns, fit.u)[0]
+    fit, straw_of = best.fit if best else found.null, campaign
+    missing = None
+    if found.whole and verdict == "unknown_physics":
+        missing = missing_force(campaign, found.null, told)
+    if missing and missing.formula:
+        fit, straw_of = missing.curve.fit, missing.curve.campaign
+    straw = applied(straw_of.straw, fit.unknowns, fit.u)[0]
     located = locate(campaign, found.null)
     wander = wandering(campaign, found.null)
     notes = [*notes, *_doubts(found)]
@@ -139,11 +147,12 @@ def conclude(found: Inquiry, notes: Sequence[str] = ()) -> Findings:
         best=best,
         straw=straw,
         parameters=constants_of(campaign, best) if best else {},
-        held=hold_out(campaign, found.null, best, located) if found.whole else None,
+        held=hold_out(straw_of, found.null, fit, located) if found.whole else None,
         smallest=smallest_seen(campaign, found) if verdict == "complete" else {},
         indistinguishable=[causes] if verdict == "ambiguous" and len(causes) > 1 else [],
         experiment=experiment,
         notes=tuple(notes),
+        missing=missing,
     )
 
 
@@ -229,8 +238,8 @@ def _named(unknown: Unknown) -> tuple[str, str, str]:
     return name, name, UNITS.get(name, "1")
 
 
-def hold_out(campaign: Campaign, null: Fit, best: Contestant | None, located: Sequence[Located]) -> Held | None:
-    """Base and improved model fitted once more without some runs, and how far each is off on those.
+def hold_out(campaign: Campaign, null: Fit, better: Fit, located: Sequence[Located]) -> Held | None:
+    """Base and improved model (or the base again) fitted once more without some runs, and how far each is off on those.
 
     Held out are runs in which the misfit is, of different kinds, and at most a third; None with fewer than three runs.
     """
@@ -246,7 +255,9 @@ def hold_out(campaign: Campaign, null: Fit, best: Contestant | None, located: Se
             out.append(name)
             configurations.append(configuration)
     train, rest = campaign.only([n for n in names if n not in out]), campaign.only(out)
-    fits = [(f.unknowns, descend(train, f.unknowns, f.u, rounds=3)) for f in (null, *([best.fit] if best else []))]
+    fits = [
+        (f.unknowns, descend(train, f.unknowns, f.u, rounds=3)) for f in ([null] if better is null else [null, better])
+    ]
     rms = [_plain_rms(rest, unknowns, fit.u) for unknowns, fit in fits]
     floor = {
         c: float(np.sqrt(np.mean(np.concatenate([o.sigma(REPEATABILITY_S)[i] ** 2 for o in rest.observations]))))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -233,4 +233,4 @@ def applied(straw: StrawParameters, unknowns: Sequence[Unknown], at: Floats) -> 
     changed = straw.replace(**changes) if changes else straw
     for term, constants in terms.items():
         changed = changed.with_term(term, **constants)
-    return changed, replace(Instrument(), **instrument)
+    return changed, Instrument.of(instrument)

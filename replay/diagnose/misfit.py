@@ -68,7 +68,9 @@ def play(observed: Observation, straw: StrawParameters, instrument: Instrument) 
     """What the straw does in this run and its snap times as stamped by the camera; ModelError where it cannot."""
     run = observed.run
     assert run.initial_deployed is not None
-    pressure = observed.pressure._replace(pressure_pa=instrument.true_pressure(observed.pressure.pressure_pa))
+    table = observed.pressure
+    grid_s: Floats = table.start_s + table.step_s * np.arange(len(table.pressure_pa), dtype=np.float64)
+    pressure = table._replace(pressure_pa=instrument.true_pressure(table.pressure_pa, grid_s))
     tolerance_m = min(FINER_M.get(term, TOLERANCE_M) for term in ("", *straw.terms))
     worn = straw.replace(cycle=float(run.cycle))
     ends = instrument.true_time(np.array([observed.start_s, observed.end_s]))
@@ -84,8 +86,7 @@ def play(observed: Observation, straw: StrawParameters, instrument: Instrument) 
             true_s = cell_snaps(grid, seen.zeta_m[:, :, 1], true_s)
         if len(true_s) >= len(observed.snaps_s):
             break
-    stamped = true_s * (1 + instrument.clock_drift) + instrument.clock_offset_s
-    return seen, stamped
+    return seen, instrument.stamped(true_s)
 
 
 def misfit(observed: Observation, straw: StrawParameters, instrument: Instrument) -> Misfit:

@@ -15,7 +15,8 @@ from replay.diagnose.findings import Findings
 from replay.diagnose.hypothesis import applied
 from replay.diagnose.locate import stretches
 from replay.diagnose.misfit import play
-from replay.diagnose.search import Fit
+from replay.diagnose.missing import Missing
+from replay.diagnose.search import Campaign, Fit
 
 Floats = NDArray[np.float64]
 
@@ -77,6 +78,8 @@ def report(findings: Findings, found: Inquiry) -> str:
             f"<h2>Next experiment</h2><p>{_text(e.why)}; expected to set them {e.expected_separation_sigma:.0f} sigma "
             f"apart.</p><pre>{_text(e.protocol)}</pre>"
         )
+    if f.missing:
+        parts.append("<h2>What is missing</h2>" + _missing(f.missing))
     if f.notes:
         parts.append("<h2>Notes</h2><ul>" + "".join(f"<li>{_text(n)}</li>" for n in f.notes) + "</ul>")
     parts.append(f"<h2>The straw</h2><pre>{_text(f.straw.to_toml())}</pre>")
@@ -126,6 +129,39 @@ def _wandering(f: Findings) -> str:
     rows = [(w.constant, w.equation, f"{w.spread_sigma:.0f}", w.goes_with) for w in f.wandering[:4]]
     text = "<p class=soft>If each run had constants of its own: how far they would spread, and with what.</p>"
     return text + _table(("constant", "equation", "spread, sigmas", "goes with"), rows)
+
+
+def _missing(m: Missing) -> str:
+    """The missing force: in words, as a formula, drawn."""
+    words = f"<p>{_text(m.says)}.</p>"
+    if m.formula:
+        words += (
+            f"<p><code>{_text(m.formula.text)}</code><br><span class=soft>keeps {100 * m.formula.keeps:.0f} % of what "
+            "the curve gains; beside the base's constants, which were free.</span></p>"
+        )
+    rest = ", ".join(f"{name} {100 * share:.0f} %" for name, share in m.others)
+    caption = f"The curve at its points with one sigma{', and the formula' if m.formula else ''}."
+    if rest:
+        caption += f" Taken away by curves over other states: {rest}."
+    return words + _figure(_curve(m), caption)
+
+
+def _curve(m: Missing) -> str:
+    from matplotlib.figure import Figure
+
+    state = m.curve.state
+    figure = Figure(figsize=(7.5, 4))
+    axes = figure.subplots()
+    axes.axhline(0, color="#97a2ab", linewidth=0.8)
+    axes.fill_between(m.at, m.values - m.sigmas, m.values + m.sigmas, color="#0072b2", alpha=0.2, linewidth=0)
+    axes.errorbar(m.at, m.values, m.sigmas, fmt="o-", color="#0072b2", capsize=3, label="curve, one sigma")
+    if m.formula:
+        x = np.linspace(m.at[0], m.at[-1], 400)
+        axes.plot(x, m.formula.of(x), color="#d55e00", label="formula")
+        axes.legend(frameon=False)
+    axes.set_xlabel(f"{state.symbol} / {state.state_unit}")
+    axes.set_ylabel(f"{state.value_symbol} / {state.value_unit}")
+    return _svg(figure)
 
 
 def _figure(picture: str, caption: str) -> str:
@@ -185,9 +221,11 @@ def _overlay(f: Findings, found: Inquiry) -> str:
 
     assert f.held is not None
     shown = [o for o in found.campaign.observations if o.name in f.held.heldout]
-    fits: list[tuple[Fit, str]] = [(found.null, "#d55e00")]
+    fits: list[tuple[Campaign, Fit, str]] = [(found.campaign, found.null, "#d55e00")]
     if f.best:
-        fits.append((f.best.fit, "#0072b2"))
+        fits.append((found.campaign, f.best.fit, "#0072b2"))
+    if f.missing and f.missing.formula:
+        fits.append((f.missing.curve.campaign, f.missing.curve.fit, "#0072b2"))
     figure = Figure(figsize=(10, 2.6 * len(shown)))
     grid = figure.subplots(len(shown), 3, squeeze=False)
     for row, observed in zip(grid, shown, strict=True):
@@ -195,8 +233,8 @@ def _overlay(f: Findings, found: Inquiry) -> str:
             axes.plot(observed.time_s, 1e3 * values, color="#1b1f24", linewidth=1.6, alpha=0.7)
             axes.set_title(f"{observed.name}: {name}", fontsize=9)
             axes.tick_params(labelsize=8)
-        for fit, colour in fits:
-            straw, instrument = applied(found.campaign.straw, fit.unknowns, fit.u)
+        for campaign, fit, colour in fits:
+            straw, instrument = applied(campaign.straw, fit.unknowns, fit.u)
             seen, _ = play(observed, straw, instrument)
             pose = np.stack([seen.x_m, seen.z_m, seen.phi_rad])
             at = instrument.true_time(observed.time_s)

@@ -65,11 +65,10 @@ class Campaign:
 
     def misfits(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[list[Misfit | None]]:
         """Misfit of every run at every point u; None where the model cannot follow."""
-        return self._played(_one, unknowns, points)
+        return self.played(_one, unknowns, points)
 
-    def _played(
-        self, how: Callable[..., Any], unknowns: Sequence[Unknown], points: Sequence[Floats]
-    ) -> list[list[Any]]:
+    def played(self, how: Callable[..., Any], unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[list[Any]]:
+        """What ``how`` tells of every run at every point u, from the pool's workers."""
         jobs = [
             [self.pool.submit(how, o, self.straw, tuple(unknowns), point) for o in self.observations]
             for point in points
@@ -81,7 +80,7 @@ class Campaign:
 
     def residuals(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[Floats]:
         """All differences of all runs in sigmas as one vector for each point u."""
-        played = self._played(_rough if self.rough else _vector, unknowns, points)
+        played = self.played(_rough if self.rough else _vector, unknowns, points)
         return [self.stacked(row) for row in played]
 
     def stacked(self, row: Sequence[Floats | None]) -> Floats:

@@ -13,7 +13,7 @@ from replay.diagnose.diagnosis import allow_repeats
 from replay.diagnose.hypothesis import REPEATS, REPEATS_MOUNT, Unknown, base_unknowns, causes, hypothesis
 from replay.diagnose.observation import Observation
 from replay.diagnose.search import Campaign, Fit, descend, weights
-from replay.diagnose.start import C_PHI, C_ZETA, LOOSE_S, R_CH, base_start, few_of, rough
+from replay.diagnose.start import C_PHI, C_ZETA, R_CH, base_start, few_of, rough
 from replay.progress import say
 
 Floats = NDArray[np.float64]
@@ -23,7 +23,6 @@ TERMS = ("squeeze_film", "fluid_inertia", "cohesion", "frustum_spread")
 WISHED = ("c_zeta_n_s_per_m", "c_phi_n_m_s_per_rad", "r_ch_m")
 DELAY = "instrument.clock_offset_s"
 #: What moves fast counts little at first, then more and more (s by which it may be off).
-SLACKS_S = (LOOSE_S, 8e-3, 4e-3, 2e-3)
 #: Where the four laws are looked for, by constant: a few sizes each.
 LOOKED_AT: dict[str, tuple[float, ...]] = {
     "straw.c_zeta_n_s_per_m": (2.0, 10.0),
@@ -82,8 +81,8 @@ def at(unknowns: Sequence[Unknown], values: Mapping[str, float], else_u: Floats 
 
 def tightened(campaign: Campaign, unknowns: Sequence[Unknown], u: Floats, rounds: int = 10) -> Fit:
     """The fit from u, what moves fast counting more and more."""
-    for slack_s in SLACKS_S:
-        fit = descend(campaign.loose(slack_s), unknowns, u, rounds=rounds, enough=10.0)
+    for here in (campaign.roughly(), campaign):
+        fit = descend(here, unknowns, u, rounds=rounds, enough=10.0)
         u = fit.u
     return fit
 
@@ -107,9 +106,9 @@ def by_itself(campaign: Campaign) -> Fit:
         if one is not None and len(one.late_s) > 1:
             delayed.append(at(unknowns, {DELAY: -float(np.clip(one.late_s[0], -1.5, 1.5))}, point))
     points += delayed
-    looks = rough(campaign.loose(LOOSE_S), unknowns, points)
+    looks = rough(campaign.roughly(), unknowns, points)
     best = [points[k] for k in np.argsort(looks, kind="stable")[: FOLLOWED + 1]]
-    ends = [descend(campaign.loose(LOOSE_S), unknowns, u, rounds=6, share=0.01, enough=5.0) for u in best]
+    ends = [descend(campaign.roughly(), unknowns, u, rounds=6, share=0.01, enough=5.0) for u in best]
     return tightened(campaign, unknowns, min(ends, key=lambda fit: fit.cost).u)
 
 
@@ -132,7 +131,7 @@ def improved_for_all(campaign: Campaign) -> Fit:
     that snaps in the runs is tried as the weaker one, and none.
     """
     unknowns = (*base_unknowns(campaign.straw), *hypothesis(TERMS, campaign.straw.cells).unknowns)
-    loose = campaign.loose(LOOSE_S)
+    loose = campaign.roughly()
     few = loose.only(few_of(campaign.observations))
     ends = []
     for cell in (None, *snapping(campaign.observations)):

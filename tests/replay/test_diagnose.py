@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from model.parameters import StrawParameters, straw_from_toml
-from model.terms import TERMS
+from model.terms import CAUSES
 from replay.cli import main
 from replay.diagnose.diagnosis import inquire
 from replay.diagnose.experiment import Choice, _toml, menu
@@ -43,7 +43,9 @@ def test_a_late_camera_a_turned_camera_and_a_gauge_that_lies_are_undone_by_their
     np.testing.assert_allclose(back, pose, atol=1e-15)
     late = Instrument(clock_offset_s=0.06, clock_drift=0.01)
     np.testing.assert_allclose(late.true_time(np.array([0.06, 1.07])), [0.0, 1.0])
-    assert Instrument(gauge_offset_pa=100.0, gauge_gain=0.1).true_pressure(np.array([1200.0])) == pytest.approx(1000.0)
+    assert Instrument(gauge_offset_pa=100.0, gauge_gain=0.1).true_pressure(
+        np.array([1200.0]), np.zeros(1)
+    ) == pytest.approx(1000.0)
 
 
 def test_the_tip_offset_lies_along_the_tip_axis():
@@ -92,7 +94,7 @@ def test_the_clock_is_bent_at_the_snaps_and_nowhere_far_from_them():
 
 
 def test_every_cause_of_the_contract_can_be_set_into_a_straw_or_an_instrument():
-    assert set(TERMS) | set(MEASUREMENT) | {"odd_frusta_compliance"} == set(causes(9))
+    assert set(CAUSES) | set(MEASUREMENT) | {"odd_frusta_compliance"} == set(causes(9))
     for name in causes(9):
         what = hypothesis([name], 9)
         straw, instrument = applied(BASE, what.unknowns, np.array(what.starts[0]))

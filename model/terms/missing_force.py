@@ -1,0 +1,61 @@
+"""A force of the even frusta that nobody has a formula for: tables over height, bending angle and cycles.
+
+F = f(zeta / |zeta_0|) on zeta,  M = m(phi) on phi,  and equation 6 with E (1 + e(cycle)).
+"""
+
+from __future__ import annotations
+
+from model.compiled import compiled
+from model.table import AMOUNT, empty, names, points, table, table_area
+from model.term import Floats, Frustum, Term
+from model.terms.elasticity import elastic_energy, elastic_force
+
+
+@compiled
+def _force(f: Frustum, k: Floats) -> tuple[float, float]:
+    if k[0] == 0 or f.zeta0 > 0:
+        return 0.0, 0.0
+    force = moment = 0.0
+    if not empty(k, 1):
+        force += table(-f.zeta / f.zeta0, k, 1)
+    if not empty(k, 17):
+        moment += table(f.phi, k, 17)
+    if not empty(k, 33):
+        share = table(f.cycle, k, 33)
+        elastic, bending = elastic_force(f.zeta, f.phi, f.zeta0, f.C1, f.C2, f.r_i)
+        force += share * elastic
+        moment += share * bending
+    return k[0] * force, k[0] * moment
+
+
+@compiled
+def _energy(f: Frustum, k: Floats) -> float:
+    if f.zeta0 > 0:
+        return 0.0
+    stored = f.zeta0 * table_area(-f.zeta / f.zeta0, k, 1) - table_area(f.phi, k, 17)
+    share = table(f.cycle, k, 33)
+    return float(k[0] * (stored + share * elastic_energy(f.zeta, f.phi, f.zeta0, f.C1, f.C2, f.r_i)))
+
+
+#: Dense where the faces of a folded frustum nearly touch.
+HEIGHTS = (-1.1, -1.0, -0.93, -0.85, -0.7, -0.2, 0.6, 0.95)
+ANGLES = (-0.3, -0.15, -0.06, -0.02, 0.02, 0.06, 0.15, 0.3)
+CYCLES = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
+
+TERM = Term(
+    name="missing_force",
+    kind="frustum",
+    law="F = f(zeta/|zeta_0|), M = m(phi), equation 6 with E (1 + e(cycle)); tables, even frusta only",
+    source="fitted by `straw diagnose` where no hypothesis explains the runs",
+    strengths=("amount", *names("force_{}_n"), *names("moment_{}_n_m"), *names("stiffness_{}")),
+    constants=(
+        AMOUNT,
+        *points("height_{}", HEIGHTS, "force_{}_n", "N", -20.0, 2.0),
+        *points("angle_{}_rad", ANGLES, "moment_{}_n_m", "N m", -0.1, 4e-3),
+        *points("cycle_{}", CYCLES, "stiffness_{}", "1", -0.5, 0.2),
+    ),
+    force=_force,
+    energy=_energy,
+    rising=(names("height_{}"), names("angle_{}_rad"), names("cycle_{}")),
+    cause=False,
+)

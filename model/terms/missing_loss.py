@@ -1,0 +1,24 @@
+"""A loss on the way in that nobody has a formula for: tables over the flow, of either direction, and over cycles."""
+
+from __future__ import annotations
+
+from model.table import AMOUNT, names, points
+from model.term import Term
+from model.terms.missing_force import CYCLES
+
+FLOWS = (-4e-6, -2e-6, -0.7e-6, 0.0, 0.5e-6, 1.2e-6, 2.5e-6, 5e-6)
+
+TERM = Term(
+    name="missing_loss",
+    kind="flow",
+    law="dp = l(Q), and equation 2 with K (1 + k(cycle)); tables",
+    source="fitted by `straw diagnose` where no hypothesis explains the runs",
+    strengths=("amount", *names("loss_{}_pa"), *names("share_{}")),
+    constants=(
+        AMOUNT,
+        *points("flow_{}_m3_per_s", FLOWS, "loss_{}_pa", "Pa", -30e3, 4e3),
+        *points("cycle_{}", CYCLES, "share_{}", "1", -0.5, 0.2),
+    ),
+    rising=(names("flow_{}_m3_per_s"), names("cycle_{}")),
+    cause=False,
+)

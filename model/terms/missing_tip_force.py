@@ -1,0 +1,55 @@
+"""A force on the tip that nobody has a formula for: tables over where it is and how fast it moves.
+
+F_X = a(X / L), F_Z = b(X / L), L the unloaded length with all cells deployed, and h(|V|) along the tip's velocity.
+"""
+
+from __future__ import annotations
+
+import math
+
+from model.compiled import allocates_nothing
+from model.constants import Constants
+from model.kinematics import Chain
+from model.load import Load
+from model.table import AMOUNT, empty, names, odd_table, points, table
+from model.term import Floats, Term
+
+
+@allocates_nothing
+def _force(c: Constants, k: Floats, s: Chain, load: Load) -> None:
+    if k[0] == 0:
+        return
+    tip = c.cells
+    if not (empty(k, 1) and empty(k, 17)):
+        length = 0.0
+        for i in range(c.cells):
+            length += c.zeta0[i, 0] - c.zeta0[i, 1]
+        load.force[tip, 0] += k[0] * table(s.position[tip, 0] / length, k, 1)
+        load.force[tip, 1] += k[0] * table(s.position[tip, 0] / length, k, 17)
+    if not empty(k, 33):
+        speed = math.hypot(s.velocity[tip, 0], s.velocity[tip, 1])
+        if speed > 0:
+            along = k[0] * odd_table(speed, k, 33) / speed
+            load.force[tip, 0] += along * s.velocity[tip, 0]
+            load.force[tip, 1] += along * s.velocity[tip, 1]
+
+
+SHARES = (0.1, 0.3, 0.5, 0.65, 0.78, 0.86, 0.92, 0.98)
+SPEEDS = (0.01, 0.03, 0.07, 0.13, 0.22, 0.35, 0.5, 0.8)
+
+TERM = Term(
+    name="missing_tip_force",
+    kind="body",
+    law="F_X = a(X/L), F_Z = b(X/L), h(|V|) along V; tables, at the tip",
+    source="fitted by `straw diagnose` where no hypothesis explains the runs",
+    strengths=("amount", *names("along_x_{}_n"), *names("along_z_{}_n"), *names("push_{}_n")),
+    constants=(
+        AMOUNT,
+        *points("x_{}", SHARES, "along_x_{}_n", "N", -1.0, 0.2),
+        *points("at_x_{}", SHARES, "along_z_{}_n", "N", -1.0, 0.2),
+        *points("speed_{}_m_per_s", SPEEDS, "push_{}_n", "N", -1.0, 0.02),
+    ),
+    force=_force,
+    rising=(names("x_{}"), names("at_x_{}"), names("speed_{}_m_per_s")),
+    cause=False,
+)

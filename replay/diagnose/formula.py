@@ -1,0 +1,199 @@
+"""A sparse formula for a curve: the few functions of its state that the runs themselves cannot tell from the curve."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from replay.diagnose.hypothesis import Unknown
+from replay.diagnose.search import Campaign, Fit, descend, prior_cost, robust_cost, weights
+
+Floats = NDArray[np.float64]
+
+#: How many sums of one, two and three functions are tried on the runs; the condition number at which some are alike.
+KEPT, ALIKE = (3, 2, 1), 12.0
+#: Rounds of a sum's fit, and the share of the gain that another function has to earn.
+ROUNDS, EARNS = 4, 0.02
+
+
+@dataclass(frozen=True)
+class Atom:
+    """One function of the state: how it is written, its power of the state's unit, and what choosing it costs."""
+
+    text: str
+    power: float
+    of: Callable[[Floats], Floats]
+    numbers: int = 1  # constants it brings, its own shape included
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A sum of atoms with coefficients (SI) and one sigma of each, and how much of the curve's gain it keeps."""
+
+    symbol: str
+    atoms: tuple[Atom, ...]
+    coefficients: Floats
+    sigmas: Floats
+    units: tuple[str, ...]
+    keeps: float
+
+    @property
+    def text(self) -> str:
+        """In one line, coefficients in SI units."""
+        parts = [
+            " ".join(word for word in (f"({c:.3g} ± {s:.2g})", unit if unit != "1" else "", atom.text) if word)
+            for atom, c, s, unit in zip(self.atoms, self.coefficients, self.sigmas, self.units, strict=True)
+        ]
+        return f"{self.symbol} = {' + '.join(parts)}"
+
+    def of(self, x: Floats) -> Floats:
+        """Values at states x (n,)."""
+        return np.asarray(sum(c * atom.of(x) for c, atom in zip(self.coefficients, self.atoms, strict=True)))
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "text": self.text,
+            "terms": [
+                {"function": atom.text or "1", "coefficient": float(c), "sigma": float(s), "unit": unit}
+                for atom, c, s, unit in zip(self.atoms, self.coefficients, self.sigmas, self.units, strict=True)
+            ],
+            "keeps": self.keeps,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Tangent:
+    """What runs say of a curve near its fit once the base's constants give way: -2 log L = 2 g d + d H d + const.
+
+    ``d`` are the curve's values less ``values``, (n,).
+    """
+
+    values: Floats
+    g: Floats
+    H: Floats
+    smooth: Floats  # (n, n) what H lacks: the price of roughness, and how wide values were sought
+
+
+def tangent(fit: Fit, base: int, rows: Floats) -> Tangent:
+    """Of a fit whose first unknowns are the base's and whose last differences are ``rows`` times values in units.
+
+    Robust weights; what the fit leaves beyond noise widens everything.
+    """
+    runs = slice(0, len(fit.residual) - len(rows))
+    w = weights(fit.residual[runs])
+    spread = max(1.0, float(np.mean(w * fit.residual[runs] ** 2)))
+    per_u = np.array([k.per_u(float(u)) for k, u in zip(fit.unknowns[base:], fit.u[base:], strict=True)])
+    J = fit.slopes[runs] / np.concatenate([np.ones(base), per_u])
+    S, s = (J * w[:, None]).T @ J / spread, J.T @ (w * fit.residual[runs]) / spread
+    S[:base, :base] += np.diag([1 / k.sd**2 for k in fit.unknowns[:base]])
+    s[:base] += [(u - k.mean) / k.sd**2 for k, u in zip(fit.unknowns[:base], fit.u[:base], strict=True)]
+    inverse = np.linalg.inv(S[:base, :base])
+    H = S[base:, base:] - S[base:, :base] @ inverse @ S[:base, base:]
+    g = s[base:] - S[base:, :base] @ inverse @ s[:base]
+    values = np.array([k.value(float(u)) for k, u in zip(fit.unknowns[base:], fit.u[base:], strict=True)])
+    units = np.array([k.scale for k in fit.unknowns[base:]])
+    wide = np.diag([1 / (k.sd * slope) ** 2 for k, slope in zip(fit.unknowns[base:], per_u, strict=True)])
+    return Tangent(values, g, H, (rows / units).T @ (rows / units) + wide)
+
+
+def sparse(t: Tangent, at: Floats, atoms: Sequence[Atom]) -> list[tuple[tuple[Atom, ...], Floats]]:
+    """Atoms and coefficients of the sums that come nearest to the curve as the runs see it: a few of each size.
+
+    Exhaustive, and the first atom alone in any case; ``at`` (n,) in SI. What the base's constants can take over costs
+    nothing, so it need not be in a sum.
+    """
+    table = np.stack([atom.of(at) for atom in atoms], axis=1)
+    size = np.linalg.norm(table, axis=0)
+    table = table / size
+    target = t.H @ t.values - t.g
+    found = []
+    for k, most in enumerate(KEPT, 1):
+        rows = []
+        for chosen in itertools.combinations(range(len(atoms)), k):
+            A = table[:, chosen]
+            if np.linalg.cond(A) > ALIKE:  # the difference of two that are alike says nothing
+                continue
+            a = np.linalg.lstsq(A.T @ t.H @ A, A.T @ target, rcond=1e-10)[0]
+            rows.append((_misfit(t, A @ a), chosen, a / size[list(chosen)]))
+        simplest = [row for row in rows if row[1] == (0,)]
+        rows.sort(key=lambda row: row[0])
+        tried = [*rows[:most], *(row for row in simplest if row[1] not in [r[1] for r in rows[:most]])]
+        found += [(tuple(atoms[j] for j in chosen), a) for _, chosen, a in tried]
+    return found
+
+
+class Formed(Campaign):
+    """A campaign in which a curve is a sum of functions: unknowns beside the base's are shares of coefficients."""
+
+    curve: tuple[Unknown, ...]  # the base's and the curve's
+    to_u: Floats  # (points of the curve, coefficients): u of the curve by the shares
+
+    @classmethod
+    def of(cls, campaign: Campaign, curve: tuple[Unknown, ...], to_u: Floats) -> Formed:
+        """The campaign with the curve's unknowns as such sums."""
+        out = cls(campaign.observations, campaign.straw, campaign.pool, campaign.stop)
+        out.tally, out.scatter, out.rough = campaign.tally, campaign.scatter, campaign.rough
+        out.curve, out.to_u = curve, to_u
+        return out
+
+    def played(self, how: Callable[..., Any], unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[list[Any]]:
+        """What ``how`` tells of every run at every point."""
+        base = len(self.curve) - len(self.to_u)
+        return super().played(how, self.curve, [np.concatenate([p[:base], self.to_u @ p[base:]]) for p in points])
+
+
+def fitted(
+    campaign: Campaign, fit: Fit, base: int, rows: int, at: Floats, atoms: tuple[Atom, ...], start: Floats
+) -> tuple[Fit, Floats]:
+    """A sum of atoms fitted to the runs themselves, and its coefficients; ``fit`` is the curve's, with fresh slopes."""
+    scale = np.array([k.scale for k in fit.unknowns[base:]])
+    to_u = np.stack([atom.of(at) for atom in atoms], axis=1) * start / scale[:, None]
+    here = Formed.of(campaign, fit.unknowns, to_u)
+    unknowns = (
+        *fit.unknowns[:base],
+        *(Unknown(f"coefficient.{n}", 1.0, kind="linear", sd=100.0) for n in range(len(atoms))),
+    )
+    slopes = fit.slopes[: len(fit.residual) - rows]
+    slopes = np.hstack([slopes[:, :base], slopes[:, base:] @ to_u])
+    u = np.concatenate([fit.u[:base], np.ones(len(atoms))])
+    end = descend(here, unknowns, u, slopes=slopes, rounds=ROUNDS, share=2e-3)
+    return end, end.u[base:] * start
+
+
+def formula(
+    campaign: Campaign, fit: Fit, base: int, rows: Floats, at: Floats, atoms: Sequence[Atom], null_cost: float
+) -> tuple[tuple[Atom, ...], Floats, Floats, float]:
+    """The fewest atoms that explain the runs nearly as well as any: they, coefficients, sigmas, share of the gain kept.
+
+    An atom more has to earn its price, or a share of all that there is to gain: no law has exactly nature's form.
+    """
+    t, count = tangent(fit, base, rows), len(fit.residual) - len(rows)
+    best: tuple[float, tuple[Atom, ...], Floats, Fit] | None = None
+    curve_cost = robust_cost(fit.residual[:count]) + prior_cost(fit.unknowns[:base], fit.u[:base])
+    price = max(float(np.log(count)), EARNS * (null_cost - curve_cost))
+    for chosen, start in sparse(t, at, atoms):
+        end, coefficients = fitted(campaign, fit, base, len(rows), at, chosen, start)
+        score = end.cost + price * sum(atom.numbers for atom in chosen)
+        if best is None or score < best[0]:
+            best = score, chosen, coefficients, end
+        if campaign.stop():
+            break
+    assert best is not None
+    _, chosen, coefficients, end = best
+    w = weights(end.residual)
+    spread = max(1.0, float(np.mean(w * end.residual**2)))
+    prior = np.diag([1 / k.sd**2 for k in end.unknowns])
+    covariance = np.linalg.inv((end.slopes * w[:, None]).T @ end.slopes / spread + prior)
+    sigmas = np.sqrt(np.diag(covariance))[base:] * np.abs(coefficients / end.u[base:])
+    return chosen, coefficients, sigmas, (null_cost - end.cost) / max(null_cost - curve_cost, 1e-9)
+
+
+def _misfit(t: Tangent, values: Floats) -> float:
+    d = values - t.values
+    return float(2 * t.g @ d + d @ t.H @ d)

@@ -1,0 +1,123 @@
+"""Laws outside the library, concealed by an apparatus of other code: the curve and formula found where none explains.
+
+    python -m tests.benchmarks.missing_force [--only "side wind" ...] [--states "tip X, along Z" ...]
+
+Per law: the state it acts over, the state chosen, how much of the misfit the curve takes away, the curve's largest
+error against the law where it is known, in shares of the law's largest value, and the formula. About a minute of CPU
+each. Cohesion and squeeze film are causes of the library, here taken out of it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from replay.diagnose.diagnosis import allow_repeats
+from replay.diagnose.hypothesis import base_unknowns
+from replay.diagnose.judge import unexplained
+from replay.diagnose.missing import Missing, missing_force
+from replay.diagnose.observation import observe
+from replay.diagnose.search import Campaign, descend
+from replay.diagnose.start import base_start
+from replay.diagnose.states import STATES
+from tests.apparatus.campaign import campaign
+from tests.apparatus.effects import Cause
+from tests.benchmarks.concealed import BASE, SIX
+
+FOLDED_M = -2.28e-3
+
+
+@dataclass(frozen=True)
+class Planted:
+    """A concealed cause, the state it acts over, and its law in the curve's words, up to its sign."""
+
+    cause: Cause
+    state: str
+    law: Callable[[np.ndarray], np.ndarray] | None
+
+
+def _unknown(form: str, size: float) -> Cause:
+    return Cause("unknown", size, form, 1)
+
+
+def _saturated(p: np.ndarray) -> np.ndarray:  # the gauge shows too little beyond what it can; commands were 35, -25 kPa
+    return np.where(p > 30.9e3, -4e3, np.where(p < -20.9e3, 4e3, 0.0))
+
+
+def _binding(zeta: np.ndarray) -> np.ndarray:  # second cycle
+    gap = np.maximum(0.0, zeta - FOLDED_M) / 0.25e-3
+    return -6.0 * 2**-0.6 * gap * np.exp(1 - gap)
+
+
+def _film(zeta: np.ndarray) -> np.ndarray:
+    return 2000.0 / (1 + np.maximum(0.0, zeta - FOLDED_M) / 0.2e-3) ** 3
+
+
+PLANTED = (
+    Planted(_unknown("side wind", 0.05), "tip X, along Z", lambda x: np.full_like(x, 0.05)),
+    Planted(_unknown("gauge saturates", 4e3), "gauge over pressure", _saturated),
+    Planted(_unknown("damping with the square of speed", 3e3), "speed", lambda v: 3e3 * v**2),
+    Planted(_unknown("board against a stop", 1e-3), "tip X, along X", lambda x: -800 * np.maximum(0, x - 51e-3)),
+    Planted(_unknown("magnet near the tip", 0.15), "tip X, along Z", None),
+    Planted(_unknown("wall stiffer under pressure", 5e-6), "gauge over pressure", None),
+    Planted(_unknown("wall softens with time", 2e-3), "cycles: stiffness", None),
+    Planted(_unknown("channel clogs from run to run", 0.025), "cycles: channel", None),
+    Planted(_unknown("leak through the wall", 4e-11), "flow", None),
+    Planted(_unknown("camera skips a moment", 0.08), "clock over time", None),
+    Planted(_unknown("self-excited tip", 0.25), "tip speed", None),
+    Planted(Cause("cohesion", 6.0, "binding curve", 1), "height", _binding),
+    Planted(Cause("squeeze_film", 2000.0, "disk with gap floor, h^-3", 1), "damping over height", _film),
+)
+
+
+def error(found: Missing, law: Callable[[np.ndarray], np.ndarray]) -> float:
+    """Largest difference where the curve is known to a fifth of the law's size, as a share of that; either sign."""
+    want = law(found.at)
+    size = float(np.max(np.abs(want)))
+    known = found.sigmas < size / 5
+    if not known.any() or size == 0:
+        return float("nan")
+    return min(float(np.max(np.abs(found.values - sign * want)[known])) / size for sign in (1, -1))
+
+
+def main() -> None:
+    """Conceal, fit, print."""
+    ask = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    ask.add_argument("--only", nargs="*", default=[])
+    ask.add_argument("--states", nargs="*", default=[])
+    args = ask.parse_args()
+    states = [s for s in STATES if not args.states or s.name in args.states]
+    right = tried = 0
+    for planted in PLANTED:
+        name = planted.cause.form if planted.cause.name == "unknown" else planted.cause.name
+        if args.only and name not in args.only:
+            continue
+        observations = [observe(run) for run in campaign((planted.cause,), 4, SIX)]
+        with ThreadPoolExecutor() as pool:
+            here, base = Campaign(observations, BASE, pool), base_unknowns(BASE)
+            null = descend(here, base, base_start(here, base), rounds=6, enough=5.0)
+            allow_repeats(here, null)
+            null = descend(here, base, null.u, rounds=5)
+            left, start, before = unexplained(here, null), time.process_time(), here.tally["played"]
+            found = missing_force(here, null, states=states)
+        assert found is not None
+        tried += 1
+        right += found.curve.state.name == planted.state
+        cpu = time.process_time() - start
+        print(f"{name}: the base leaves {left:.0f} sigmas squared; over {planted.state!r} it should be")
+        print(f"  {found.says}")
+        if planted.law:
+            print(f"  largest error of the curve: {100 * error(found, planted.law):.0f} % of the law's size")
+        if found.formula:
+            print(f"  {found.formula.text}  (keeps {100 * found.formula.keeps:.0f} %)")
+        print(f"  {cpu:.0f} s CPU, {here.tally['played'] - before} runs played", flush=True)
+    print(f"the state was right in {right} of {tried}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,103 @@
+"""A missing force as a curve and a formula: planted by an apparatus of other code, or as plain numbers."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from model.parameters import StrawParameters, straw_from_toml
+from model.simulate import simulate
+from replay.diagnose.dictionary import atoms
+from replay.diagnose.formula import Formula, Tangent, sparse
+from replay.diagnose.hypothesis import applied, base_unknowns
+from replay.diagnose.instrument import Instrument
+from replay.diagnose.missing import missing_force
+from replay.diagnose.observation import observe
+from replay.diagnose.search import Campaign, descend
+from replay.diagnose.states import STATES, points
+from tests.apparatus.campaign import NONE, campaign
+from tests.apparatus.effects import Cause
+
+BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)
+BY_NAME = {state.name: state for state in STATES}
+
+
+def test_a_gauge_that_saturates_is_found_as_an_error_over_what_it_shows_with_its_size():
+    runs = campaign((Cause("unknown", 4e3, "gauge saturates", 1),), 3, ("fold-25kPa", "deploy-35kPa-1"), NONE)
+    with ThreadPoolExecutor() as pool:
+        here, base = Campaign([observe(run) for run in runs], BASE, pool), base_unknowns(BASE)[:3]
+        null = descend(here, base, np.zeros(len(base)), rounds=3, share=0.01)
+        found = missing_force(here, null, states=[BY_NAME["gauge over pressure"], BY_NAME["tip X, along Z"]])
+    assert found is not None
+    assert found.curve.state.name == "gauge over pressure"
+    assert found.explains > 0.8
+    # it shows 31 kPa where there are 35, and -21 where there are -25
+    wrong = np.interp([31e3, 0.0, -21e3], found.at, found.values)
+    assert wrong[0] - wrong[1] == pytest.approx(-4e3, rel=0.4)
+    assert wrong[2] - wrong[1] == pytest.approx(4e3, rel=0.4)
+    assert found.formula is not None
+    assert found.formula.keeps > 0.7
+    told = found.as_json()
+    assert len(told["curve"]) == len(found.at)
+    assert told["formula"]["text"].startswith("error(p) = ")
+
+
+def test_a_straw_with_a_curve_is_a_file_that_can_be_simulated():
+    at = np.array([0.2, 0.4, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0])
+    state = BY_NAME["tip X, along Z"]
+    straw = applied(state.straw_with(BASE, at), state.unknowns(at), np.full(8, 10.0))[0]
+    again = straw_from_toml(straw.to_toml())
+    ends = [simulate(s, lambda t: 0 * t, np.array([0.0, 0.1]), [1, 4]) for s in (again, BASE.replace(F_Z_n=0.02))]
+    assert ends[0].z_m[-1] == pytest.approx(ends[1].z_m[-1], abs=1e-7)
+
+
+def test_a_formula_leaves_out_what_the_base_can_take_over():
+    """Runs that know a curve only up to a straight line through zero, which is the base's own damping."""
+    state, v = BY_NAME["speed"], np.geomspace(0.005, 0.4, 8)
+    known = np.eye(8) * 1e4
+    line = known @ v
+    H = known - np.outer(line, line) / (v @ line)
+    t = Tangent(12.0 * v**2 - 3.0 * v, np.zeros(8), H, np.zeros((8, 8)))
+    chosen, a = sparse(t, v, atoms(state, v))[0]
+    assert [atom.text for atom in chosen] == ["|v| v"]
+    assert a == pytest.approx([12.0])
+    law = Formula("F(v)", chosen, a, np.array([0.4]), ("N/(m/s)^2",), 1.0)
+    assert law.text == "F(v) = (12 ± 0.4) N/(m/s)^2 |v| v"
+
+
+@pytest.mark.parametrize("state", STATES, ids=lambda state: state.name)
+def test_every_state_has_a_curve_that_changes_nothing_while_it_is_zero(state):
+    at = np.array([-4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0, 5.0]) if state.zero else np.arange(1.0, 9.0) / 10
+    unknowns = state.unknowns(at)
+    assert len(unknowns) == 8 - state.zero
+    straw = state.straw_with(BASE, at)
+    _, instrument = applied(straw, unknowns, np.zeros(len(unknowns)))
+    grid = np.linspace(0, 3.0, 5)
+    np.testing.assert_array_equal(instrument.true_pressure(grid, grid), grid)
+    np.testing.assert_array_equal(instrument.true_time(grid), grid)
+    moved, other = applied(straw, unknowns, np.ones(len(unknowns)))
+    assert moved.terms.keys() == ({state.term} if state.term else set())
+    assert (other == Instrument()) == bool(state.term)
+    assert len(atoms(state, at)) >= 4
+
+
+def test_points_lie_where_the_runs_are_and_reach_over_all_of_them():
+    rng = np.random.default_rng(2)
+    x = np.concatenate([rng.normal(35e3, 100.0, 5000), rng.uniform(-20e3, 35e3, 500)])
+    at = points(BY_NAME["gauge over pressure"], [x])
+    assert at is not None
+    assert np.all(np.diff(at) > 0)
+    assert at[0] < -18e3
+    assert np.sum(at > 30e3) >= 3
+    few = points(BY_NAME["cycles: stiffness"], [np.array([float(n)]) for n in (0, 1, 1, 2)])
+    np.testing.assert_array_equal(few, [0.0, 1.0, 2.0])
+    assert points(BY_NAME["cycles: stiffness"], [np.zeros(1), np.ones(1)]) is None
+
+
+def test_a_curve_of_the_clock_is_undone_by_its_opposite():
+    late = Instrument.of({"clock_curve_s@0": 0.0, "clock_curve_s@2": 0.04, "gauge_curve_pa@1000": 50.0})
+    assert late.stamped(np.array([1.0])) == pytest.approx(1.02)
+    np.testing.assert_allclose(late.true_time(late.stamped(np.array([0.5, 1.5]))), [0.5, 1.5], atol=1e-3)
+    assert late.true_pressure(np.array([1000.0]), np.zeros(1)) == pytest.approx(950.0)
