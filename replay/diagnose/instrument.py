@@ -35,6 +35,10 @@ class Instrument:
         """Pressure (Pa) where the gauge shows (n,)."""
         return (shown_pa - self.gauge_offset_pa) / (1 + self.gauge_gain)
 
+    def shown_pressure(self, true_pa: float) -> float:
+        """What the gauge shows (Pa) at a pressure (Pa)."""
+        return (1 + self.gauge_gain) * true_pa + self.gauge_offset_pa
+
     def seen(self, pose: Floats) -> Floats:
         """Tip X, Z, Phi as tracked, (3, n), of a tip at X, Z (m), Phi (rad), (3, n)."""
         x, z, phi = pose
