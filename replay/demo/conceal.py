@@ -111,10 +111,9 @@ def story(concealed: Concealed, seal: Seal, told: str, findings: Findings) -> st
     )
     if named(concealed, findings):
         verdict = "the diagnosis named it"
-    elif concealed.cause in findings.causes:
-        verdict = f"not named: it is one of {len(findings.causes)} that the diagnosis could not tell apart"
     else:
-        verdict = f"not named: the diagnosis said {findings.verdict.replace('_', ' ')}"
+        between = f", {' or '.join(findings.causes)}" if findings.causes else ""
+        verdict = f"not named: the diagnosis said {findings.verdict.replace('_', ' ')}{between}"
     found = [
         f"{name} = {row['value']:.4g} ± {row['sigma']:.2g} {row['unit']}"
         for name, row in findings.parameters.get(concealed.cause, {}).items()

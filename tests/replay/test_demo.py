@@ -56,7 +56,7 @@ def test_named_is_only_what_is_named_alone() -> None:
     assert named(Concealed(NOTHING, {}), said("complete"))
     assert not named(Concealed(NOTHING, {}), said("unknown_physics", "unknown"))
     told = story(late, Seal("{}"), Seal("{}").sha256, said("ambiguous", "clock_offset", "line_lag"))
-    assert "not named: it is one of 2 that the diagnosis could not tell apart" in told
+    assert "not named: the diagnosis said ambiguous, clock_offset or line_lag" in told
     assert "concealed was nothing" in story(Concealed(NOTHING, {}), Seal("{}"), "", said("complete"))
 
 
