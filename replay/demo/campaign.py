@@ -89,7 +89,8 @@ def record(
     plan: Plan, base: StrawParameters, concealed: Concealed, out: Path, seed: int, camera: Camera | None = None
 ) -> Filmed:
     """Drive, film and track one run of the twin; ``camera`` is placed already, else the straw's rest pose places it."""
-    protocol, straw, instrument = protocol_of(plan), concealed.straw(base), concealed.instrument
+    protocol, instrument = protocol_of(plan), concealed.instrument
+    straw = concealed.straw(base).replace(cycle=float(plan.cycle))
     recording, video, tip = (out / name for name in plan.files)
     truth = drive_twin(plan, protocol, straw, FaultyGauge(instrument, seed), recording)
     recorded = read_run(recording)
@@ -114,9 +115,9 @@ def drive_twin(
 
     Time stands still between two exchanges, so that a busy computer makes no other recording than an idle one.
     """
-    worn, clock = straw.replace(cycle=float(plan.cycle)), SteppedClock()
+    clock = SteppedClock()
     address = "pty" if os.name == "posix" else "127.0.0.1:0"
-    with emulation(worn, protocol.initial_deployed, CONTROLLER, address, plant=plant, clock=clock) as emulated:
+    with emulation(straw, protocol.initial_deployed, CONTROLLER, address, plant=plant, clock=clock) as emulated:
         rig = make_controller(CONTROLLER, emulated.url, clock=clock)
         drive(rig, protocol, output, straw.cells, run_id=plan.name, specimen=SPECIMEN, cycle=str(plan.cycle))
     return emulated.twin.history
