@@ -111,9 +111,11 @@ def diagnosed(records: list[Record], library: list[str]) -> tuple[str, dict[str,
     start = grid[int(np.argmin([robust_cost(r) for r in campaign.residuals(BASE, grid)]))]
     null = descend(campaign, BASE, start, rounds=40)
 
-    def entered(known: Fit, names: list[str], onto: Contestant | None, most: int) -> list[Contestant]:
+    def entered(
+        known: Fit, names: list[str], onto: Contestant | None, most: int, given: Fit | None = None
+    ) -> list[Contestant]:
         groups: dict[str, list] = {}
-        for look in looks(campaign, known, names, [np.zeros(len(BASE))]):
+        for look in [look for place in (known, given) if place for look in looks(campaign, place, names)]:
             groups.setdefault(look.name, []).append(look)
         ranked = sorted(groups.values(), key=lambda group: min(look.promise for look in group))[:most]
         hypothesis = onto.hypothesis if onto else None
@@ -122,7 +124,9 @@ def diagnosed(records: list[Record], library: list[str]) -> tuple[str, dict[str,
             for group in ranked
         ]
 
-    singles = sorted(entered(null, library, None, len(library)), key=lambda c: c.cost)
+    # the constants as given, too: what is missing has dragged those fitted away
+    given = descend(campaign, BASE, np.zeros(len(BASE)), rounds=0)
+    singles = sorted(entered(null, library, None, len(library), given), key=lambda c: c.cost)
     contestants = [finish(campaign, c, rounds=40) for c in singles[:FINISHED]] + singles[FINISHED:]
     best = min(contestants, key=lambda c: c.cost)
     if unexplained(campaign, best.fit) > 150.0:

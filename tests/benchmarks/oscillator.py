@@ -157,7 +157,12 @@ class Oscillators(Campaign):
         self.tally["failed"] += sum(one is None for row in found for one in row)
         return found
 
-    def _like(self, observations: Sequence[Record], slack_s: float) -> Oscillators:
+    def residuals(self, unknowns: Sequence[Unknown], points: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """All differences of all records in sigmas as one vector for each point."""
+        rows = self.misfits(unknowns, points)
+        return [self.stacked([None if one is None else one.vector for one in row]) for row in rows]
+
+    def _like(self, observations: Sequence[Record], rough: bool) -> Oscillators:
         out = Oscillators(observations, self.library, self.pool, self.stop)
-        out.slack_s, out.tally = slack_s, self.tally
+        out.rough, out.tally = rough, self.tally
         return out
