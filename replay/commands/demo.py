@@ -1,98 +1,106 @@
-"""straw demo: the whole loop without hardware: drive an emulated rig, film its straw, track the film, replay it."""
+"""straw demo: the whole loop without hardware: drive, film, track, diagnose what the twin conceals, replay."""
 
 from __future__ import annotations
 
 import argparse
-import math
-import os
-from dataclasses import dataclass
-from importlib.resources import as_file, files
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-
-import numpy as np
-from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from typing import Any
 
 from model.parameters import StrawParameters
 from replay.commands import replay
-from replay.commands.rig_run import drive, emulation
-from replay.commands.track import model_rest, summary
+from replay.commands.track import summary
 from replay.compare import CHANNELS, Comparison, compare
+from replay.demo.campaign import PLANS, Filmed, record
+from replay.demo.conceal import Seal, draw, opened, story
+from replay.demo.film import lens_alone
+from replay.diagnose.diagnosis import inquire
+from replay.diagnose.findings import Findings, conclude
+from replay.diagnose.observation import observe
+from replay.diagnose.report import report
 from replay.errors import ReplayError
 from replay.gather import gather
 from replay.output import write_json, write_text
-from replay.progress import progress_bar, say
+from replay.progress import prepare, progress_bar, say
 from replay.report.page import page
 from replay.report.proxy import film as film_proxy
-from replay.track_file import track_to_file
-from rig.guarded import GuardedController
-from rig.protocol import PressureProtocol, load_protocol
-from rig.run_read import read_run
-from rig.twin import TwinHistory
-from tracking.camera import Camera, save_camera
-from tracking.lens import shipped_lens
-from tracking.synthetic import camera_looking_at, paint_video
-from tracking.trace import TipTrace
+from rig.run import Run
+from tracking.camera import save_camera
 
-Floats = NDArray[np.float64]
-
-LENS = "gopro_hero6_wide_1080p240"
-DISTANCE_M = 0.212
-OBLIQUITY_RAD = math.radians(25)
-LINE_S = 3.7e-6  # rolling shutter: from one row to the next
+#: The straw as its owner knows it; damping lies between those of the paper's two runs.
+BASE = StrawParameters().replace(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)
+#: A search that takes longer is cut short, says so and names nothing, s.
+PATIENCE_S = 170.0
 MARKER = ".straw-demo"  # a folder with this file is one that the demo may use again
-MADE = ("run.mcap", "camera.json", "video.mp4", "tip.mcap", "replay.html", "demo.json")
-
-
-@dataclass(frozen=True)
-class Error:
-    """Tracked minus painted, over all valid frames: RMS and largest, SI, and mean square in sigmas."""
-
-    rms: float
-    largest: float
-    normalised: float
+MADE = (
+    "sealed.txt", "base.toml", "camera.json", *(name for plan in PLANS for name in plan.files),
+    "why.html", "improved.toml", "replay.html", "opened.json", "demo.json",
+)  # fmt: skip
 
 
 def run(args: argparse.Namespace) -> int:
-    """Drive, film, track, replay; print how well each step did and where to look."""
+    """Conceal, drive, film, track, diagnose, replay, open the seal; 0 whether or not the diagnosis named it."""
     out = clear_folder(args.out)
-    straw = StrawParameters()
-    with as_file(files("rig") / "protocols" / "fold-25kPa.toml") as path:
-        protocol = load_protocol(path)
+    concealed = draw(args.seed)
+    seal = Seal.on(concealed)
+    told = seal.sha256
+    print(f"sealed    {told}", flush=True)
+    write_text(out / "sealed.txt", f"{told}  opened.json\n")
+    write_text(out / "base.toml", BASE.to_toml())
+    save_camera(out / "camera.json", lens_alone())
 
-    say("1/4 drive: the paper's folding run on an emulated OB1 MK4, through the serial driver")
-    truth = drive_emulated(straw, protocol, out / "run.mcap")
-    recorded = read_run(out / "run.mcap")
+    prepare()
+    filmed: list[Filmed] = []
+    for k, plan in enumerate(PLANS):
+        say(f"{k + 1}/6 {plan.name}: an emulated OB1 MK4 is driven through its driver, filmed at 240 frames/s, tracked")
+        camera = None if plan.places else filmed[-1].tracked.camera
+        filmed.append(record(plan, BASE, concealed, out, args.seed + k, camera))
 
-    say("2/4 film: painting what a GoPro HERO6 sees at 240 frames/s")
-    camera = Camera(shipped_lens(LENS))
-    save_camera(out / "camera.json", camera)
-    start_s = -protocol.zero_s
-    motion = Motion(truth, recorded.zero_time_ns + round(start_s * 1e9))
-    rest = model_rest(straw, protocol.initial_deployed)
-    film(out / "video.mp4", camera, motion, rest, protocol.duration_s, args.seed)
+    say(f"5/6 diagnose: {len(PLANS)} runs, {len(CHANNELS)} channels, and the straw without what is concealed")
+    runs = gather([path for one in filmed for path in (one.recording, one.tip)])
+    findings, why = diagnosed(runs)
+    write_text(out / "why.html", why)
+    write_text(out / "improved.toml", findings.straw.to_toml())
 
-    say("3/4 track: finding the board in every frame")
-    tracked = track_to_file(out / "video.mp4", camera, rest, out / "tip.mcap", recorded, start_s)
-    if tracked.record:
-        tracked.record.remove()
-    errors = errors_of(tracked.trace, motion, start_s)
-
-    say("4/4 replay: the model under the measured pressure, laid over the track")
-    (run_with_tip,) = gather([out / "run.mcap", out / "tip.mcap"])
-    comparison = compare(run_with_tip, straw)
+    say("6/6 replay: the improved model under the measured pressure, laid over the tracks")
+    comparisons = [compare(one, findings.straw) for one in runs]
+    before = compare(runs[0], BASE)
     with progress_bar("proxy", "frame") as progress:
-        filmed = film_proxy(comparison, [out / "video.mp4"], progress=progress)
-    write_text(out / "replay.html", page([comparison], more={run_with_tip.sha256: {"film": filmed}}))
+        shown = film_proxy(comparisons[0], [filmed[0].video], progress=progress)
+    write_text(out / "replay.html", page(comparisons, more={runs[0].sha256: {"film": shown}}))
+
+    write_text(out / "opened.json", seal.label)
+    data = {
+        "tracking_error": {name: vars(error) for name, error in filmed[0].errors.items()},
+        "base_residual": replay.as_data([before])["runs"],
+        "model_residual": replay.as_data(comparisons)["runs"],
+        "seal": opened(concealed, seal, told, findings),
+    }
     for path in filter(None, (out / "demo.json", args.json)):
-        write_json(path, as_data(errors, comparison))
-    print(
-        f"recorded  {len(recorded.pressure or ())} pressure readings, {len(recorded.events)} events: {out / 'run.mcap'}"
-    )
-    print(f"tracked   {summary(tracked)}: {out / 'tip.mcap'}")
-    print(figures(errors, comparison))
-    print(f"look at   {out / 'replay.html'}")
+        write_json(path, data)
+    for one in filmed:
+        print(f"tracked   {summary(one.tracked)}: {one.tip}")
+    print(figures(filmed[0], before, comparisons[0]))
+    print(f"diagnosis {findings.says} {findings.where}")
+    print(f"opened    {story(concealed, seal, told, findings)}: {out / 'opened.json'}")
+    print(f"look at   {out / 'why.html'} and {out / 'replay.html'}")
     return 0
+
+
+def diagnosed(runs: list[Run]) -> tuple[Findings, str]:
+    """What the runs say, from their recordings and the base straw alone, and the page that shows why."""
+    until_s = time.monotonic() + PATIENCE_S
+    with ThreadPoolExecutor() as pool, progress_bar("diagnose", "step") as progress:
+        found = inquire(
+            [observe(one) for one in runs],
+            BASE,
+            executor=pool,
+            told=lambda _what, done, total: progress(done, total),
+            stop=lambda: time.monotonic() > until_s,
+        )
+        findings = conclude(found)
+        return findings, report(findings, found)
 
 
 def clear_folder(out: Path) -> Path:
@@ -102,83 +110,25 @@ def clear_folder(out: Path) -> Path:
             raise ReplayError(f"{out}: is not empty and not an earlier demo; choose another folder with --out")
         out.mkdir(parents=True, exist_ok=True)
         for name in MADE:  # and nothing else: somebody may keep a recording of their own here by now
-            (out / name).unlink(missing_ok=True)
-            (out / f"{name}.part").unlink(missing_ok=True)  # of one that was killed
+            for ending in ("", ".sha256", ".part", ".corners"):  # the last two of one that was killed
+                (out / f"{name}{ending}").unlink(missing_ok=True)
         (out / MARKER).write_text(f"straw demo makes anew: {', '.join(MADE)}\n", encoding="utf-8")
     except OSError as error:
         raise ReplayError(f"{out}: cannot be the demo's folder: {error.strerror}; choose another with --out") from None
     return out
 
 
-def drive_emulated(straw: StrawParameters, protocol: PressureProtocol, output: Path) -> TwinHistory:
-    """Run the protocol on the emulator over a real wire: a serial terminal where there is one, TCP elsewhere."""
-    addresses = ("pty", "127.0.0.1:0") if os.name == "posix" else ("127.0.0.1:0",)
-    with emulation(straw, protocol.initial_deployed, "ob1-mk4", *addresses) as emulated:
-        say(f"    the controller answers at {' and '.join(emulated.urls)}; driving {emulated.url}")
-        rig = GuardedController("ob1-mk4", emulated.url)
-        drive(rig, protocol, output, straw.cells, run_id=protocol.name, specimen="twin")
-    return emulated.twin.history
-
-
-class Motion:
-    """What the twin's tip really did, at seconds since the video's first frame; smooth between its milliseconds."""
-
-    def __init__(self, truth: TwinHistory, video_start_ns: int) -> None:
-        self._spline = CubicSpline(
-            truth.time_s - (video_start_ns - truth.zero_wall_ns) / 1e9,
-            np.column_stack([truth.x_m, truth.z_m, truth.phi_rad]),
-        )
-
-    def __call__(self, time_s: Floats) -> tuple[Floats, Floats, Floats]:
-        """Tip x_m, z_m, phi_rad, each of the shape of ``time_s``."""
-        x_m, z_m, phi_rad = np.moveaxis(np.asarray(self._spline(time_s), dtype=np.float64), -1, 0)
-        return x_m, z_m, phi_rad
-
-
-def film(
-    path: Path, camera: Camera, motion: Motion, rest: tuple[float, float, float], duration_s: float, seed: int
-) -> None:
-    """Paint the video from 212 mm, 25 degrees to the side of the board's normal."""
-    target = (rest[0] + camera.tip_offset_m, 0.0, rest[1])
-    place = camera_looking_at(target, DISTANCE_M, OBLIQUITY_RAD, 0.0)
-    placed = Camera(camera.lens, place, camera.tip_offset_m)
-    with progress_bar("film", "frame") as progress:
-        paint_video(path, placed, motion, duration_s, seed=seed, line_s=LINE_S, progress=progress)
-
-
-def errors_of(trace: TipTrace, motion: Motion, start_s: float) -> dict[str, Error]:
-    """Tracking error by channel against the painted truth."""
-    valid = trace.valid
-    found = {}
-    for channel, truth in zip(CHANNELS, motion(trace.time_s[valid] - start_s), strict=True):
-        error = getattr(trace, channel)[valid] - truth
-        sigma = getattr(trace, f"sigma_{channel}")[valid]
-        found[channel] = Error(
-            rms=float(np.sqrt(np.mean(error**2))),
-            largest=float(np.abs(error).max()),
-            normalised=float(np.mean((error / sigma) ** 2)),
-        )
-    return found
-
-
-def as_data(errors: dict[str, Error], comparison: Comparison) -> dict[str, object]:
-    """The demo's figures for machines, SI."""
-    return {
-        "tracking_error": {name: vars(error) for name, error in errors.items()},
-        "model_residual": replay.as_data([comparison])["runs"],
-    }
-
-
-def figures(errors: dict[str, Error], comparison: Comparison) -> str:
-    """Tracking error and model residual in units people read."""
-    lines = ["                              X / um    Z / um   Phi / mrad"]
+def figures(filmed: Filmed, before: Comparison, after: Comparison) -> str:
+    """Tracking error and model residuals of one run in units people read."""
+    lines = [f"{filmed.recording.name:<26}    X / um    Z / um   Phi / mrad"]
     scale = dict(zip(CHANNELS, (1e6, 1e6, 1e3), strict=True))
-    for label, values in (
-        ("tracking error, RMS", {name: e.rms for name, e in errors.items()}),
-        ("tracking error, largest", {name: e.largest for name, e in errors.items()}),
-        ("model residual, RMS", {name: s.metrics.rmse for name, s in comparison.signals.items()}),
-        ("model residual, largest", {name: s.metrics.max_abs for name, s in comparison.signals.items()}),
-    ):
+    rows: list[tuple[str, dict[str, Any]]] = [
+        ("tracking error, RMS", {name: e.rms for name, e in filmed.errors.items()}),
+        ("tracking error, largest", {name: e.largest for name, e in filmed.errors.items()}),
+        ("base model off by, RMS", {name: s.metrics.rmse for name, s in before.signals.items()}),
+        ("improved model, RMS", {name: s.metrics.rmse for name, s in after.signals.items()}),
+    ]
+    for label, values in rows:
         x, z, phi = (values[name] * scale[name] for name in CHANNELS)
         lines.append(f"{label:<26}{x:10.1f}{z:10.1f}{phi:13.2f}")
     return "\n".join(lines)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.hypothesis import Hypothesis, Unknown, hypothesis
+from replay.diagnose.hypothesis import Hypothesis, Unknown
 from replay.diagnose.search import (
     LONGEST_STEP,
     Campaign,
@@ -59,7 +59,7 @@ class Look:
 def looks(campaign: Campaign, known: Fit, names: Sequence[str]) -> list[Look]:
     """Every cause at every start beside what is known: as it is, and with room made for it."""
     out = []
-    whats = {name: hypothesis([name], campaign.straw.cells) for name in names}
+    whats = {name: campaign.hypothesis([name]) for name in names}
 
     def at(rows: list[tuple[str, Floats]]) -> list[tuple[str, Floats, Floats, float]]:
         found = []
@@ -108,7 +108,7 @@ def enter(
 
     Slopes by the constants known before are taken over at first; only the new ones' are measured.
     """
-    what = hypothesis([found[0].name], campaign.straw.cells)
+    what = campaign.hypothesis([found[0].name])
     unknowns = (*known.unknowns, *what.unknowns)
     n, best = len(known.u), None
     own = range(n, len(unknowns))
@@ -134,7 +134,7 @@ def enter(
 
 def unfitted(campaign: Campaign, known: Fit, look: Look) -> Contestant:
     """A cause that promises too little to be fitted, with what it shows at its best look, or as without it."""
-    what = hypothesis([look.name], campaign.straw.cells)
+    what = campaign.hypothesis([look.name])
     fit = Fit((*known.unknowns, *what.unknowns), look.point, look.residual, known.slopes, look.cost, False)
     return Contestant(what, fit)
 

@@ -63,6 +63,10 @@ class Instrument:
         wrong = self.gauge_offset_pa + _at(self.gauge_curve_pa, shown_pa) + _at(self.gauge_wander_pa, time_s)
         return (shown_pa - wrong) / (1 + self.gauge_gain)
 
+    def shown_pressure(self, true_pa: float) -> float:
+        """What the gauge shows (Pa) at a pressure (Pa)."""
+        return (1 + self.gauge_gain) * true_pa + self.gauge_offset_pa
+
     def seen(self, pose: Floats) -> Floats:
         """Tip X, Z, Phi as tracked, (3, n), of a tip at X, Z (m), Phi (rad), (3, n)."""
         x, z, phi = pose

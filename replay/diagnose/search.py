@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from model.errors import ModelError
 from model.parameters import StrawParameters
-from replay.diagnose.hypothesis import Unknown, applied
+from replay.diagnose.hypothesis import Hypothesis, Unknown, applied, hypothesis
 from replay.diagnose.misfit import Misfit, misfit, rough_misfit
 from replay.diagnose.observation import Observation
 
@@ -62,6 +62,10 @@ class Campaign:
         out = Campaign(observations, self.straw, self.pool, self.stop)
         out.rough, out.tally = rough, self.tally
         return out
+
+    def hypothesis(self, names: Sequence[str]) -> Hypothesis:
+        """One or more causes together, as they may act on this specimen."""
+        return hypothesis(names, self.straw.cells)
 
     def misfits(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[list[Misfit | None]]:
         """Misfit of every run at every point u; None where the model cannot follow."""

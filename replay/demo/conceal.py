@@ -1,0 +1,121 @@
+"""What the demo's twin conceals: an effect drawn by seed, sealed before anything is recorded, opened at the end."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import secrets
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from model.parameters import StrawParameters
+from model.terms import TERMS
+from replay.diagnose.findings import Findings
+from replay.diagnose.instrument import Instrument
+
+NOTHING = "complete"
+#: What may be concealed, each of a well visible size: terms of the straw and faults of the instrument, SI. A drawn
+#: strength, the first constant of each, is this times a factor of up to SPREAD either way.
+DRAWER: dict[str, dict[str, float]] = {
+    "cohesion": {"force_n": 5.0, "range_m": 0.3e-3, "weakening": 0.3},
+    "poiseuille_loss": {"resistance_pa_s_per_m3": 2e9},
+    "clock_offset": {"clock_offset_s": 40e-3},
+    NOTHING: {},
+    "squeeze_film": {"folded_n_s_per_m": 400.0, "gap_m": 0.2e-3},
+    "viscoelasticity": {"k1_n_per_m": 1000.0, "tau_s": 0.3},
+    "camera_roll": {"camera_roll_rad": 8e-3},
+    "dry_friction": {"force_n": 0.6},
+    "gauge_offset": {"gauge_offset_pa": 2000.0},
+    "crease_stiffness": {"zeta_n_per_m": 400.0, "phi_n_m_per_rad": 40e-3},
+}
+SPREAD = 1.25
+
+
+@dataclass(frozen=True)
+class Concealed:
+    """An effect's name in the contract, or ``complete`` for none, and its constants, SI."""
+
+    cause: str
+    constants: dict[str, float]
+
+    def straw(self, base: StrawParameters) -> StrawParameters:
+        """The twin's straw."""
+        return base.with_term(self.cause, **self.constants) if self.cause in TERMS else base
+
+    @property
+    def instrument(self) -> Instrument:
+        """The twin's clock, camera and gauge."""
+        return Instrument() if self.cause in TERMS else Instrument(**self.constants)
+
+    def __str__(self) -> str:
+        sizes = ", ".join(f"{name} = {value:.4g}" for name, value in self.constants.items())
+        return f"{self.cause.replace('_', ' ')} ({sizes})" if sizes else "nothing"
+
+
+def draw(seed: int) -> Concealed:
+    """The effect that belongs to a seed."""
+    rng = np.random.default_rng(seed)
+    cause = list(DRAWER)[int(rng.integers(len(DRAWER)))]
+    constants = dict(DRAWER[cause])
+    if constants:
+        strength = next(iter(constants))
+        constants[strength] *= float(SPREAD ** rng.uniform(-1, 1))
+    return Concealed(cause, constants)
+
+
+@dataclass(frozen=True)
+class Seal:
+    """A label as the text that is opened at the end; its SHA-256 is shown at once. The nonce keeps it from a guess."""
+
+    label: str
+
+    @classmethod
+    def on(cls, concealed: Concealed) -> Seal:
+        """Seal what is concealed."""
+        return cls(json.dumps({**vars(concealed), "nonce": secrets.token_hex(16)}) + "\n")
+
+    @property
+    def sha256(self) -> str:
+        """What ``sha256sum`` says of the opened label."""
+        return hashlib.sha256(self.label.encode()).hexdigest()
+
+
+def named(concealed: Concealed, findings: Findings) -> bool:
+    """Whether the diagnosis says this cause and no other, or that nothing is missing where nothing was concealed."""
+    if concealed.cause == NOTHING:
+        return findings.verdict == "complete"
+    return findings.verdict in ("missing_physics", "measurement_fault") and findings.causes == [concealed.cause]
+
+
+def opened(concealed: Concealed, seal: Seal, told: str, findings: Findings) -> dict[str, Any]:
+    """How it went, for machines: ``told`` is the SHA-256 that was shown before the analysis."""
+    return {
+        "concealed": concealed.cause,
+        "constants": concealed.constants,
+        "sha256": told,
+        "sha256_agrees": seal.sha256 == told,
+        "verdict": findings.verdict,
+        "causes": findings.causes,
+        "probability": dict(findings.judgement.probability),
+        "found": findings.parameters,
+        "named": named(concealed, findings),
+    }
+
+
+def story(concealed: Concealed, seal: Seal, told: str, findings: Findings) -> str:
+    """How it went, for people."""
+    agrees = (
+        "its SHA-256 is the one above" if seal.sha256 == told else f"its SHA-256 is {seal.sha256}, NOT the one above"
+    )
+    if named(concealed, findings):
+        verdict = "the diagnosis named it"
+    else:
+        between = f", {' or '.join(findings.causes)}" if findings.causes else ""
+        verdict = f"not named: the diagnosis said {findings.verdict.replace('_', ' ')}{between}"
+    found = [
+        f"{name} = {row['value']:.4g} ± {row['sigma']:.2g} {row['unit']}"
+        for name, row in findings.parameters.get(concealed.cause, {}).items()
+    ]
+    return f"concealed was {concealed}; {agrees}; {verdict}" + (f" ({', '.join(found)})" if found else "")

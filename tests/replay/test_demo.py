@@ -1,0 +1,74 @@
+"""The demo conceals, seals and opens; what it says of the diagnosis is what the diagnosis said."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from model.parameters import StrawParameters
+from replay.demo.campaign import PLANS, FaultyGauge, protocol_of
+from replay.demo.conceal import DRAWER, NOTHING, Concealed, Seal, draw, named, opened, story
+from replay.diagnose.hypothesis import causes
+from replay.diagnose.instrument import Instrument
+
+BASE = StrawParameters()
+
+
+def said(verdict: str, *found: str) -> Any:
+    """Findings, as far as the demo looks at them."""
+    return SimpleNamespace(
+        verdict=verdict, causes=list(found), parameters={}, judgement=SimpleNamespace(probability={"complete": 1.0})
+    )
+
+
+def test_a_seed_always_draws_the_same_effect_and_every_effect_has_its_seed() -> None:
+    assert draw(5) == draw(5)
+    assert {draw(seed).cause for seed in range(1, 200)} == set(DRAWER)
+
+
+@pytest.mark.parametrize("cause", DRAWER)
+def test_what_may_be_concealed_changes_straw_or_instrument_and_is_in_the_contract(cause: str) -> None:
+    concealed = Concealed(cause, DRAWER[cause])
+    changed = bool(concealed.straw(BASE).terms) + (concealed.instrument != Instrument())
+    assert changed == (cause != NOTHING)
+    assert cause in {*causes(9), NOTHING}
+
+
+def test_a_seal_is_the_sha256_of_what_is_opened_and_two_of_the_same_effect_differ() -> None:
+    first, second = Seal.on(draw(1)), Seal.on(draw(1))
+    assert first.sha256 == hashlib.sha256(first.label.encode()).hexdigest() != second.sha256
+    assert json.loads(first.label)["cause"] == draw(1).cause
+    other = opened(draw(1), first, second.sha256, said("complete"))
+    assert not other["sha256_agrees"]
+    assert "NOT the one above" in story(draw(1), first, second.sha256, said("complete"))
+
+
+def test_named_is_only_what_is_named_alone() -> None:
+    late = Concealed("clock_offset", DRAWER["clock_offset"])
+    assert named(late, said("measurement_fault", "clock_offset"))
+    assert not named(late, said("ambiguous", "clock_offset", "line_lag"))
+    assert not named(late, said("missing_physics", "line_lag"))
+    assert named(Concealed(NOTHING, {}), said("complete"))
+    assert not named(Concealed(NOTHING, {}), said("unknown_physics", "unknown"))
+    told = story(late, Seal("{}"), Seal("{}").sha256, said("ambiguous", "clock_offset", "line_lag"))
+    assert "not named: the diagnosis said ambiguous, clock_offset or line_lag" in told
+    assert "concealed was nothing" in story(Concealed(NOTHING, {}), Seal("{}"), "", said("complete"))
+
+
+def test_a_gauge_that_lies_shows_its_offset_and_nothing_else_changes() -> None:
+    true, shown = (FaultyGauge(Instrument(gauge_offset_pa=b), 0) for b in (0.0, 2000.0))
+    assert shown.reading(0.0) - true.reading(0.0) == pytest.approx(2000.0)
+    assert shown.pressure(0.0) == true.pressure(0.0) == 0.0
+
+
+def test_the_demo_runs_are_short_and_of_both_directions() -> None:
+    protocols = [protocol_of(plan) for plan in PLANS]
+    assert sum(protocol.duration_s for protocol in protocols) < 11.0
+    pressures = np.concatenate([protocol(np.linspace(0.0, protocol.duration_s, 50)) for protocol in protocols])
+    assert pressures.min() == -25e3
+    assert pressures.max() == 35e3
