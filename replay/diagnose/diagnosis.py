@@ -66,7 +66,7 @@ NEARBY, CARRIED_ON, SEEN_FULLY = 6, 6, 4
 #: Whose outlines fit this many times worse than the best's is not carried on.
 HOPEFUL = 2.5
 #: Causes that are carried to the end, that get partners; pairs tried.
-FINISHED, PARTNERS, PAIRS = 3, 2, 3
+FINISHED, PARTNERS, PAIRS = 3, 1, 2
 
 
 def inquire(
