@@ -47,7 +47,7 @@ class Concealed:
     @property
     def instrument(self) -> Instrument:
         """The twin's clock, camera and gauge."""
-        return Instrument() if self.cause in TERMS else Instrument(**self.constants)
+        return Instrument() if self.cause in TERMS else Instrument.of(self.constants)
 
     def __str__(self) -> str:
         sizes = ", ".join(f"{name} = {value:.4g}" for name, value in self.constants.items())

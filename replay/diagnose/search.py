@@ -27,6 +27,8 @@ FAILED_SIGMAS = 300.0
 DAMPING = (1e-4, 0.1)
 #: A step that gains less than this share of what was predicted was predicted badly.
 WELL = 0.3
+#: A fit that is far from noise need not be known so well: a round that gains less than this share of it is the last.
+BEYOND_NOISE = 1e-3
 #: Longest step in units of u.
 LONGEST_STEP = 3.0
 #: A derivative's step in u: first, least, most; and how many sigmas (root mean square) it aims to move the runs.
@@ -259,7 +261,8 @@ def descend(
             points += back
             costs = [robust_cost(r) + prior_cost(unknowns, t) for r, t in zip(ends, points, strict=True)]
         best = int(np.argmin(costs))
-        gain, little = cost - costs[best], max(enough, share * cost)
+        gain = cost - costs[best]
+        little = max(enough, share * cost, BEYOND_NOISE * (cost - len(residual)))
         corrected = _broyden(slopes, ends[best] - residual, points[best] - u)
         if gain > 0:
             u, residual, cost = points[best], ends[best], costs[best]
