@@ -155,7 +155,8 @@ def _from_nearby(found: Inquiry, names: Sequence[str], thorough: bool, told: Tol
     near = _ranked(looks(campaign, null, names), null)
     for group in near:
         _keep(found, unfitted(campaign, null, min(group, key=lambda look: look.cost)))
-    for group in near[: len(near) if thorough else NEARBY]:
+    quiet = unexplained(campaign, null) < LOUD
+    for group in near[: len(near) if thorough else NEARBY if quiet else NEARBY // 2]:
         if campaign.stop():
             return
         told(group[0].name, len(names), len(names) + 5)
@@ -224,7 +225,7 @@ def _finish_best(found: Inquiry, most: int) -> None:
         if done:
             best = found.singles[min(done, key=lambda name: done[name])]
             beaten = next_one.cost - best.cost
-            if unexplained(found.campaign, best.fit) < EXPLAINED and beaten > CLOSE:
+            if beaten > max(CLOSE, best.cost) or (unexplained(found.campaign, best.fit) < EXPLAINED and beaten > CLOSE):
                 return
         found.singles[next_one.name] = finish(found.campaign, next_one, rounds=ROUNDS)
         done[next_one.name] = found.singles[next_one.name].cost
@@ -236,7 +237,7 @@ def _pairs(found: Inquiry, wide: Campaign, names: Sequence[str], thorough: bool)
     first = sorted(found.singles.values(), key=lambda c: c.cost)[: PARTNERS + 2 * thorough]
     best = first[0]
     loud = unexplained(campaign, best.fit) > LOUD
-    for where, partners in ((campaign, first[:1]), *(((wide, first),) if loud else ())):
+    for where, partners in ((wide, first),) if loud else ((campaign, first[:1]),):
         promising = []
         for one in partners:
             at = one.fit if where is campaign else finish(where, one, rounds=ROUNDS, share=3e-3).fit
@@ -256,7 +257,6 @@ def _pairs(found: Inquiry, wide: Campaign, names: Sequence[str], thorough: bool)
         _keep(found, finish(campaign, pair, rounds=ROUNDS))
         # a single cause fitted less well than its pairs would make them look needed
         at_pair = {k.target: u for k, u in zip(pair.fit.unknowns, pair.fit.u, strict=True)}
-        for cause in pair.hypothesis.causes:
-            single = found.singles[cause]
-            u = np.array([at_pair[k.target] for k in single.fit.unknowns])
-            _keep(found, Contestant(single.hypothesis, descend(campaign, single.fit.unknowns, u, rounds=4)))
+        if best.name in pair.hypothesis.causes:
+            u = np.array([at_pair[k.target] for k in best.fit.unknowns])
+            _keep(found, Contestant(best.hypothesis, descend(campaign, best.fit.unknowns, u, rounds=4)))

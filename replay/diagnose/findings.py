@@ -109,8 +109,10 @@ class Findings:
         }
 
 
-def conclude(found: Inquiry, notes: Sequence[str] = (), told: Told = silent) -> Findings:
-    """Findings of an inquiry, finished or cut short. An unknown cause is looked for as a curve, a minute."""
+def conclude(found: Inquiry, notes: Sequence[str] = (), told: Told = silent, *, brief: bool = False) -> Findings:
+    """Findings of an inquiry, finished or cut short. An unknown cause is looked for as a curve, a minute, and the next
+    experiment is chosen, unless ``brief``.
+    """
     campaign, judgement = found.campaign, found.judgement()
     probability = judgement.probability
     top = next(iter(probability))
@@ -125,7 +127,7 @@ def conclude(found: Inquiry, notes: Sequence[str] = (), told: Told = silent) -> 
     rivals = [fitted[n] for n in names if n in fitted and n != (best.name if best else "")][:3]
     fit, straw_of = best.fit if best else found.null, campaign
     missing = None
-    if found.whole and verdict == "unknown_physics":
+    if found.whole and verdict == "unknown_physics" and not brief:
         missing = missing_force(campaign, found.null, told)
     if missing and missing.formula:
         fit, straw_of = missing.curve.fit, missing.curve.campaign
@@ -134,7 +136,7 @@ def conclude(found: Inquiry, notes: Sequence[str] = (), told: Told = silent) -> 
     wander = wandering(campaign, found.null)
     notes = [*notes, *_doubts(found)]
     experiment = None
-    if found.whole and verdict in ("ambiguous", "unknown_physics"):
+    if found.whole and verdict in ("ambiguous", "unknown_physics") and not brief:
         experiment = next_experiment(campaign, [c for c in (best, *rivals) if c] or found.contestants[:2])
     return Findings(
         verdict=verdict,

@@ -1,0 +1,155 @@
+"""Scores sealed cases: how often the diagnosis was right, wrong with confidence, or honestly in doubt."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from scipy.stats import binomtest
+
+from replay.diagnose.hypothesis import MEASUREMENT
+from replay.diagnose.judge import by_cause, surviving
+from tests.apparatus.cases import Case
+
+Row = Mapping[str, Any]
+
+#: A verdict with this probability, or a cause named alone, is confident.
+CONFIDENT = 0.8
+BINS = (0.0, 0.5, 0.8, 0.95, 1.0 + 1e-9)
+
+
+def score(cases: Sequence[Case], told: Mapping[str, Row]) -> str:
+    """A report in lines."""
+    done = [(case, told[case.name]) for case in cases if case.name in told]
+    if not done:
+        return "no case was diagnosed"
+    lines = [f"{len(done)} cases"]
+    nulls = [(c, r) for c, r in done if c.kind == "null"]
+    # what the refitted base leaves where nothing is concealed: less than most of that nothing can detect
+    limit = float(np.quantile([r["beyond_base"] for _, r in nulls], 0.95)) if nulls else 0.0
+    if nulls:
+        alarms = sum(r["verdict"] not in ("complete",) for _, r in nulls)
+        named = sum(r["verdict"] in ("missing_physics", "measurement_fault") for _, r in nulls)
+        lines += [f"nulls: false alarms {_share(alarms, len(nulls))}, of them naming something {named}"]
+        lines += [f"detection limit, 95th percentile of what nulls leave the base: {limit:.0f} sigma^2"]
+    for kind in ("single", "instrument", "two", "hard_pair"):
+        group = [(c, r) for c, r in done if c.kind == kind]
+        above = [(c, r) for c, r in group if r["beyond_base"] > limit]
+        for what, some in (("all", group), ("above the limit", above)):
+            if some:
+                first = sum(_first(c, r) for c, r in some)
+                third = sum(_third(c, r) for c, r in some)
+                survives = sum(_survives(c, r) for c, r in some)
+                lines.append(
+                    f"{kind}, {what}: first {_share(first, len(some))}, among three {_share(third, len(some))}, "
+                    f"in the surviving set {_share(survives, len(some))}"
+                )
+    unknown = [(c, r) for c, r in done if c.kind == "unknown"]
+    if unknown:
+        seen = [(c, r) for c, r in unknown if r["beyond_base"] > limit]
+        said = sum(r["verdict"] == "unknown_physics" for _, r in seen)
+        doubt = sum(r["verdict"] in ("unknown_physics", "ambiguous") for _, r in seen)
+        lines.append(f"outside the library, above the limit: unknown {_share(said, len(seen))}, or doubt {doubt}")
+    wrong = [(c, r) for c, r in done if _wrong(c, r)]
+    lines.append(f"confident and wrong: {_share(len(wrong), len(done))}")
+    lines += [f"  {c.name}: {_truth(c)} taken for {'+'.join(r['causes'])}" for c, r in wrong]
+    physics = sum(bool(set(c.label) & set(MEASUREMENT)) and not set(r["causes"]) & set(MEASUREMENT) for c, r in wrong)
+    faults = sum(not set(c.label) & set(MEASUREMENT) and set(r["causes"]) <= set(MEASUREMENT) for c, r in wrong)
+    lines.append(f"instrument taken for physics {physics}, physics for instrument {faults}")
+    lines += _calibration(done)
+    lines += _coverage(done)
+    lines += _held_out(done)
+    lines += _limits(done)
+    cpu = sorted(float(r["cpu_s"]) for _, r in done)
+    lines.append(f"CPU per case: median {cpu[len(cpu) // 2]:.0f} s, longest {cpu[-1]:.0f} s")
+    return "\n".join(lines)
+
+
+def _truth(case: Case) -> str:
+    return "+".join(case.label) or "complete"
+
+
+def _share(k: int, n: int) -> str:
+    """k of n with the 95 % interval of the share (Wilson)."""
+    if n == 0:
+        return "0/0"
+    low, high = binomtest(k, n).proportion_ci(method="wilson")
+    return f"{k}/{n} ({100 * k / n:.0f} %, {100 * low:.0f} to {100 * high:.0f})"
+
+
+def _sorted(name: str) -> str:
+    return "+".join(sorted(name.split("+")))
+
+
+def _first(case: Case, row: Row) -> bool:
+    return _sorted(next(iter(row["probability"]))) == _truth(case)
+
+
+def _third(case: Case, row: Row) -> bool:
+    if not case.label:
+        return "complete" in list(row["probability"])[:3]
+    return set(case.label) <= set(list(by_cause(row["probability"]))[: 2 + len(case.label)])
+
+
+def _survives(case: Case, row: Row) -> bool:
+    names = surviving(row["probability"])
+    return any(_sorted(n) == _truth(case) or (case.label and set(case.label) <= set(n.split("+"))) for n in names)
+
+
+def _wrong(case: Case, row: Row) -> bool:
+    """Whether something was named that is not there (either of a hard pair may be)."""
+    if row["verdict"] not in ("missing_physics", "measurement_fault"):
+        return False
+    return not set(row["causes"]) <= {*case.label, *case.pair}
+
+
+def _calibration(done: Sequence[tuple[Case, Row]]) -> list[str]:
+    top = np.array([next(iter(r["probability"].values())) for _, r in done])
+    right = np.array([_first(c, r) for c, r in done])
+    out = []
+    for low, high in itertools.pairwise(BINS):
+        here = (top >= low) & (top < high)
+        if here.any():
+            told = f"{np.mean(top[here]):.2f} said, {np.mean(right[here]):.2f} right"
+            out.append(f"calibration, {low:.2f} to {min(high, 1):.2f}: {told} of {np.count_nonzero(here)}")
+    return out
+
+
+def _coverage(done: Sequence[tuple[Case, Row]]) -> list[str]:
+    """Of instruments, whose constants mean the same on both sides: is the truth within 1 and 2 sigma?"""
+    off = []
+    for case, row in done:
+        for cause in case.truth:
+            if cause.name in MEASUREMENT and cause.name in row["parameters"]:
+                (found,) = row["parameters"][cause.name].values()
+                off.append((abs(found["value"]) - cause.size) / found["sigma"])
+    if not off:
+        return []
+    z = np.abs(off)
+    return [f"instruments' constants within 1, 2, 3 sigma: {[int(np.sum(z < k)) for k in (1, 2, 3)]} of {len(z)}"]
+
+
+def _held_out(done: Sequence[tuple[Case, Row]]) -> list[str]:
+    rows = [r for c, r in done if r["causes"] and r["verdict"] in ("missing_physics", "measurement_fault")]
+    rows = [r for r in rows if r["before"]]
+    if not rows:
+        return []
+    before, after, floor = (np.array([r[k]["x_m"] for r in rows]) for k in ("before", "after", "floor"))
+    good = np.count_nonzero((after < before / 3) | (after < 1.3 * floor))
+    medians = ", ".join(f"{1e3 * np.median(v):.3f}" for v in (before, after, floor))
+    return [f"held out, X, median before, after, floor: {medians} mm; 3 times better or near noise {good}/{len(rows)}"]
+
+
+def _limits(done: Sequence[tuple[Case, Row]]) -> list[str]:
+    """By cause: each size, how strong in the runs that show it most (sigma), and what was said."""
+    rows: dict[str, list[tuple[float, str]]] = {}
+    for case, row in done:
+        if len(case.truth) == 1 and case.kind in ("single", "instrument", "unknown"):
+            name = case.truth[0].form if case.kind == "unknown" else case.truth[0].name
+            said = "+".join(row["causes"]) or row["verdict"]
+            right = "right" if _first(case, row) else said
+            strong = max(row["effect_sigma"].values())
+            rows.setdefault(name, []).append((case.truth[0].size, f"{case.truth[0].size:.3g} ({strong:.0f} s) {right}"))
+    return [f"  {name}: {'; '.join(text for _, text in sorted(some))}" for name, some in sorted(rows.items())]
