@@ -88,6 +88,8 @@ def inquire(
     """
     names = [n for n in causes(straw.cells) if library is None or n in library]
     total = len(names) + 5
+    for observed in observations:
+        observed.rest_of(straw)
     campaign = Campaign(observations, straw, executor, stop)
     base = base_unknowns(straw)
     told("base model", 0, total)

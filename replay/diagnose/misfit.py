@@ -79,7 +79,6 @@ def play(observed: Observation, straw: StrawParameters, instrument: Instrument) 
         grid = np.arange(start, end + patience + 2 * STEP_S, STEP_S)
         near = observed.rests.get(straw.form)
         seen = simulate(worn, pressure, grid, run.initial_deployed, tolerance_m, near)
-        observed.rests.setdefault(straw.form, seen.rest)
         told = instrument.camera_roll_rad
         true_s = crossings(grid, seen.phi_rad + told, observed.levels)
         if len(true_s) < len(observed.snaps_s):

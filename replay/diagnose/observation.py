@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -9,7 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
+from model.errors import ModelError
 from model.integrate import Table
+from model.parameters import StrawParameters
+from model.rest import rest_state
 from model.simulate import sampled
 from replay.compare import CHANNELS
 from replay.diagnose.gauge import quieted
@@ -58,6 +62,17 @@ class Observation:
     def outline(self) -> Outline:
         """The tip's outline on its own even grid, and how far off each part of it may be."""
         return outline_of(self.time_s, self.tip, self.at_rest)
+
+    def rest_of(self, straw: StrawParameters) -> None:
+        """Remember where a straw rests before the run, in both forms of the equations: others like it rest near there.
+
+        Done once, before anything is played: which straw is played first would otherwise tell in the last digits.
+        """
+        assert self.run.initial_deployed is not None
+        for form in ("truncated", "full"):
+            with suppress(ModelError):  # then every straw finds its own
+                worn = straw.replace(form=form, cycle=float(self.run.cycle))
+                self.rests[form] = rest_state(worn, self.run.initial_deployed, float(self.pressure.pressure_pa[0]))
 
     def sigma(self, slack_s: float = SLACK_S) -> Floats:
         """Noise (3, n): where the tip moves fast, a little difference in time is a difference in place."""
