@@ -135,7 +135,9 @@ def enter(
 def unfitted(campaign: Campaign, known: Fit, look: Look) -> Contestant:
     """A cause that promises too little to be fitted, with what it shows at its best look, or as without it."""
     what = campaign.hypothesis([look.name])
-    fit = Fit((*known.unknowns, *what.unknowns), look.point, look.residual, known.slopes, look.cost, False)
+    # nothing is known of how its constants tell, so nothing but their priors bounds them
+    slopes = np.pad(known.slopes, ((0, 0), (0, len(what.unknowns))))
+    fit = Fit((*known.unknowns, *what.unknowns), look.point, look.residual, slopes, look.cost, False)
     return Contestant(what, fit)
 
 
