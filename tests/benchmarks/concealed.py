@@ -4,7 +4,7 @@
 
 The SHA-256 of all labels is printed before the first analysis; `--split final` is for the end, with a seed nobody has
 looked at. One line of JSON per case; an interrupted benchmark goes on where it stopped, `--score` only counts what is
-there.
+there. `--ablate` takes each true cause out of the library: nothing may then be named.
 """
 
 from __future__ import annotations
@@ -20,9 +20,10 @@ from typing import Any
 from model.parameters import StrawParameters
 from replay.diagnose.diagnosis import inquire
 from replay.diagnose.findings import conclude
+from replay.diagnose.hypothesis import causes
 from replay.diagnose.observation import observe
 from tests.apparatus.cases import RUN_IDS, Case, deck, generate, opened, seal
-from tests.benchmarks.concealed_score import score
+from tests.benchmarks.concealed_score import ablated, score
 
 #: A campaign of six of the eight runs, to save a quarter of the time.
 SIX = ("fold-25kPa", "deploy-35kPa-1", "fold-20kPa-2-5", "staircase", "deploy-35kPa-3", "deploy-30kPa-6")
@@ -30,12 +31,13 @@ SIX = ("fold-25kPa", "deploy-35kPa-1", "fold-20kPa-2-5", "staircase", "deploy-35
 BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)
 
 
-def diagnosed(case: Case) -> dict[str, Any]:
-    """What the diagnosis says of a case, without a look at its label."""
+def diagnosed(case: Case, ablate: bool = False) -> dict[str, Any]:
+    """What the diagnosis says of a case, without a look at its label, or without its cause in the library."""
     made = generate(replace(case, runs=SIX) if case.runs == RUN_IDS else case)
+    library = [name for name in causes(BASE.cells) if not (ablate and name in case.label)]
     start = time.process_time()
     with ThreadPoolExecutor(1) as pool:
-        found = inquire([observe(run) for run in made.runs], BASE, executor=pool)
+        found = inquire([observe(run) for run in made.runs], BASE, library=library, executor=pool)
         findings = conclude(found, brief=True)
     judgement, held = findings.judgement, findings.held
     least = min(judgement.excess.values())
@@ -64,24 +66,26 @@ def main() -> None:
     ask.add_argument("--cases", type=int, default=10**6)
     ask.add_argument("--out", type=Path, default=Path("concealed.jsonl"))
     ask.add_argument("--score", action="store_true", help="diagnose nothing more")
+    ask.add_argument("--ablate", action="store_true", help="single causes only, each taken out of the library")
     args = ask.parse_args()
     every = deck(args.split, args.seed)
     sealed = seal(every)
     print(f"{len(every)} cases, labels sealed: {sealed}", flush=True)
-    cases = every[: args.cases]
+    singles = [case for case in every if case.kind in ("single", "instrument")]
+    cases = (singles if args.ablate else every)[: args.cases]
     told = {}
     if args.out.exists():
         told = {row["name"]: row for row in map(json.loads, args.out.read_text().splitlines())}
     todo = [] if args.score else [case for case in cases if case.name not in told]
     with ProcessPoolExecutor(2) as pool, args.out.open("a") as out:
-        for job in as_completed([pool.submit(diagnosed, case) for case in todo]):
+        for job in as_completed([pool.submit(diagnosed, case, args.ablate) for case in todo]):
             row = job.result()
             told[str(row["name"])] = row
             out.write(json.dumps(row) + "\n")
             out.flush()
             print(f"{len(told)} of {len(cases)}", flush=True)
     assert len(opened(every, sealed)) == len(every)
-    print(score(cases, told))
+    print(ablated(cases, told) if args.ablate else score(cases, told))
 
 
 if __name__ == "__main__":

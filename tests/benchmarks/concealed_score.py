@@ -67,6 +67,17 @@ def score(cases: Sequence[Case], told: Mapping[str, Row]) -> str:
     return "\n".join(lines)
 
 
+def ablated(cases: Sequence[Case], told: Mapping[str, Row]) -> str:
+    """A report on cases whose true cause was taken out of the library."""
+    done = [(case, told[case.name]) for case in cases if case.name in told]
+    verdicts = [str(r["verdict"]) for _, r in done]
+    lines = [f"{len(done)} cases without their cause in the library:"]
+    lines += [f"  {verdict}: {_share(verdicts.count(verdict), len(done))}" for verdict in sorted(set(verdicts))]
+    wrong = [(c, r) for c, r in done if r["verdict"] in ("missing_physics", "measurement_fault")]
+    lines += [f"  {c.name}: {_truth(c)} taken for {'+'.join(r['causes'])}" for c, r in wrong]
+    return "\n".join(lines)
+
+
 def _truth(case: Case) -> str:
     return "+".join(case.label) or "complete"
 
