@@ -1,6 +1,6 @@
 """Frusta that are not axisymmetric: one side snaps first, a moment of fixed sign that peaks half-way.
 
-U = m phi exp(-(zeta / w)^2 / 2), w = |zeta_0| / 2:  M = -m exp(..),  F = m phi zeta / w^2 exp(..).
+U = m phi exp(-x^2 / 2), x = (zeta / |zeta_0| - c) / w:  M = -m exp(..),  F = m phi x / (w |zeta_0|) exp(..).
 """
 
 from __future__ import annotations
@@ -15,23 +15,29 @@ from model.term import Constant, Floats, Frustum, Term
 def _force(f: Frustum, k: Floats) -> tuple[float, float]:
     if k[0] == 0:
         return 0.0, 0.0
-    w = abs(f.zeta0) / 2
-    bump = k[0] * math.exp(-((f.zeta / w) ** 2) / 2)
-    return bump * f.phi * f.zeta / w**2, -bump
+    w = k[1] * abs(f.zeta0)
+    x = (f.zeta - k[2] * abs(f.zeta0)) / w
+    bump = k[0] * math.exp(-(x**2) / 2)
+    return bump * f.phi * x / w, -bump
 
 
 @compiled
 def _energy(f: Frustum, k: Floats) -> float:
-    return float(k[0] * f.phi * math.exp(-((2 * f.zeta / f.zeta0) ** 2) / 2))
+    x = (f.zeta / abs(f.zeta0) - k[2]) / k[1]
+    return float(k[0] * f.phi * math.exp(-(x**2) / 2))
 
 
 TERM = Term(
     name="asymmetry",
     kind="frustum",
-    law="U = m phi exp(-(zeta/w)^2/2), w = |zeta_0|/2",
+    law="U = m phi exp(-x^2/2), x = (zeta/|zeta_0| - c)/w",
     source="Ilssar et al., section 4: frusta are not perfectly axisymmetric; a bump between the two wells: ours",
     strengths=("moment_n_m",),
-    constants=(Constant("moment_n_m", "N m", 0.0, -0.02, 0.02, "m, moment half-way through a snap"),),
+    constants=(
+        Constant("moment_n_m", "N m", 0.0, -0.02, 0.02, "m, moment where it is largest"),
+        Constant("width", "1", 0.5, 0.1, 1.0, "w, half width of its bump in |zeta_0|"),
+        Constant("centre", "1", 0.0, -1.0, 1.0, "c, where it is largest, in |zeta_0|; 0 is half-way through a snap"),
+    ),
     force=_force,
     energy=_energy,
 )

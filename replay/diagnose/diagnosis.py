@@ -66,7 +66,7 @@ NEARBY, CARRIED_ON, SEEN_FULLY = 6, 6, 4
 #: Whose outlines fit this many times worse than the best's is not carried on.
 HOPEFUL = 2.5
 #: Causes that are carried to the end, that get partners; pairs tried.
-FINISHED, PARTNERS, PAIRS = 3, 1, 2
+FINISHED, PARTNERS, PAIRS = 3, 1, 3
 
 
 def inquire(
@@ -253,10 +253,13 @@ def _pairs(found: Inquiry, wide: Campaign, names: Sequence[str], thorough: bool)
             pairs.append(enter(where, at, group[:1], onto=one.hypothesis))
         if where is wide:
             pairs = [finish(wide, c, rounds=ROUNDS, share=3e-3) for c in pairs]
-        _seen_fully(found, pairs, 2 + 2 * thorough)
+        _seen_fully(found, pairs, PAIRS + 2 * thorough)
     if found.pairs:
+        least = min(c.cost for c in found.pairs.values())
+        for pair in sorted(found.pairs.values(), key=lambda c: c.cost)[:PAIRS]:
+            if pair.cost < least + CLOSE and not campaign.stop():
+                _keep(found, finish(campaign, pair, rounds=ROUNDS))
         pair = min(found.pairs.values(), key=lambda c: c.cost)
-        _keep(found, finish(campaign, pair, rounds=ROUNDS))
         # a single cause fitted less well than its pairs would make them look needed
         at_pair = {k.target: u for k, u in zip(pair.fit.unknowns, pair.fit.u, strict=True)}
         if best.name in pair.hypothesis.causes:

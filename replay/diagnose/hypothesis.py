@@ -145,7 +145,14 @@ def causes(cells: int) -> dict[str, tuple[tuple[Unknown, ...], tuple[tuple[float
             tuple(tuple(-1.0 if c == n else 0.0 for c in range(cells)) for n in range(min(cells, 6))),
         ),
         "intrinsic_curvature": ((_signed(t + "intrinsic_curvature.phi_0_rad", 3e-3),), ((0.5,), (-0.5,))),
-        "asymmetry": ((_signed(t + "asymmetry.moment_n_m", 1e-3),), ((0.5,), (-0.5,), (4.0,), (-4.0,))),
+        "asymmetry": (
+            (
+                _signed(t + "asymmetry.moment_n_m", 1e-3),
+                _shape(t + "asymmetry.width", 0.5, 0.15, 1.5),
+                Unknown(t + "asymmetry.centre", 0.3, kind="linear", low=-3.0, high=3.0),
+            ),
+            ((0.5, 0.0, 0.0), (-0.5, 0.0, 0.0), (4.0, 0.0, 0.0), (-4.0, 0.0, 0.0)),
+        ),
         "odd_frusta_compliance": ((Unknown("form", 1.0, kind="linear", sd=1e-6, mean=1.0),), ((1.0,),)),
         "viscoelasticity": (
             (
