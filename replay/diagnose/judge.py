@@ -23,9 +23,9 @@ LIKELIHOOD_UP_TO = 10.0
 COUNTS_AS_ONE = 20.0
 #: What noise and forks of repeats leave unexplained even with the right model, sigmas squared.
 NOISE_LEAVES = 300.0
-#: Share of the base's excess misfit that "unknown" is taken to leave: who explains less than the rest is no answer. A
-#: right law of another form left 0 to 0.5 of it, wrong ones in the place of what no law holds 0.6 to 0.9.
-UNKNOWN_LEAVES = 0.2
+#: Share of the base's excess misfit that "unknown" is taken to leave: who explains less than the rest is no answer.
+#: Right laws of other forms left 0 to 0.02 of it, or 0.3 and more; wrong ones, where no law was right, 0.2 to 0.9.
+UNKNOWN_LEAVES = 0.1
 #: Logarithms of prior probabilities: one cause, a second one beside it, each constant beyond a cause's first, unknown.
 LOG_PRIOR_CAUSE, LOG_PRIOR_SECOND, LOG_PRIOR_CONSTANT, LOG_PRIOR_UNKNOWN = -4.0, -4.0, -1.0, -4.0
 
