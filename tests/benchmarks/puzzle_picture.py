@@ -74,7 +74,8 @@ def draw(
         if logarithmic:
             panel.set_yscale("log")
             panel.yaxis.set_major_formatter("{x:g}")
-            panel.yaxis.set_minor_formatter("{x:g}")
+            low, high = panel.get_ylim()
+            panel.yaxis.set_minor_formatter("{x:g}" if high < 30 * low else "")
             panel.tick_params(axis="y", which="minor", labelsize=6)
         panel.set_title(title, loc="left")
         panel.set_xticks(range(len(fitted)), fitted, rotation=30, ha="right", fontsize=7)
