@@ -4,7 +4,8 @@
 
 The SHA-256 of all labels is printed before the first analysis; `--split final` is for the end, with a seed nobody has
 looked at. One line of JSON per case; an interrupted benchmark goes on where it stopped, `--score` only counts what is
-there. `--ablate` takes each true cause out of the library: nothing may then be named.
+there. `--ablate` takes each true cause out of the library: nothing may then be named. `--camera` paints every run as a
+video and diagnoses its track.
 """
 
 from __future__ import annotations
@@ -22,7 +23,9 @@ from replay.diagnose.diagnosis import inquire
 from replay.diagnose.findings import conclude
 from replay.diagnose.hypothesis import causes
 from replay.diagnose.observation import observe
+from tests.apparatus.campaign import make
 from tests.apparatus.cases import RUN_IDS, Case, deck, generate, opened, seal
+from tests.apparatus.film import filmed
 from tests.benchmarks.concealed_score import ablated, score
 
 #: A campaign of six of the eight runs, to save a quarter of the time.
@@ -31,13 +34,15 @@ SIX = ("fold-25kPa", "deploy-35kPa-1", "fold-20kPa-2-5", "staircase", "deploy-35
 BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)
 
 
-def diagnosed(case: Case, ablate: bool = False) -> dict[str, Any]:
+def diagnosed(case: Case, ablate: bool = False, camera: bool = False) -> dict[str, Any]:
     """What the diagnosis says of a case, without a look at its label, or without its cause in the library."""
-    made = generate(replace(case, runs=SIX) if case.runs == RUN_IDS else case)
+    case = replace(case, runs=SIX) if case.runs == RUN_IDS else case
+    made = generate(case)
+    runs = filmed(make(case.truth, case.seed, case.runs), case.seed, case.name) if camera else made.runs
     library = [name for name in causes(BASE.cells) if not (ablate and name in case.label)]
     start = time.process_time()
     with ThreadPoolExecutor(1) as pool:
-        found = inquire([observe(run) for run in made.runs], BASE, library=library, executor=pool)
+        found = inquire([observe(run) for run in runs], BASE, library=library, executor=pool)
         findings = conclude(found, brief=True)
     judgement, held = findings.judgement, findings.held
     least = min(judgement.excess.values())
@@ -48,7 +53,9 @@ def diagnosed(case: Case, ablate: bool = False) -> dict[str, Any]:
         "probability": dict(judgement.probability),
         "beyond_base": judgement.excess["complete"] - least,
         "left_over": judgement.left_over,
+        "excess": dict(judgement.excess),
         "parameters": findings.parameters,
+        "held_out": list(held.heldout) if held else [],
         "before": held.before if held else {},
         "after": held.after if held else {},
         "floor": held.floor if held else {},
@@ -67,6 +74,7 @@ def main() -> None:
     ask.add_argument("--out", type=Path, default=Path("concealed.jsonl"))
     ask.add_argument("--score", action="store_true", help="diagnose nothing more")
     ask.add_argument("--ablate", action="store_true", help="single causes only, each taken out of the library")
+    ask.add_argument("--camera", action="store_true", help="painted, filmed and tracked")
     args = ask.parse_args()
     every = deck(args.split, args.seed)
     sealed = seal(every)
@@ -78,7 +86,7 @@ def main() -> None:
         told = {row["name"]: row for row in map(json.loads, args.out.read_text().splitlines())}
     todo = [] if args.score else [case for case in cases if case.name not in told]
     with ProcessPoolExecutor(2) as pool, args.out.open("a") as out:
-        for job in as_completed([pool.submit(diagnosed, case, args.ablate) for case in todo]):
+        for job in as_completed([pool.submit(diagnosed, case, args.ablate, args.camera) for case in todo]):
             row = job.result()
             told[str(row["name"])] = row
             out.write(json.dumps(row) + "\n")

@@ -23,7 +23,17 @@ from replay.diagnose.observation import REPEATABILITY_S, observe
 from replay.diagnose.search import Campaign, Fit
 from replay.output import write_json
 
-from .puzzle_fits import DELAY, WISHED, Number, base_for_all, by_itself, improved_for_all, near_own, numbers
+from .puzzle_fits import (
+    DELAY,
+    WISHED,
+    Number,
+    base_for_all,
+    by_itself,
+    improved_for_all,
+    near_own,
+    numbers,
+    with_one_delay,
+)
 from .puzzle_picture import draw
 from .puzzle_runs import HELD_OUT, recordings
 
@@ -53,6 +63,17 @@ def main() -> None:
         _one_set("base model, one set, no delay", base)
         improved = improved_for_all(train)
         _one_set("improved model, one set, no delay", improved)
+        delayed = [with_one_delay(train, fit) for fit in (base, improved)]
+        for name, fit, before in zip(("base", "improved"), delayed, (base, improved), strict=True):
+            n, gain = numbers(fit)[DELAY], before.cost - fit.cost
+            print(
+                f"\n{name} model with a delay that all runs share: {n.value * 1e3:.2f} ± {n.sigma * 1e3:.2f} ms, ",
+                end="",
+            )
+            print(
+                f"chi2 {_chi2(before):.2f} to {_chi2(fit):.2f}, misfit less by {gain:.0f} of {before.cost:.0f}",
+                flush=True,
+            )
         straws = tuple(applied(GIVEN, fit.unknowns, fit.u)[0] for fit in (base, improved))
         by_improved = _each(fitted, train, straws[1], near_own)
         common = numbers(base), numbers(improved)
