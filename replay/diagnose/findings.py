@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from replay.diagnose.contest import Contestant
 from replay.diagnose.diagnosis import Inquiry
 from replay.diagnose.experiment import Experiment, next_experiment
 from replay.diagnose.hypothesis import MEASUREMENT, Unknown, applied
-from replay.diagnose.judge import COUNTS_AS_ONE, Judgement, by_cause, surviving
+from replay.diagnose.judge import COUNTS_AS_ONE, COVERED, Judgement, by_cause, surviving
 from replay.diagnose.locate import Located, Wandering, locate, sentence, wandering
 from replay.diagnose.missing import Missing, Told, missing_force, silent
 from replay.diagnose.observation import REPEATABILITY_S
@@ -26,6 +26,8 @@ Floats = NDArray[np.float64]
 
 #: A hypothesis this probable is named alone; less, and the set that survives is named.
 NAMED_ALONE = 0.8
+#: Nothing is called missing when that is more probable than not.
+MORE_THAN_NOT = 0.5
 #: Units of what is found in instruments.
 UNITS = {
     "clock_offset_s": "s",
@@ -159,7 +161,7 @@ def conclude(found: Inquiry, notes: Sequence[str] = (), told: Told = silent, *, 
 
 
 def _verdict(probability: dict[str, float] | Any, top: str, names: Sequence[str]) -> tuple[str, list[str]]:
-    if top == "complete":
+    if top == "complete" and probability[top] > MORE_THAN_NOT:
         return "complete", []
     if top == "unknown":
         return "unknown_physics", ["unknown"]
@@ -187,7 +189,8 @@ def _says(verdict: str, causes: Sequence[str], probability: Any, found: Inquiry)
         return f"Something is missing that no hypothesis in the library explains in these {runs} runs; none is named."
     sure = f"(probability {sum(p for n, p in probability.items() if set(causes) & set(n.split('+'))):.2f})"
     if verdict == "ambiguous":
-        return f"These runs cannot tell {' from '.join(words)} {sure}; the next experiment below would."
+        among = [*words, *(["nothing missing"] if probability["complete"] > 1 - COVERED else [])]
+        return f"These runs cannot tell {' from '.join(among)} {sure}; the next experiment below would."
     what = "The recording is at fault" if verdict == "measurement_fault" else "The model leaves out"
     return f"{what}{':' if verdict == 'measurement_fault' else ''} {' and '.join(words)} {sure}."
 
@@ -283,16 +286,17 @@ def smallest_seen(campaign: Campaign, found: Inquiry) -> dict[str, str]:
     w = np.sqrt(weights(null.residual))
     known = null.slopes * w[:, None]
     prior = np.diag([1 / k.sd**2 for k in null.unknowns])
+    n = len(null.u)
     for c in found.singles.values():
-        own = list(range(len(null.u), len(c.fit.unknowns)))
-        if len(own) > 4 or c.fit.unknowns[own[0]].kind != "strength":  # a spread has no one size, a form none
+        unknowns = c.fit.unknowns
+        if len(unknowns) - n > 4 or unknowns[n].kind != "strength":  # a spread has no one size, a form none
             continue
-        unknown = replace(c.fit.unknowns[own[0]])
-        u = np.zeros(len(c.fit.u))
-        u[: len(null.u)] = null.u
-        u[own[1:]] = c.fit.u[own[1:]]
-        u[own[0]] = 0.3
-        column = (campaign.residuals(c.fit.unknowns, [u])[0] - null.residual) * w / unknown.value(0.3)
+        # as it may act by its own account: what a fit found beside no effect is by chance
+        start = np.array(c.hypothesis.starts[0])
+        little = [0.3 * u / start[0] if k.kind == "strength" else u for k, u in zip(unknowns[n:], start, strict=True)]
+        u = np.concatenate([null.u, little])
+        unknown = unknowns[n]
+        column = (campaign.residuals(unknowns, [u])[0] - null.residual) * w / unknown.value(0.3)
         shadow = known @ np.linalg.solve(known.T @ known + prior, known.T @ column)
         size = float(np.linalg.norm(column - shadow))
         if size > 0:

@@ -28,6 +28,8 @@ NOISE_LEAVES = 300.0
 UNKNOWN_LEAVES = 0.1
 #: Logarithms of prior probabilities: one cause, a second one beside it, each constant beyond a cause's first, unknown.
 LOG_PRIOR_CAUSE, LOG_PRIOR_SECOND, LOG_PRIOR_CONSTANT, LOG_PRIOR_UNKNOWN = -4.0, -4.0, -1.0, -4.0
+#: What survives is together as probable as this.
+COVERED = 0.95
 
 
 @dataclass(frozen=True)
@@ -97,7 +99,7 @@ def by_cause(probability: Mapping[str, float]) -> dict[str, float]:
     return dict(sorted(out.items(), key=lambda kv: -kv[1]))
 
 
-def surviving(probability: Mapping[str, float], covers: float = 0.95) -> list[str]:
+def surviving(probability: Mapping[str, float], covers: float = COVERED) -> list[str]:
     """The fewest hypotheses that together are as probable as ``covers``."""
     total = list(itertools.accumulate(probability.values()))
     return list(probability)[: int(np.searchsorted(total, covers)) + 1]

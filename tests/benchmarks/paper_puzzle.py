@@ -32,7 +32,7 @@ from .puzzle_fits import (
     improved_for_all,
     near_own,
     numbers,
-    with_one_delay,
+    one_delay,
 )
 from .puzzle_picture import draw
 from .puzzle_runs import HELD_OUT, recordings
@@ -61,19 +61,10 @@ def main() -> None:
         by_base = _each(fitted, train, GIVEN, by_itself)
         _wishes("base model, each run by itself", by_base)
         _one_set("base model, one set, no delay", base)
+        _delay("base", train, base)
         improved = improved_for_all(train)
         _one_set("improved model, one set, no delay", improved)
-        delayed = [with_one_delay(train, fit) for fit in (base, improved)]
-        for name, fit, before in zip(("base", "improved"), delayed, (base, improved), strict=True):
-            n, gain = numbers(fit)[DELAY], before.cost - fit.cost
-            print(
-                f"\n{name} model with a delay that all runs share: {n.value * 1e3:.2f} ± {n.sigma * 1e3:.2f} ms, ",
-                end="",
-            )
-            print(
-                f"chi2 {_chi2(before):.2f} to {_chi2(fit):.2f}, misfit less by {gain:.0f} of {before.cost:.0f}",
-                flush=True,
-            )
+        _delay("improved", train, improved)
         straws = tuple(applied(GIVEN, fit.unknowns, fit.u)[0] for fit in (base, improved))
         by_improved = _each(fitted, train, straws[1], near_own)
         common = numbers(base), numbers(improved)
@@ -104,6 +95,13 @@ def main() -> None:
             "heldout_rms": {"base": rms[0], "improved": rms[1], "noise": noise},
         }
         write_json(args.json, told)
+
+
+def _delay(name: str, campaign: Campaign, fit: Fit) -> None:
+    """Print the delay that all runs would share."""
+    late, gain = one_delay(campaign, fit)
+    told = f"{late.value * 1e3:.2f} ± {late.sigma * 1e3:.2f} ms, misfit less by {gain:.0f} of {fit.cost:.0f}"
+    print(f"  {name} model, a delay that all runs would share: {told}", flush=True)
 
 
 def _each(
