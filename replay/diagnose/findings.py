@@ -226,7 +226,7 @@ def constants_of(campaign: Campaign, best: Contestant) -> dict[str, dict[str, di
         cause, name, unit = _named(unknown)
         if cause in out or name in UNITS:
             sigma = abs(unknown.per_u(float(u))) * float(np.sqrt(covariance[k, k]))
-            place = next((c for c in out if c == cause or name.startswith(c)), None)
+            place = next((c for c in out if cause.startswith(c) or name.startswith(c)), None)
             if place:
                 out[place][name] = {"value": unknown.value(float(u)), "sigma": sigma, "unit": unit}
     return out
@@ -236,11 +236,12 @@ def _named(unknown: Unknown) -> tuple[str, str, str]:
     """Cause, constant and unit of an unknown."""
     kind, *rest = unknown.target.split(".")
     if kind == "term":
-        term, name, *cell = rest
+        (terms, name, *cell) = rest
+        term = terms.partition("&")[0]
         unit = next(c.unit for c in TERMS[term].constants if c.name == name)
         return term, ".".join([name, *cell]), unit
     name = rest[0] if rest else kind
-    return name, name, UNITS.get(name, "1")
+    return ("odd_frusta_compliance" if name == "odd_E" else name), name, UNITS.get(name, "1")
 
 
 def hold_out(campaign: Campaign, null: Fit, better: Fit, located: Sequence[Located]) -> Held | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,8 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Unknown:
-    """One number to find: ``target`` is ``straw.NAME``, ``term.TERM.NAME[.CELL]``, ``instrument.NAME`` or ``form``.
+    """One number to find: ``target`` is ``straw.NAME``, ``term.TERM.NAME[.WHERE]`` (several terms joined by &; a
+    cell, or a profile `along` the straw), ``instrument.NAME`` or ``form``.
 
     Searched as u: value = start exp(scale u) of a ``log`` one, scale sinh(u) of a strength, which is linear while
     small and logarithmic when large, and scale u of a ``linear`` one; zero strength is not there. Its prior is a normal
@@ -124,8 +126,12 @@ def causes(cells: int) -> dict[str, tuple[tuple[Unknown, ...], tuple[tuple[float
                 _positive(t + "cohesion.force_n", 1.0),
                 _shape(t + "cohesion.range_m", 0.3e-3, 0.03e-3, 2e-3),
                 Unknown(t + "cohesion.weakening", 0.2, kind="linear", low=-1.0, high=10.0, mean=1.0, sd=2.0),
+                Unknown(t + "cohesion.peak_m", 0.1e-3, kind="linear", low=0.0, high=10.0, sd=2.0),
+                Unknown(t + "cohesion.slows", 1.0, kind="linear", low=0.0, high=4.0),
             ),
-            ((0.3, 0.0, 1.0), (3.0, 0.0, 1.0), (1.0, -1.0, 1.0), (1.0, 1.0, 1.0)),
+            tuple(
+                (*start, 0.0, 0.0) for start in ((0.3, 0.0, 1.0), (3.0, 0.0, 1.0), (1.0, -1.0, 1.0), (1.0, 1.0, 1.0))
+            ),
         ),
         "crease_stiffness": (
             (
@@ -157,22 +163,41 @@ def causes(cells: int) -> dict[str, tuple[tuple[Unknown, ...], tuple[tuple[float
             ),
             tuple(tuple(-1.0 if c == n else 0.0 for c in range(cells)) for n in range(min(cells, 6))),
         ),
-        "intrinsic_curvature": ((_signed(t + "intrinsic_curvature.phi_0_rad", 3e-3),), ((0.5,), (-0.5,))),
+        "intrinsic_curvature": (
+            (
+                _signed(t + "intrinsic_curvature.phi_0_rad", 3e-3),
+                _signed(t + "intrinsic_curvature.phi_0_rad.tilt", 3e-3, sd=2.0),
+                _signed(t + "intrinsic_curvature.phi_0_rad.bow", 3e-3, sd=2.0),
+            ),
+            ((0.5, 0.0, 0.0), (-0.5, 0.0, 0.0)),
+        ),
         "asymmetry": (
             (
                 _signed(t + "asymmetry.moment_n_m", 1e-3),
-                _shape(t + "asymmetry.width", 0.5, 0.15, 1.5),
+                _shape(t + "asymmetry.width", 0.9, 0.3, 2.5),
                 Unknown(t + "asymmetry.centre", 0.3, kind="linear", low=-3.0, high=3.0),
+                _shape(t + "asymmetry.sharpness", 2.0, 1.2, 8.0),
             ),
-            ((0.5, 0.0, 0.0), (-0.5, 0.0, 0.0), (4.0, 0.0, 0.0), (-4.0, 0.0, 0.0)),
+            tuple((size, 0.0, 0.0, 0.0) for size in (0.5, -0.5, 4.0, -4.0)),
         ),
-        "odd_frusta_compliance": ((Unknown("form", 1.0, kind="linear", sd=1e-6, mean=1.0),), ((1.0,),)),
+        "odd_frusta_compliance": (
+            (
+                Unknown("form", 1.0, kind="linear", sd=1e-6, mean=1.0),
+                Unknown("straw.odd_E", 1.0, 1.0, "log", low=-0.5, high=5.0),
+            ),
+            ((1.0, 0.0), (1.0, 1.5)),
+        ),
         "viscoelasticity": (
             (
                 _positive(t + "viscoelasticity.k1_n_per_m", 100.0),
                 _shape(t + "viscoelasticity.tau_s", 0.3, 0.01, 10.0),
+                _positive(t + "viscoelasticity_slow.slow_k1_n_per_m", 100.0),
+                _shape(t + "viscoelasticity_slow.slow_tau_s", 3.0, 0.3, 100.0),
+                Unknown(
+                    t + "viscoelasticity&viscoelasticity_slow.bending", 1.0, kind="linear", low=0.0, high=3.0, mean=0.5
+                ),
             ),
-            ((0.3, 0.0), (3.0, 0.0), (1.0, -2.0), (1.0, 1.5)),
+            tuple((*start, 0.5) for start in ((0.3, 0, 0, 0), (3.0, 0, 0, 0), (1.0, -2.0, 0, 0), (1.0, -0.7, 1.0, 0))),
         ),
         "dry_friction": ((_positive(t + "dry_friction.force_n", 0.2),), ((0.3,), (3.0,))),
         "ambient_drag": ((_positive(t + "ambient_drag.c_d", 3.0),), ((0.5,), (5.0,))),
@@ -221,10 +246,20 @@ def hypothesis(names: Sequence[str], cells: int) -> Hypothesis:
     return Hypothesis(tuple(names), unknowns, starts if names else ((),))
 
 
+def along(where: str, cells: int) -> Floats:
+    """How a constant differs from cell to cell, (cells,): in one cell by its number, or smoothly from -1 at the base to
+    1 at the tip (``tilt``), or bent (``bow``); neither of these two changes the mean of a long straw.
+    """
+    u = np.linspace(-1.0, 1.0, cells)
+    if where == "tilt":
+        return u
+    return 1.5 * u**2 - 0.5 if where == "bow" else np.eye(cells)[int(where) - 1]
+
+
 def applied(straw: StrawParameters, unknowns: Sequence[Unknown], at: Floats) -> tuple[StrawParameters, Instrument]:
     """The straw and instrument with the unknowns set to u (unknowns,)."""
     changes: dict[str, object] = {}
-    terms: dict[str, dict[str, object]] = {}
+    terms: dict[str, dict[str, Any]] = {}
     instrument: dict[str, float] = {}
     for unknown, u in zip(unknowns, at, strict=True):
         kind, _, name = unknown.target.partition(".")
@@ -234,20 +269,20 @@ def applied(straw: StrawParameters, unknowns: Sequence[Unknown], at: Floats) -> 
         elif kind == "form":
             changes["form"] = "full"
         elif kind == "term":
-            term, constant, *cell = name.split(".")
-            if cell:
-                values = terms.setdefault(term, {}).setdefault(constant, [0.0] * straw.cells)
-                values[int(cell[0]) - 1] = value  # type: ignore[index]
-            else:
-                terms.setdefault(term, {})[constant] = value
+            term, constant, *where = name.split(".")
+            for one in term.split("&"):
+                constants = terms.setdefault(one, {})
+                known = constants.get(constant, 0.0)
+                constants[constant] = known + value * along(where[0], straw.cells) if where else value
         elif name in ("zeta01", "zeta02"):
             zeta = np.array(changes.get("zeta0_m", straw.zeta0_m))
             zeta[:, int(name == "zeta02")] *= value
             changes["zeta0_m"] = zeta
         elif name == "mount_rad":
             changes["phi_0_rad"] = straw.phi_0_rad + value
-        elif name in ("E_pa", "h_m"):
-            changes[name] = np.asarray(getattr(straw, name)) * value
+        elif name in ("E_pa", "odd_E", "h_m"):
+            name, which = ("E_pa", [value, 1.0]) if name == "odd_E" else (name, [value, value])
+            changes[name] = np.asarray(changes.get(name, getattr(straw, name))) * np.array(which)
         else:
             changes[name] = value
     changed = straw.replace(**changes) if changes else straw
