@@ -57,8 +57,8 @@ HOPELESS = 12.0
 EXPLAINED, LOUD = 300.0, 1000.0
 #: What the wide search leaves this little above the base may still win when it is finished.
 NEARLY = 1.3
-#: Starts this far apart, in units of u, are different ones.
-ANOTHER = 0.8
+#: Starts this far apart, in units of u, are different ones; so many of a cause are followed for so many rounds first.
+ANOTHER, STARTS, TRIED = 1.0, 3, 2
 #: A rival this much behind is not close, whatever more fitting would bring.
 CLOSE = 1000.0
 #: Causes fitted from near the base; carried on by outlines, and from there by all that is seen.
@@ -109,15 +109,17 @@ def inquire(
     found = Inquiry(campaign, null)
     told("looking at every cause", 1, total)
     wide = campaign.only(few_of(observations)).roughly()
+    done: dict[str, float] = {}  # costs of those carried to their end
     if loud:
         known = descend(wide, base, start, rounds=ROUNDS, share=3e-3)
         _by_outlines(found, wide, known, names, thorough, told)
+        _finish_best(found, 1, done)
     if thorough or not loud or unexplained(campaign, found.contestants[0].fit) > EXPLAINED:
         _from_nearby(found, names, thorough, told)
     if stop():
         return found
     told("finishing the best", len(names) + 2, total)
-    _finish_best(found, FINISHED + 3 * thorough)
+    _finish_best(found, FINISHED + 3 * thorough, done)
     if found.singles and found.contestants[0].cost < found.null.cost - HOPELESS:
         _weigh_anew(found, len(base))
         told("pairs", len(names) + 3, total)
@@ -142,13 +144,23 @@ def _by_outlines(found: Inquiry, wide: Campaign, known: Fit, names: Sequence[str
         if wide.stop():
             return
         told(group[0].name, k + 2, len(names) + 5)
-        entered.append(enter(wide, known, group[: 2 if thorough else 1], rounds=5))
+        entered.append(_entered(wide, known, group[: STARTS + 3 * thorough]))
     entered.sort(key=lambda c: c.cost)
     hopeful = [c for c in entered if c.cost < HOPEFUL * entered[0].cost][: CARRIED_ON * (1 + thorough)]
     further = [finish(wide, c, rounds=ROUNDS, share=3e-3) for c in hopeful]
     for one in entered:
         _keep(found, Contestant(one.hypothesis, seen_again(found.campaign, one.fit)))
     _seen_fully(found, further, SEEN_FULLY * (1 + thorough))
+
+
+def _entered(campaign: Campaign, known: Fit, group: Sequence[Look]) -> Contestant:
+    """A cause fitted from the best of several starts. Which is best shows only after some rounds: where a law decides
+    to which side a cell snaps, the right start can look as bad as the wrong one."""
+    tried = [enter(campaign, known, [look], rounds=TRIED) for look in group]
+    best = min(tried, key=lambda c: c.cost)
+    fit, share = best.fit, 1e-2
+    done = descend(campaign, fit.unknowns, fit.u, slopes=fit.slopes, residual=fit.residual, rounds=4, share=share)
+    return Contestant(best.hypothesis, done)
 
 
 def _from_nearby(found: Inquiry, names: Sequence[str], thorough: bool, told: Told) -> None:
@@ -216,10 +228,9 @@ def _weigh_anew(found: Inquiry, base: int) -> None:
         found.null = min(nulls, key=lambda fit: fit.cost)
 
 
-def _finish_best(found: Inquiry, most: int) -> None:
-    """Carry the best few single causes to their end, as long as one may still overtake the best."""
-    done: dict[str, float] = {}
-    for _ in range(most):
+def _finish_best(found: Inquiry, most: int, done: dict[str, float]) -> None:
+    """Carry the best few single causes to their end, as long as one may still overtake the best of those ``done``."""
+    while len(done) < most:
         waiting = [c for c in found.singles.values() if c.name not in done and c.cost < NEARLY * found.null.cost]
         if not waiting or found.campaign.stop():
             return
