@@ -114,6 +114,29 @@ def test_a_force_with_memory_never_gives_back_more_than_it_took(name: str) -> No
     assert taken_j > 0
 
 
+def test_an_asymmetric_frustum_is_pushed_between_its_wells_only() -> None:
+    k = np.array([2e-3, 0.9, 0.0, 2.0])
+    at = [frustum(zeta_m) for zeta_m in (-2.28e-3, -1e-3, 0.0, 2.2e-3)]
+    moments = [TERMS["asymmetry"].force(f, k)[1] for f in at]
+    assert moments[0] == moments[3] == 0.0
+    assert moments[2] == -2e-3
+    assert moments[1] == pytest.approx(-2e-3 * (1 - (1 / (0.9 * 2.28)) ** 2) ** 2)
+
+
+def test_cohesion_pulls_most_at_its_peak_and_each_cycle_weakens_it_less_than_the_one_before() -> None:
+    k = np.array([4.0, 0.2e-3, 0.5, 0.1e-3, 2.0])
+    pulls = [TERMS["cohesion"].force(frustum(-2.28e-3 + 0.1e-3, cycle), k)[0] for cycle in range(4)]
+    assert pulls == pytest.approx([-4.0 / (1 + cycle) ** 0.5 for cycle in range(4)])
+    assert TERMS["cohesion"].force(frustum(-2.28e-3), k)[0] == pytest.approx(-4.0 * np.exp(-1 / 8))
+    steady = np.array([4.0, 0.2e-3, 0.5, 0.0, 0.0])
+    assert TERMS["cohesion"].force(frustum(-2.28e-3, 2), steady)[0] == pytest.approx(-4.0 * np.exp(-1.0))
+
+
+def frustum(zeta_m: float, cycle: int = 0) -> Frustum:
+    """An even frustum that stands still."""
+    return Frustum(zeta_m, 0.05, 0.0, 0.0, -2.28e-3, 1.0, 1.0, 0.0, 0.0, 8e-3, 14e-3, float(cycle))
+
+
 def test_drag_takes_energy_out_of_any_motion() -> None:
     random = np.random.default_rng(5)
     straw = with_typical(FOLDING, TERMS["ambient_drag"])

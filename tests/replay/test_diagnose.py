@@ -13,7 +13,7 @@ from model.terms import CAUSES
 from replay.cli import main
 from replay.diagnose.diagnosis import inquire
 from replay.diagnose.experiment import Choice, _toml, menu
-from replay.diagnose.findings import conclude
+from replay.diagnose.findings import _verdict, conclude
 from replay.diagnose.hypothesis import MEASUREMENT, Unknown, applied, base_unknowns, causes, hypothesis
 from replay.diagnose.instrument import Instrument
 from replay.diagnose.judge import by_cause, surviving
@@ -111,6 +111,39 @@ def test_unknowns_give_back_the_value_they_start_from():
     strength = Unknown("term.cohesion.force_n", 2.0)
     assert strength.value(strength.at(3.0)) == pytest.approx(6.0)
     assert strength.per_u(0.4) == pytest.approx((strength.value(0.4 + 1e-6) - strength.value(0.4 - 1e-6)) / 2e-6)
+
+
+def test_elasticity_and_geometry_stay_within_a_few_percent_of_what_is_given():
+    ends = {k.target: (k.value(k.low), k.value(k.high)) for k in base_unknowns(BASE)}
+    for name in ("E_pa", "h_m", "zeta01", "zeta02"):
+        low, high = ends[f"straw.{name}"]
+        assert 0.9 < low < 0.97
+        assert 1.03 < high < 1.1
+
+
+def test_curvature_may_grow_along_the_straw_and_relaxation_spare_the_bending():
+    curled, slack = hypothesis(["intrinsic_curvature"], 9), hypothesis(["viscoelasticity"], 9)
+    at = np.array([k.at(x) for k, x in zip(curled.unknowns, (2.0, 1.0, 0.0), strict=True)])
+    phi_0 = np.array(applied(BASE, curled.unknowns, at)[0].terms["intrinsic_curvature"]["phi_0_rad"])
+    np.testing.assert_allclose(phi_0, 3e-3 * (2.0 + np.linspace(-1, 1, 9)))
+    terms = applied(BASE, slack.unknowns, np.array([1.0, 0.0, 1.0, 0.0, 0.25]))[0].terms
+    assert [terms[name]["bending"] for name in ("viscoelasticity", "viscoelasticity_slow")] == [0.25, 0.25]
+
+
+def test_odd_frusta_may_be_stiffer_than_even_ones_whatever_else_is_changed():
+    what = (*base_unknowns(BASE), *hypothesis(["odd_frusta_compliance"], 9).unknowns)
+    at = [0.0] * 7 + [1.0, np.log(3.0)]
+    at[3] = 1.0  # E, all frusta
+    straw = applied(BASE, what, np.array(at))[0]
+    assert straw.form == "full"
+    np.testing.assert_allclose(straw.E_pa[:, 0], 3 * straw.E_pa[:, 1])
+    np.testing.assert_allclose(straw.E_pa[:, 1], np.exp(0.02) * BASE.E_pa[0, 1])
+
+
+@pytest.mark.parametrize(("complete", "verdict"), [(0.6, "complete"), (0.45, "ambiguous")])
+def test_nothing_is_called_missing_only_where_that_is_more_probable_than_not(complete, verdict):
+    rest = {"cohesion": (1 - complete) / 2, "squeeze_film": (1 - complete) / 2}
+    assert _verdict({"complete": complete, **rest}, "complete", list(rest))[0] == verdict
 
 
 def test_the_apparatus_own_straw_leaves_only_noise(plain):
