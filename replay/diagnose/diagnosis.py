@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.parameters import StrawParameters
-from replay.diagnose.contest import Contestant, Look, enter, finish, looks, seen_again, unfitted
+from replay.diagnose.contest import LITTLE, Contestant, Look, enter, finish, looks, seen_again, unfitted
 from replay.diagnose.hypothesis import REPEATS, REPEATS_MOUNT, base_unknowns, causes
 from replay.diagnose.judge import Judgement, judge, unexplained
 from replay.diagnose.observation import Observation
@@ -57,12 +57,13 @@ HOPELESS = 12.0
 EXPLAINED, LOUD = 300.0, 1000.0
 #: What the wide search leaves this little above the base may still win when it is finished.
 NEARLY = 1.3
-#: Starts this far apart, in units of u, are different ones; so many of a cause are followed for so many rounds first.
-ANOTHER, STARTS, TRIED = 1.0, 3, 2
+#: Starts this far apart, in units of u, are different ones; so many of a cause are tried for so many rounds, unless the
+#: misfit there is this many times the base's.
+ANOTHER, STARTS, TRIED, TOO_FAR = 1.0, 4, 2, 4.0
 #: A rival this much behind is not close, whatever more fitting would bring.
 CLOSE = 1000.0
-#: Causes fitted from near the base; carried on by outlines, and from there by all that is seen.
-NEARBY, CARRIED_ON, SEEN_FULLY = 6, 6, 4
+#: Causes fitted from near the base; tried by outlines and followed, carried on, and from there by all that is seen.
+NEARBY, FOLLOWED, CARRIED_ON, SEEN_FULLY = 6, 10, 6, 4
 #: Whose outlines fit this many times worse than the best's is not carried on.
 HOPEFUL = 2.5
 #: Causes that are carried to the end, that get partners; pairs tried.
@@ -139,12 +140,15 @@ def _keep(found: Inquiry, one: Contestant) -> None:
 
 def _by_outlines(found: Inquiry, wide: Campaign, known: Fit, names: Sequence[str], thorough: bool, told: Told) -> None:
     """Fit every cause to outlines of a few runs, the best further, and the best of these to all that is seen."""
-    entered = []
+    tried: list[Contestant] = []
     for k, group in enumerate(_ranked(looks(wide, known, names), known)):
         if wide.stop():
             return
         told(group[0].name, k + 2, len(names) + 5)
-        entered.append(_entered(wide, known, group[: STARTS + 3 * thorough]))
+        tried.append(_tried(wide, known, group[: STARTS + 3 * thorough]))
+    tried.sort(key=lambda c: c.cost)
+    most = len(tried) if thorough else FOLLOWED
+    entered = [_followed(wide, one) if k < most else one for k, one in enumerate(tried)]
     entered.sort(key=lambda c: c.cost)
     hopeful = [c for c in entered if c.cost < HOPEFUL * entered[0].cost][: CARRIED_ON * (1 + thorough)]
     further = [finish(wide, c, rounds=ROUNDS, share=3e-3) for c in hopeful]
@@ -153,14 +157,18 @@ def _by_outlines(found: Inquiry, wide: Campaign, known: Fit, names: Sequence[str
     _seen_fully(found, further, SEEN_FULLY * (1 + thorough))
 
 
-def _entered(campaign: Campaign, known: Fit, group: Sequence[Look]) -> Contestant:
-    """A cause fitted from the best of several starts. Which is best shows only after some rounds: where a law decides
-    to which side a cell snaps, the right start can look as bad as the wrong one."""
-    tried = [enter(campaign, known, [look], rounds=TRIED) for look in group]
-    best = min(tried, key=lambda c: c.cost)
-    fit, share = best.fit, 1e-2
-    done = descend(campaign, fit.unknowns, fit.u, slopes=fit.slopes, residual=fit.residual, rounds=4, share=share)
-    return Contestant(best.hypothesis, done)
+def _tried(campaign: Campaign, known: Fit, group: Sequence[Look]) -> Contestant:
+    """A cause fitted a little way from each of several starts, and the best of them. Which is best shows only after
+    some rounds: where a law decides to which side a cell snaps, the right start can look as bad as the wrong one."""
+    hopeful = [look for look in group if look.cost < TOO_FAR * known.cost] or group[:1]
+    return min((enter(campaign, known, [look], rounds=TRIED) for look in hopeful), key=lambda c: c.cost)
+
+
+def _followed(campaign: Campaign, one: Contestant) -> Contestant:
+    """A cause that was tried, fitted some rounds more."""
+    fit = one.fit
+    done = descend(campaign, fit.unknowns, fit.u, rounds=4, share=LITTLE, resumed=fit)
+    return Contestant(one.hypothesis, done)
 
 
 def _from_nearby(found: Inquiry, names: Sequence[str], thorough: bool, told: Told) -> None:

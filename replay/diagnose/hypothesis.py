@@ -178,7 +178,7 @@ def causes(cells: int) -> dict[str, tuple[tuple[Unknown, ...], tuple[tuple[float
                 Unknown(t + "asymmetry.centre", 0.3, kind="linear", low=-3.0, high=3.0),
                 _shape(t + "asymmetry.sharpness", 2.0, 1.2, 8.0),
             ),
-            tuple((size, 0.0, 0.0, 0.0) for size in (0.5, -0.5, 4.0, -4.0)),
+            tuple((size, 0.0, 0.0, 0.0) for size in (0.5, -0.5, 4.0, -4.0, 20.0, -20.0)),
         ),
         "odd_frusta_compliance": (
             (

@@ -160,6 +160,7 @@ class Fit:
     slopes: Floats
     cost: float  # robust, with priors
     fresh: bool  # whether the slopes were measured here
+    damping: float = DAMPING[0]  # with which the search would go on
 
     @property
     def values(self) -> dict[str, float]:
@@ -222,12 +223,17 @@ def descend(
     rounds: int = 8,
     enough: float = 1.0,
     share: float = 0.0,
+    resumed: Fit | None = None,
 ) -> Fit:
-    """Damped Gauss-Newton from u. ``slopes`` (m, unknowns) may be known from nearby; they are measured anew whenever
-    they predict badly, else corrected by what each step shows (Broyden).
+    """Damped Gauss-Newton from u, or going on with a fit as if it had not been interrupted (``resumed``).
+
+    ``slopes`` (m, unknowns) may be known from nearby; they are measured anew whenever they predict badly, else
+    corrected by what each step shows (Broyden).
     Ends when a round gains less than ``enough`` or that ``share`` of the cost.
     """
     unknowns = tuple(unknowns)
+    if resumed is not None:
+        slopes, residual = resumed.slopes, resumed.residual
     u = clipped(unknowns, np.asarray(u, dtype=np.float64))
     if residual is None:
         residual = campaign.residuals(unknowns, [u])[0]
@@ -237,6 +243,8 @@ def descend(
         slopes = measured_slopes(campaign, unknowns, u, residual, range(len(u)))
     mean, sd = np.array([k.mean for k in unknowns]), np.array([k.sd for k in unknowns])
     damping = np.array(DAMPING)
+    if resumed is not None:
+        fresh, damping = resumed.fresh, damping * (resumed.damping / DAMPING[0])
     for _ in range(rounds):
         if campaign.stop():
             break
@@ -277,7 +285,7 @@ def descend(
             fresh = True
         elif gain > 0 or not fresh:
             slopes, fresh = corrected, False
-    return Fit(unknowns, u, residual, slopes, cost, fresh)
+    return Fit(unknowns, u, residual, slopes, cost, fresh, float(damping[0]))
 
 
 def _step(unknowns: Sequence[Unknown], u: Floats, curvature: Floats, gradient: Floats, damping: float) -> Floats:
