@@ -71,8 +71,11 @@ def menu(cells: int) -> list[Choice]:
     return [c for c in out if all(cell <= cells for cell in c.deployed)]
 
 
-def next_experiment(campaign: Campaign, survivors: Sequence[Contestant]) -> Experiment | None:
-    """The choice with the largest smallest separation of the survivors; None with fewer than two of them."""
+def next_experiment(campaign: Campaign, survivors: Sequence[Contestant], *, explain: bool = True) -> Experiment | None:
+    """The choice with the largest smallest separation of the survivors; None with fewer than two of them.
+
+    ``explain``: whether they explain the runs, or only come nearest of all that do not.
+    """
     if len(survivors) < 2:
         return None
     best: tuple[float, Choice] | None = None
@@ -86,8 +89,11 @@ def next_experiment(campaign: Campaign, survivors: Sequence[Contestant]) -> Expe
     if best is None:
         return None
     separation, choice = best
-    names = " from ".join(c.name.replace("_", " ") for c in survivors)
-    why = f"{choice.why}; would tell {names}"
+    names = [c.name.replace("_", " ") for c in survivors]
+    if explain:
+        why = f"{choice.why}; would tell {' from '.join(names)}"
+    else:
+        why = f"{choice.why}; what comes nearest, {' and '.join(names)}, differs most there"
     return Experiment(_toml(choice), ",".join(map(str, choice.deployed)), why, separation)
 
 

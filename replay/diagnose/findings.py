@@ -139,7 +139,9 @@ def conclude(found: Inquiry, notes: Sequence[str] = (), told: Told = silent, *, 
     notes = [*notes, *_doubts(found)]
     experiment = None
     if found.whole and verdict in ("ambiguous", "unknown_physics") and not brief:
-        experiment = next_experiment(campaign, [c for c in (best, *rivals) if c] or found.contestants[:2])
+        nearest = sorted(found.singles.values(), key=lambda c: c.cost)[:2]  # of what is not the answer, but something
+        among = [c for c in (best, *rivals) if c]
+        experiment = next_experiment(campaign, among or nearest, explain=bool(among))
     return Findings(
         verdict=verdict,
         causes=causes,
