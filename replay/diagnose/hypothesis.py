@@ -137,8 +137,12 @@ def causes(cells: int) -> dict[str, tuple[tuple[Unknown, ...], tuple[tuple[float
             (
                 _signed(t + "crease_stiffness.zeta_n_per_m", 20.0),
                 _signed(t + "crease_stiffness.phi_n_m_per_rad", 2e-3),
+                Unknown(t + "crease_stiffness.hardens_per_m2", 2e4, kind="linear", low=0.0, high=10.0, sd=3.0),
+                Unknown(
+                    t + "crease_stiffness.bending_hardens_per_rad2", 5.0, kind="linear", low=0.0, high=10.0, sd=3.0
+                ),
             ),
-            ((1.0, 1.0), (5.0, 5.0)),
+            ((1.0, 1.0, 0.0, 0.0), (5.0, 5.0, 0.0, 0.0)),
         ),
         "squeeze_film": (
             (
