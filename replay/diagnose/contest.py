@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from replay.diagnose.campaign import Campaign
 from replay.diagnose.hypothesis import Hypothesis, Unknown
 from replay.diagnose.search import (
     LONGEST_STEP,
-    Campaign,
     Fit,
     clipped,
     descend,

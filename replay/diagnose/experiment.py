@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from model.errors import ModelError
 from model.simulate import simulate
+from replay.diagnose.campaign import Campaign
 from replay.diagnose.contest import Contestant
 from replay.diagnose.hypothesis import applied
 from replay.diagnose.misfit import STEP_S, TOLERANCE_M
-from replay.diagnose.search import Campaign
 
 Floats = NDArray[np.float64]
 

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from replay.diagnose.campaign import Campaign
 from replay.diagnose.hypothesis import Unknown
-from replay.diagnose.search import Campaign, Fit, descend, prior_cost, robust_cost, weights
+from replay.diagnose.search import Fit, descend, prior_cost, robust_cost, weights
 
 Floats = NDArray[np.float64]
 

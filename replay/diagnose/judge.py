@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from replay.diagnose.campaign import Campaign
 from replay.diagnose.contest import Contestant
-from replay.diagnose.search import Campaign, Fit
+from replay.diagnose.search import Fit
 
 Floats = NDArray[np.float64]
 

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from replay.compare import CHANNELS
+from replay.diagnose.campaign import Campaign
 from replay.diagnose.hypothesis import applied
 from replay.diagnose.misfit import Misfit, play
 from replay.diagnose.observation import Observation
-from replay.diagnose.search import Campaign, Fit, weights
+from replay.diagnose.search import Fit, weights
 
 Floats = NDArray[np.float64]
 

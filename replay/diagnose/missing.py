@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.parameters import StrawParameters
+from replay.diagnose.campaign import Campaign
 from replay.diagnose.contest import seen_again
 from replay.diagnose.dictionary import atoms
 from replay.diagnose.formula import Formula, formula, tangent
@@ -21,15 +22,7 @@ from replay.diagnose.hypothesis import Unknown, applied
 from replay.diagnose.judge import NOISE_LEAVES, unexplained
 from replay.diagnose.misfit import play
 from replay.diagnose.observation import Observation
-from replay.diagnose.search import (
-    Campaign,
-    Fit,
-    descend,
-    measured_slopes,
-    prior_cost,
-    robust_cost,
-    weights,
-)
+from replay.diagnose.search import Fit, descend, measured_slopes, prior_cost, robust_cost, weights
 from replay.diagnose.start import few_of
 from replay.diagnose.states import STATES, State, points
 

@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from replay.diagnose.campaign import Campaign
 from replay.diagnose.diagnosis import Inquiry
 from replay.diagnose.findings import Findings
 from replay.diagnose.hypothesis import applied
 from replay.diagnose.locate import stretches
 from replay.diagnose.misfit import play
 from replay.diagnose.missing import Missing
-from replay.diagnose.search import Campaign, Fit
+from replay.diagnose.search import Fit
 
 Floats = NDArray[np.float64]
 

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from replay.diagnose.campaign import Campaign
 from replay.diagnose.hypothesis import Unknown
 from replay.diagnose.observation import Observation
-from replay.diagnose.search import Campaign, descend
+from replay.diagnose.search import descend
 
 Floats = NDArray[np.float64]
 

@@ -17,12 +17,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from replay.diagnose.campaign import Campaign
 from replay.diagnose.diagnosis import allow_repeats
 from replay.diagnose.hypothesis import base_unknowns
 from replay.diagnose.judge import unexplained
 from replay.diagnose.missing import Missing, missing_force
 from replay.diagnose.observation import observe
-from replay.diagnose.search import Campaign, descend
+from replay.diagnose.search import descend
 from replay.diagnose.start import base_start
 from replay.diagnose.states import STATES
 from tests.apparatus.campaign import campaign

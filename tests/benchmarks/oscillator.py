@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 import numba
 import numpy as np
 
+from replay.diagnose.campaign import Campaign
 from replay.diagnose.hypothesis import Hypothesis, Unknown
-from replay.diagnose.search import Campaign
 
 RATE_HZ, FINE = 750.0, 8  # output rate; steps of the input and of the integration to one of the output
 MASS_KG = 2.0

@@ -11,6 +11,7 @@ import pytest
 from model.parameters import StrawParameters, straw_from_toml
 from model.terms import CAUSES
 from replay.cli import main
+from replay.diagnose.campaign import Campaign
 from replay.diagnose.diagnosis import inquire
 from replay.diagnose.experiment import Choice, _toml, menu
 from replay.diagnose.findings import _verdict, conclude
@@ -19,7 +20,7 @@ from replay.diagnose.instrument import Instrument
 from replay.diagnose.judge import by_cause, surviving
 from replay.diagnose.misfit import bend, misfit, whitened
 from replay.diagnose.observation import observe
-from replay.diagnose.search import Campaign, descend
+from replay.diagnose.search import descend
 from replay.diagnose.snaps import crossings, levels_of
 from rig.protocol import load_protocol
 from tests.apparatus.campaign import NONE, campaign

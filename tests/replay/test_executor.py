@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from model.parameters import StrawParameters
+from replay.diagnose.campaign import Campaign
 from replay.diagnose.hypothesis import base_unknowns
 from replay.diagnose.observation import observe
-from replay.diagnose.search import Campaign
 from tests.apparatus.campaign import NONE, campaign
 
 

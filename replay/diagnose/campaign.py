@@ -1,0 +1,137 @@
+"""A campaign: runs of one specimen, and where straws are played against them on a pool of workers."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import ModelError
+from model.parameters import StrawParameters
+from replay.diagnose.hypothesis import Hypothesis, Unknown, applied, hypothesis
+from replay.diagnose.misfit import Misfit, misfit, rough_misfit
+from replay.diagnose.observation import Observation
+
+Floats = NDArray[np.float64]
+
+#: A simulation that fails counts as this many sigmas everywhere.
+FAILED_SIGMAS = 300.0
+
+
+class Campaign:
+    """Observations of one specimen, and where straws are played against them."""
+
+    def __init__(
+        self,
+        observations: Sequence[Observation],
+        straw: StrawParameters,
+        pool: Executor,
+        stop: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self.observations, self.straw, self.pool, self.stop = tuple(observations), straw, pool, stop
+        self.tally = {"played": 0, "failed": 0}  # of runs, shared with campaigns made from this one
+        self.steps: dict[str, float] = {}  # of derivatives by each unknown, as last felt well
+        self.scatter: list[tuple[Floats, Floats]] | None = None
+        self.rough = False  # whether only outlines are compared
+
+    def only(self, names: Sequence[str]) -> Campaign:
+        """The campaign with some of its runs."""
+        return self._like([o for o in self.observations if o.name in set(names)], self.rough)
+
+    def roughly(self) -> Campaign:
+        """The campaign with only outlines compared: the way down to a good fit is wider."""
+        return self._like(self.observations, True)
+
+    def _like(self, observations: Sequence[Observation], rough: bool) -> Campaign:
+        """Another campaign that counts with this one; what repeats differ by has to be felt anew."""
+        out = Campaign(observations, self.straw, self.pool, self.stop)
+        out.rough, out.tally = rough, self.tally
+        return out
+
+    def hypothesis(self, names: Sequence[str]) -> Hypothesis:
+        """One or more causes together, as they may act on this specimen."""
+        return hypothesis(names, self.straw.cells)
+
+    def misfits(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[list[Misfit | None]]:
+        """Misfit of every run at every point u; None where the model cannot follow."""
+        return self.played(_one, unknowns, points)
+
+    def played(self, how: Callable[..., Any], unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[list[Any]]:
+        """What ``how`` tells of every run at every point u, from the pool's workers."""
+        jobs = [
+            [self.pool.submit(how, o, self.straw, tuple(unknowns), point) for o in self.observations]
+            for point in points
+        ]
+        found = [[job.result() for job in row] for row in jobs]
+        self.tally["played"] += sum(len(row) for row in found)
+        self.tally["failed"] += sum(one is None for row in found for one in row)
+        return found
+
+    def residuals(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[Floats]:
+        """All differences of all runs in sigmas as one vector for each point u."""
+        played = self.played(_rough if self.rough else _vector, unknowns, points)
+        return [self.stacked(row) for row in played]
+
+    def stacked(self, row: Sequence[Floats | None]) -> Floats:
+        """One vector of all runs; failures count as very wrong."""
+        return self.repeatable(
+            np.concatenate(
+                [
+                    np.full(self.size(o), FAILED_SIGMAS) if one is None else one
+                    for o, one in zip(self.observations, row, strict=True)
+                ]
+            )
+        )
+
+    def allow(self, slopes: Floats) -> None:
+        """Let every run differ a little from the others: ``slopes`` (m, k) are what one deviation of each kind does.
+
+        From now on differences in these directions count as what they are beside what repeats differ by: with
+        covariance 1 + J J' in each run, differences are multiplied by its inverse root.
+        """
+        self.scatter = []
+        for part in self.slices():
+            directions, size, _ = np.linalg.svd(slopes[part], full_matrices=False)
+            self.scatter.append((directions, 1 / np.sqrt(1 + size**2) - 1))
+
+    def repeatable(self, differences: Floats) -> Floats:
+        """Differences (m,) or slopes (m, k) with what runs of one straw differ by counted as such."""
+        if self.scatter is None:
+            return differences
+        out = differences.copy()
+        for part, (directions, less) in zip(self.slices(), self.scatter, strict=True):
+            here = differences[part]
+            out[part] += directions @ ((directions.T @ here).T * less).T
+        return out
+
+    def size(self, observed: Observation) -> int:
+        """Length of a run's misfit vector."""
+        return (observed.outline.size if self.rough else observed.tip.size) + len(observed.snaps_s) + 1
+
+    def slices(self) -> list[slice]:
+        """Where each run's differences lie in the stacked vector."""
+        ends = np.cumsum([0, *(self.size(o) for o in self.observations)])
+        return [slice(int(a), int(b)) for a, b in itertools.pairwise(ends)]
+
+
+def _one(observed: Observation, straw: StrawParameters, unknowns: tuple[Unknown, ...], at: Floats) -> Misfit | None:
+    try:
+        return misfit(observed, *applied(straw, unknowns, at))
+    except ModelError:
+        return None
+
+
+def _vector(observed: Observation, straw: StrawParameters, unknowns: tuple[Unknown, ...], at: Floats) -> Floats | None:
+    one = _one(observed, straw, unknowns, at)
+    return None if one is None else one.vector
+
+
+def _rough(observed: Observation, straw: StrawParameters, unknowns: tuple[Unknown, ...], at: Floats) -> Floats | None:
+    try:
+        return rough_misfit(observed, *applied(straw, unknowns, at))
+    except ModelError:
+        return None
