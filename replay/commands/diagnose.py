@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from model.parameters import load_straw
 from replay.diagnose.diagnosis import inquire
 from replay.diagnose.findings import Findings, conclude
-from replay.diagnose.hypothesis import causes
+from replay.diagnose.library import causes
 from replay.diagnose.observation import observe
 from replay.diagnose.report import report
 from replay.errors import ReplayError

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from model.errors import ModelError
 from model.parameters import StrawParameters
-from replay.diagnose.hypothesis import Hypothesis, Unknown, applied, hypothesis
+from replay.diagnose.hypothesis import Hypothesis, Unknown, applied
+from replay.diagnose.library import hypothesis
 from replay.diagnose.misfit import Misfit, misfit, rough_misfit
 from replay.diagnose.observation import Observation
 

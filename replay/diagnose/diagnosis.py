@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from model.parameters import StrawParameters
 from replay.diagnose.campaign import Campaign
 from replay.diagnose.contest import LITTLE, Contestant, Look, enter, finish, looks, seen_again, unfitted
-from replay.diagnose.hypothesis import REPEATS, REPEATS_MOUNT, base_unknowns, causes
+from replay.diagnose.hypothesis import REPEATS, REPEATS_MOUNT, base_unknowns
 from replay.diagnose.judge import Judgement, judge, unexplained
+from replay.diagnose.library import causes
 from replay.diagnose.observation import Observation
 from replay.diagnose.search import Fit, descend, measured_slopes
 from replay.diagnose.start import base_start, few_of

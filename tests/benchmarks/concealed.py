@@ -21,7 +21,7 @@ from typing import Any
 from model.parameters import StrawParameters
 from replay.diagnose.diagnosis import inquire
 from replay.diagnose.findings import conclude
-from replay.diagnose.hypothesis import causes
+from replay.diagnose.library import causes
 from replay.diagnose.observation import observe
 from tests.apparatus.campaign import make
 from tests.apparatus.cases import RUN_IDS, Case, deck, generate, opened, seal

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from replay.diagnose.campaign import Campaign
 from replay.diagnose.diagnosis import allow_repeats
-from replay.diagnose.hypothesis import REPEATS, REPEATS_MOUNT, Unknown, base_unknowns, causes, hypothesis
+from replay.diagnose.hypothesis import REPEATS, REPEATS_MOUNT, Unknown, base_unknowns
+from replay.diagnose.library import causes, hypothesis
 from replay.diagnose.observation import Observation
 from replay.diagnose.search import Fit, descend, measured_slopes, weights
 from replay.diagnose.start import C_PHI, C_ZETA, R_CH, base_start, few_of, rough

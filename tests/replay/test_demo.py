@@ -13,8 +13,8 @@ import pytest
 from model.parameters import StrawParameters
 from replay.demo.campaign import PLANS, FaultyGauge, protocol_of
 from replay.demo.conceal import DRAWER, NOTHING, Concealed, Seal, draw, named, opened, story
-from replay.diagnose.hypothesis import causes
 from replay.diagnose.instrument import Instrument
+from replay.diagnose.library import causes
 
 BASE = StrawParameters()
 

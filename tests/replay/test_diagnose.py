@@ -15,9 +15,10 @@ from replay.diagnose.campaign import Campaign
 from replay.diagnose.diagnosis import inquire
 from replay.diagnose.experiment import Choice, _toml, menu
 from replay.diagnose.findings import _verdict, conclude
-from replay.diagnose.hypothesis import MEASUREMENT, Unknown, applied, base_unknowns, causes, hypothesis
+from replay.diagnose.hypothesis import MEASUREMENT, Unknown, applied, base_unknowns
 from replay.diagnose.instrument import Instrument
 from replay.diagnose.judge import by_cause, surviving
+from replay.diagnose.library import causes, hypothesis
 from replay.diagnose.misfit import bend, misfit, whitened
 from replay.diagnose.observation import observe
 from replay.diagnose.search import descend

@@ -1,0 +1,144 @@
+"""The library: every cause of the contract as unknowns with priors, and from where to look for each."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+
+from replay.diagnose.hypothesis import Hypothesis, Unknown
+
+
+def _positive(target: str, scale: float) -> Unknown:
+    return Unknown(target, scale, low=0.0, high=8.0, sd=10.0)
+
+
+def _signed(target: str, scale: float, sd: float = 10.0) -> Unknown:
+    return Unknown(target, scale, sd=sd, low=-8.0, high=8.0)
+
+
+def _shape(target: str, start: float, low: float, high: float) -> Unknown:
+    return Unknown(target, 1.0, start, "log", low=np.log(low / start), high=np.log(high / start), sd=1.0)
+
+
+def causes(cells: int) -> dict[str, tuple[tuple[Unknown, ...], tuple[tuple[float, ...], ...]]]:
+    """Unknowns and starts, small effects first, of every single cause of the contract; one unit is well seen."""
+    t = "term."
+    out: dict[str, tuple[tuple[Unknown, ...], tuple[tuple[float, ...], ...]]] = {
+        "cohesion": (
+            (
+                _positive(t + "cohesion.force_n", 1.0),
+                _shape(t + "cohesion.range_m", 0.3e-3, 0.03e-3, 2e-3),
+                Unknown(t + "cohesion.weakening", 0.2, kind="linear", low=-1.0, high=10.0, mean=1.0, sd=2.0),
+                Unknown(t + "cohesion.peak_m", 0.1e-3, kind="linear", low=0.0, high=10.0, sd=2.0),
+                Unknown(t + "cohesion.slows", 1.0, kind="linear", low=0.0, high=4.0),
+            ),
+            tuple(
+                (*start, 0.0, 0.0) for start in ((0.3, 0.0, 1.0), (3.0, 0.0, 1.0), (1.0, -1.0, 1.0), (1.0, 1.0, 1.0))
+            ),
+        ),
+        "crease_stiffness": (
+            (
+                _signed(t + "crease_stiffness.zeta_n_per_m", 20.0),
+                _signed(t + "crease_stiffness.phi_n_m_per_rad", 2e-3),
+                Unknown(t + "crease_stiffness.hardens_per_m2", 2e4, kind="linear", low=0.0, high=10.0, sd=3.0),
+                Unknown(
+                    t + "crease_stiffness.bending_hardens_per_rad2", 5.0, kind="linear", low=0.0, high=10.0, sd=3.0
+                ),
+            ),
+            ((1.0, 1.0, 0.0, 0.0), (5.0, 5.0, 0.0, 0.0)),
+        ),
+        "squeeze_film": (
+            (
+                _positive(t + "squeeze_film.folded_n_s_per_m", 50.0),
+                _shape(t + "squeeze_film.gap_m", 0.2e-3, 0.03e-3, 1e-3),
+            ),
+            ((0.3, 0.0), (4.0, 0.0), (1.0, 1.0), (10.0, -1.2)),
+        ),
+        "fluid_inertia": (
+            (_positive(t + "fluid_inertia.inertance_kg_per_m4", 1e7),),
+            ((0.3,), (3.0,), (10.0,)),
+        ),
+        "poiseuille_loss": (
+            (_positive(t + "poiseuille_loss.resistance_pa_s_per_m3", 3e8),),
+            ((0.3,), (5.0,)),
+        ),
+        "trapped_gas": ((_positive(t + "trapped_gas.volume_m3", 1e-7),), ((0.1,), (2.0,), (10.0,))),
+        "frustum_spread": (
+            tuple(
+                Unknown(f"{t}frustum_spread.E_relative.{cell}", 0.03, sd=2.0, low=-3.2, high=3.2)  # within 37 %
+                for cell in range(1, cells + 1)
+            ),
+            tuple(tuple(-1.0 if c == n else 0.0 for c in range(cells)) for n in range(min(cells, 6))),
+        ),
+        "intrinsic_curvature": (
+            (
+                _signed(t + "intrinsic_curvature.phi_0_rad", 3e-3),
+                _signed(t + "intrinsic_curvature.phi_0_rad.tilt", 3e-3, sd=2.0),
+                _signed(t + "intrinsic_curvature.phi_0_rad.bow", 3e-3, sd=2.0),
+            ),
+            ((0.5, 0.0, 0.0), (-0.5, 0.0, 0.0)),
+        ),
+        "asymmetry": (
+            (
+                _signed(t + "asymmetry.moment_n_m", 1e-3),
+                _shape(t + "asymmetry.width", 0.9, 0.3, 2.5),
+                Unknown(t + "asymmetry.centre", 0.3, kind="linear", low=-3.0, high=3.0),
+                _shape(t + "asymmetry.sharpness", 2.0, 1.2, 8.0),
+            ),
+            tuple((size, 0.0, 0.0, 0.0) for size in (0.5, -0.5, 4.0, -4.0, 20.0, -20.0)),
+        ),
+        "odd_frusta_compliance": (
+            (
+                Unknown("form", 1.0, kind="linear", sd=1e-6, mean=1.0),
+                Unknown("straw.odd_E", 1.0, 1.0, "log", low=-0.5, high=5.0),
+            ),
+            ((1.0, 0.0), (1.0, 1.5)),
+        ),
+        "viscoelasticity": (
+            (
+                _positive(t + "viscoelasticity.k1_n_per_m", 100.0),
+                _shape(t + "viscoelasticity.tau_s", 0.3, 0.01, 10.0),
+                _positive(t + "viscoelasticity_slow.slow_k1_n_per_m", 100.0),
+                _shape(t + "viscoelasticity_slow.slow_tau_s", 3.0, 0.3, 100.0),
+                Unknown(
+                    t + "viscoelasticity&viscoelasticity_slow.bending", 1.0, kind="linear", low=0.0, high=3.0, mean=0.5
+                ),
+            ),
+            tuple((*start, 0.5) for start in ((0.3, 0, 0, 0), (3.0, 0, 0, 0), (1.0, -2.0, 0, 0), (1.0, -0.7, 1.0, 0))),
+        ),
+        "dry_friction": ((_positive(t + "dry_friction.force_n", 0.2),), ((0.3,), (3.0,))),
+        "ambient_drag": ((_positive(t + "ambient_drag.c_d", 3.0),), ((0.5,), (5.0,))),
+        "line_lag": (
+            (
+                _positive(t + "line_lag.tau_s", 10e-3),
+                _shape(t + "line_lag.air_m3", 1e-3, 1e-6, 1.0),
+            ),
+            ((0.3, 0.0), (3.0, 0.0), (1.0, -4.0)),
+        ),
+    }
+    for name, scale in (
+        ("clock_offset", 10e-3),
+        ("clock_drift", 3e-3),
+        ("length_scale", 3e-3),
+        ("camera_roll", 3e-3),
+        ("tip_offset", 0.3e-3),
+        ("gauge_offset", 100.0),
+        ("gauge_gain", 0.01),
+    ):
+        field = {"clock_offset": "clock_offset_s", "camera_roll": "camera_roll_rad", "tip_offset": "tip_offset_m"}
+        field["gauge_offset"] = "gauge_offset_pa"
+        out[name] = ((_signed(f"instrument.{field.get(name, name)}", scale),), ((0.5,), (-0.5,)))
+    return out
+
+
+def hypothesis(names: Sequence[str], cells: int) -> Hypothesis:
+    """One or more causes together."""
+    known = causes(cells)
+    unknowns = tuple(u for name in names for u in known[name][0])
+    starts = tuple(
+        tuple(unknown.at(s) for unknown, s in zip(unknowns, sum(parts, ()), strict=True))
+        for parts in itertools.product(*(known[name][1] for name in names))
+    )
+    return Hypothesis(tuple(names), unknowns, starts if names else ((),))
