@@ -16,7 +16,7 @@ from replay.diagnose.hypothesis import REPEATS, REPEATS_MOUNT, base_unknowns
 from replay.diagnose.judge import Judgement, judge, unexplained
 from replay.diagnose.library import causes
 from replay.diagnose.observation import Observation
-from replay.diagnose.search import Fit, descend, measured_slopes
+from replay.diagnose.search import Fit, descend, measured_slopes, prior_cost, robust_cost
 from replay.diagnose.start import base_start, few_of
 from replay.errors import ReplayError
 
@@ -66,6 +66,8 @@ ANOTHER, STARTS, TRIED, TOO_FAR = 1.0, 4, 2, 4.0
 CLOSE = 1000.0
 #: Causes fitted from near the base; tried by outlines and followed, carried on, and from there by all that is seen.
 NEARBY, FOLLOWED, CARRIED_ON, SEEN_FULLY = 6, 10, 6, 4
+#: Causes that are tried once more from the winner's constants.
+RIVALS = 9
 #: Whose outlines fit this many times worse than the best's is not carried on.
 HOPEFUL = 2.5
 #: Causes that are carried to the end, that get partners; pairs tried.
@@ -125,6 +127,8 @@ def inquire(
     _finish_best(found, FINISHED + 3 * thorough, done)
     if found.singles and found.contestants[0].cost < found.null.cost - HOPELESS:
         _weigh_anew(found, len(base))
+        if loud:
+            _from_the_winner(found, wide, names, done)
         told("pairs", len(names) + 3, total)
         if thorough or unexplained(campaign, found.contestants[0].fit) > EXPLAINED:
             _pairs(found, wide, names, thorough)
@@ -236,6 +240,25 @@ def _weigh_anew(found: Inquiry, base: int) -> None:
     if found.null.cost - found.singles[winner.name].cost < CLOSE:
         nulls = [descend(campaign, found.null.unknowns, u, rounds=4) for u in (found.null.u, winner.fit.u[:base])]
         found.null = min(nulls, key=lambda fit: fit.cost)
+
+
+def _from_the_winner(found: Inquiry, wide: Campaign, names: Sequence[str], done: dict[str, float]) -> None:
+    """Causes that were left behind are tried once more, by outlines, from the winner's constants of the base: that a
+    search ended in another valley is no evidence against a cause."""
+    winner, base = min(found.singles.values(), key=lambda c: c.cost), found.null.unknowns
+    u = winner.fit.u[: len(base)]
+    residual = wide.residuals(base, [u])[0]
+    slopes = measured_slopes(wide, base, u, residual, range(len(u)))
+    known = Fit(base, u, residual, slopes, robust_cost(residual) + prior_cost(base, u), True)
+    others = [name for name in names if name not in done]
+    tried = [_tried(wide, known, group[:2]) for group in _ranked(looks(wide, known, others), known)[:RIVALS]]
+    tried.sort(key=lambda c: c.cost)
+    further = [finish(wide, one, rounds=ROUNDS, share=3e-3) for one in tried[: RIVALS // 2]]
+    _seen_fully(found, further, RIVALS // 3)
+    for name in list(found.singles):
+        if name not in done and found.singles[name].cost < found.singles[winner.name].cost + CLOSE:
+            found.singles[name] = finish(found.campaign, found.singles[name], rounds=ROUNDS)
+            done[name] = found.singles[name].cost
 
 
 def _finish_best(found: Inquiry, most: int, done: dict[str, float]) -> None:
