@@ -123,7 +123,8 @@ def smallest_seen(campaign: Campaign, found: Inquiry) -> dict[str, str]:
     n = len(null.u)
     for c in found.singles.values():
         unknowns = c.fit.unknowns
-        if len(unknowns) - n > 4 or unknowns[n].kind != "strength":  # a spread has no one size, a form none
+        strengths = sum(k.kind == "strength" for k in unknowns[n:])
+        if strengths > 4 or unknowns[n].kind != "strength":  # a spread has no one size, a form none
             continue
         # as it may act by its own account: what a fit found beside no effect is by chance
         start = np.array(c.hypothesis.starts[0])
