@@ -22,7 +22,7 @@ def _force(f: Frustum, k: Floats, zeta_n: float, phi_n_m: float, step_s: float) 
 TERM = Term(
     name="viscoelasticity",
     kind="memory",
-    law="s' = k1 zeta' - s/tau, F = -s; b k1 r_i^2/2 for phi",
+    law="s' = k1 zeta' - s/tau, F = -s; b k1 r_i^2/2 for phi (viscoelasticity_slow: one branch more)",
     source="standard linear solid (Zener); polypropylene creeps over seconds",
     strengths=("k1_n_per_m",),
     constants=(

@@ -16,7 +16,7 @@ from replay.diagnose.hypothesis import REPEATS, REPEATS_MOUNT, base_unknowns
 from replay.diagnose.judge import Judgement, judge, unexplained
 from replay.diagnose.library import causes
 from replay.diagnose.observation import Observation
-from replay.diagnose.search import Fit, descend, measured_slopes, prior_cost, robust_cost
+from replay.diagnose.search import Fit, descend, measured_slopes
 from replay.diagnose.start import base_start, few_of
 from replay.errors import ReplayError
 
@@ -246,16 +246,19 @@ def _from_the_winner(found: Inquiry, wide: Campaign, names: Sequence[str], done:
     """Causes that were left behind are tried once more, by outlines, from the winner's constants of the base: that a
     search ended in another valley is no evidence against a cause."""
     winner, base = min(found.singles.values(), key=lambda c: c.cost), found.null.unknowns
-    u = winner.fit.u[: len(base)]
-    residual = wide.residuals(base, [u])[0]
-    slopes = measured_slopes(wide, base, u, residual, range(len(u)))
-    known = Fit(base, u, residual, slopes, robust_cost(residual) + prior_cost(base, u), True)
+    known = descend(wide, base, winner.fit.u[: len(base)], rounds=0)
     others = [name for name in names if name not in done]
-    tried = [_tried(wide, known, group[:2]) for group in _ranked(looks(wide, known, others), known)[:RIVALS]]
+    tried = []
+    for group in _ranked(looks(wide, known, others), known)[:RIVALS]:
+        if wide.stop():
+            return
+        tried.append(_tried(wide, known, group[:2]))
     tried.sort(key=lambda c: c.cost)
     further = [finish(wide, one, rounds=ROUNDS, share=3e-3) for one in tried[: RIVALS // 2]]
     _seen_fully(found, further, RIVALS // 3)
     for name in list(found.singles):
+        if wide.stop():
+            return
         if name not in done and found.singles[name].cost < found.singles[winner.name].cost + CLOSE:
             found.singles[name] = finish(found.campaign, found.singles[name], rounds=ROUNDS)
             done[name] = found.singles[name].cost

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from typing import Literal
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from rig.run import Run
 
-from .campaign import effect_sigma, make, record, repeat_sigma
+from .campaign import Made, effect_sigma, make, record, repeat_sigma
 from .effects import INSTRUMENT, PHYSICS, UNKNOWN, Cause, Range
 from .plans import RUN_IDS
 
@@ -63,10 +64,15 @@ class Generated:
     repeat_sigma: dict[str, float]
 
 
-def generate(case: Case) -> Generated:
+def recorded(made: list[Made], seed: int, name: str) -> tuple[Run, ...]:
+    """The runs as instruments and disk give them."""
+    return tuple(record(one, seed, name) for one in made)
+
+
+def generate(case: Case, seen: Callable[[list[Made], int, str], tuple[Run, ...]] = recorded) -> Generated:
     """Make the recordings of a case; the same case gives the same bytes."""
     made = make(case.truth, case.seed, case.runs)
-    runs = tuple(record(one, case.seed, case.name) for one in made)
+    runs = seen(made, case.seed, case.name)
     effect = effect_sigma(made, make((), case.seed, case.runs) if case.truth else made)
     floor = repeat_sigma(case.seed)
     return Generated(case, runs, effect, {run: floor[run] for run in case.runs})

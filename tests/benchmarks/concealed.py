@@ -23,9 +23,8 @@ from replay.diagnose.diagnosis import inquire
 from replay.diagnose.findings import conclude
 from replay.diagnose.library import causes
 from replay.diagnose.observation import observe
-from tests.apparatus.campaign import make
-from tests.apparatus.cases import RUN_IDS, Case, deck, generate, opened, seal
-from tests.apparatus.film import filmed
+from tests.apparatus.cases import RUN_IDS, Case, deck, generate, opened, recorded, seal
+from tests.benchmarks.concealed_film import filmed
 from tests.benchmarks.concealed_score import ablated, score
 
 #: A campaign of six of the eight runs, to save a quarter of the time.
@@ -36,13 +35,11 @@ BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_ra
 
 def diagnosed(case: Case, ablate: bool = False, camera: bool = False) -> dict[str, Any]:
     """What the diagnosis says of a case, without a look at its label, or without its cause in the library."""
-    case = replace(case, runs=SIX) if case.runs == RUN_IDS else case
-    made = generate(case)
-    runs = filmed(make(case.truth, case.seed, case.runs), case.seed, case.name) if camera else made.runs
+    made = generate(replace(case, runs=SIX) if case.runs == RUN_IDS else case, filmed if camera else recorded)
     library = [name for name in causes(BASE.cells) if not (ablate and name in case.label)]
     start = time.process_time()
     with ThreadPoolExecutor(1) as pool:
-        found = inquire([observe(run) for run in runs], BASE, library=library, executor=pool)
+        found = inquire([observe(run) for run in made.runs], BASE, library=library, executor=pool)
         findings = conclude(found, brief=True)
     judgement, held = findings.judgement, findings.held
     least = min(judgement.excess.values())
@@ -55,7 +52,6 @@ def diagnosed(case: Case, ablate: bool = False, camera: bool = False) -> dict[st
         "left_over": judgement.left_over,
         "excess": dict(judgement.excess),
         "parameters": findings.parameters,
-        "held_out": list(held.heldout) if held else [],
         "before": held.before if held else {},
         "after": held.after if held else {},
         "floor": held.floor if held else {},

@@ -1,6 +1,6 @@
-"""A short version of the sealed benchmark: the whole library against an apparatus of other code and laws' forms.
+"""A short version of the concealed cases: a null against the whole library, a law of another form against few rivals.
 
-`python -m tests.benchmarks.concealed` is the long one.
+The apparatus is of other code; `python -m tests.benchmarks.concealed` is the long version, with sealed labels.
 """
 
 from __future__ import annotations
