@@ -25,6 +25,9 @@ Floats = NDArray[np.float64]
 
 #: A first fit ends when a round gains less than this share of the cost.
 LITTLE = 1e-2
+#: Starts this far apart, in units of u, are different ones; each is tried for so many rounds, unless the misfit there
+#: is this many times what it is without the cause.
+ANOTHER, TRIED, TOO_FAR = 1.0, 2, 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,6 +133,42 @@ def enter(
             break
     assert best is not None
     return Contestant(what.beside(onto) if onto else what, best)
+
+
+def ranked(found: Sequence[Look], known: Fit) -> list[list[Look]]:
+    """Looks by cause, the most promising cause first; of each the best look and then others of another size."""
+    groups: dict[str, list[Look]] = {}
+    for look in sorted(found, key=lambda look: look.cost):
+        groups.setdefault(look.name, []).append(look)
+    n = len(known.u)
+    for name, group in groups.items():
+        chosen = [group[0]]
+        for look in group[1:]:
+            if all(np.max(np.abs(look.point[n:] - other.point[n:])) > ANOTHER for other in chosen):
+                chosen.append(look)
+        groups[name] = chosen
+    return sorted(groups.values(), key=lambda group: min(look.promise for look in group))
+
+
+def tried(campaign: Campaign, known: Fit, group: Sequence[Look], onto: Hypothesis | None = None) -> Contestant:
+    """A cause fitted a little way from each of several starts, and the best of them. Which is best shows only after
+    some rounds: where a law decides to which side a cell snaps, the right start can look as bad as the wrong one."""
+    hopeful = [look for look in group if look.cost < TOO_FAR * known.cost] or group[:1]
+    return min((enter(campaign, known, [look], rounds=TRIED, onto=onto) for look in hopeful), key=lambda c: c.cost)
+
+
+def released(one: Contestant, free: tuple[Unknown, ...]) -> Contestant:
+    """The same fit with the base's constants free, as far as their own priors let them."""
+    fit, unknowns = one.fit, (*free, *one.hypothesis.unknowns)
+    cost = robust_cost(fit.residual) + prior_cost(unknowns, fit.u)
+    return Contestant(one.hypothesis, replace(fit, unknowns=unknowns, cost=cost, fresh=False))
+
+
+def followed(campaign: Campaign, one: Contestant) -> Contestant:
+    """A cause that was tried, fitted some rounds more."""
+    fit = one.fit
+    done = descend(campaign, fit.unknowns, fit.u, rounds=4, share=LITTLE, resumed=fit)
+    return Contestant(one.hypothesis, done)
 
 
 def unfitted(campaign: Campaign, known: Fit, look: Look) -> Contestant:

@@ -11,8 +11,18 @@ from numpy.typing import NDArray
 
 from model.parameters import StrawParameters
 from replay.diagnose.campaign import Campaign
-from replay.diagnose.contest import LITTLE, Contestant, Look, enter, finish, looks, seen_again, unfitted
-from replay.diagnose.hypothesis import REPEATS, REPEATS_MOUNT, base_unknowns
+from replay.diagnose.contest import (
+    Contestant,
+    finish,
+    followed,
+    looks,
+    ranked,
+    released,
+    seen_again,
+    tried,
+    unfitted,
+)
+from replay.diagnose.hypothesis import REPEATS, REPEATS_MOUNT, base_unknowns, dragged, held
 from replay.diagnose.judge import Judgement, judge, unexplained
 from replay.diagnose.library import causes
 from replay.diagnose.observation import Observation
@@ -56,22 +66,22 @@ ROUNDS = 40
 HOPELESS = 12.0
 #: What is unexplained up to this, sigmas squared, may be the noise's own; beyond the second, causes are looked for in
 #: outlines first, as the base's constants have been dragged away.
-EXPLAINED, LOUD = 300.0, 1000.0
+EXPLAINED, LOUD = 300.0, 300.0
 #: What the wide search leaves this little above the base may still win when it is finished.
 NEARLY = 1.3
-#: Starts this far apart, in units of u, are different ones; so many of a cause are tried for so many rounds, unless the
-#: misfit there is this many times the base's.
-ANOTHER, STARTS, TRIED, TOO_FAR = 1.0, 4, 2, 4.0
+#: Starts of a cause that are tried, beside one base and beside each of two.
+STARTS = (4, 2)
 #: A rival this much behind is not close, whatever more fitting would bring.
 CLOSE = 1000.0
-#: Causes fitted from near the base; tried by outlines and followed, carried on, and from there by all that is seen.
-NEARBY, FOLLOWED, CARRIED_ON, SEEN_FULLY = 6, 10, 6, 4
+#: Causes tried from near the base, and followed; tried by outlines and followed, carried on, and from there by all that
+#: is seen.
+TRIED_NEARBY, NEARBY, FOLLOWED, CARRIED_ON, SEEN_FULLY = 10, 6, 10, 6, 4
 #: Causes that are tried once more from the winner's constants.
 RIVALS = 9
 #: Whose outlines fit this many times worse than the best's is not carried on.
 HOPEFUL = 2.5
-#: Causes that are carried to the end, that get partners; pairs tried.
-FINISHED, PARTNERS, PAIRS = 3, 1, 3
+#: Causes that are carried to the end, that get partners; second causes tried, pairs carried on.
+FINISHED, PARTNERS, SECONDS, PAIRS = 3, 1, 9, 3
 
 
 def inquire(
@@ -116,8 +126,7 @@ def inquire(
     wide = campaign.only(few_of(observations)).roughly()
     done: dict[str, float] = {}  # costs of those carried to their end
     if loud:
-        known = descend(wide, base, start, rounds=ROUNDS, share=3e-3)
-        _by_outlines(found, wide, known, names, thorough, told)
+        _by_outlines(found, wide, start, names, thorough, told)
         _finish_best(found, 1, done)
     if thorough or not loud or unexplained(campaign, found.contestants[0].fit) > EXPLAINED:
         _from_nearby(found, names, thorough, told)
@@ -144,17 +153,33 @@ def _keep(found: Inquiry, one: Contestant) -> None:
         kept[one.name] = one
 
 
-def _by_outlines(found: Inquiry, wide: Campaign, known: Fit, names: Sequence[str], thorough: bool, told: Told) -> None:
-    """Fit every cause to outlines of a few runs, the best further, and the best of these to all that is seen."""
-    tried: list[Contestant] = []
-    for k, group in enumerate(_ranked(looks(wide, known, names), known)):
-        if wide.stop():
-            return
-        told(group[0].name, k + 2, len(names) + 5)
-        tried.append(_tried(wide, known, group[: STARTS + 3 * thorough]))
-    tried.sort(key=lambda c: c.cost)
-    most = len(tried) if thorough else FOLLOWED
-    entered = [_followed(wide, one) if k < most else one for k, one in enumerate(tried)]
+def _by_outlines(
+    found: Inquiry, wide: Campaign, start: Floats, names: Sequence[str], thorough: bool, told: Told
+) -> None:
+    """Fit every cause to outlines of a few runs, the best further, and the best of these to all that is seen.
+
+    Where the base has given way to what is missing, the way back is long: then each starts also beside one whose
+    elasticity and geometry are held to what is given.
+    """
+    free = found.null.unknowns
+    knowns = [descend(wide, free, start, rounds=ROUNDS, share=3e-3)]
+    if thorough or dragged(free, knowns[0].u):
+        knowns.append(descend(wide, held(free), start, rounds=ROUNDS, share=3e-3))
+    told("looking at every cause", 1, len(names) + 5)
+    groups = [{group[0].name: group for group in ranked(looks(wide, known, names), known)} for known in knowns]
+    starts = STARTS[len(knowns) - 1]
+    first: list[Contestant] = []
+    for k, name in enumerate(groups[0]):
+        told(name, k + 2, len(names) + 5)
+        ends = []
+        for known, looked in zip(knowns, groups, strict=True):
+            if wide.stop():
+                return
+            ends.append(released(tried(wide, known, looked[name][: starts + 2 * thorough]), free))
+        first.append(min(ends, key=lambda c: c.cost))
+    first.sort(key=lambda c: c.cost)
+    most = len(first) if thorough else FOLLOWED
+    entered = [followed(wide, one) if k < most else one for k, one in enumerate(first)]
     entered.sort(key=lambda c: c.cost)
     hopeful = [c for c in entered if c.cost < HOPEFUL * entered[0].cost][: CARRIED_ON * (1 + thorough)]
     further = [finish(wide, c, rounds=ROUNDS, share=3e-3) for c in hopeful]
@@ -163,33 +188,23 @@ def _by_outlines(found: Inquiry, wide: Campaign, known: Fit, names: Sequence[str
     _seen_fully(found, further, SEEN_FULLY * (1 + thorough))
 
 
-def _tried(campaign: Campaign, known: Fit, group: Sequence[Look]) -> Contestant:
-    """A cause fitted a little way from each of several starts, and the best of them. Which is best shows only after
-    some rounds: where a law decides to which side a cell snaps, the right start can look as bad as the wrong one."""
-    hopeful = [look for look in group if look.cost < TOO_FAR * known.cost] or group[:1]
-    return min((enter(campaign, known, [look], rounds=TRIED) for look in hopeful), key=lambda c: c.cost)
-
-
-def _followed(campaign: Campaign, one: Contestant) -> Contestant:
-    """A cause that was tried, fitted some rounds more."""
-    fit = one.fit
-    done = descend(campaign, fit.unknowns, fit.u, rounds=4, share=LITTLE, resumed=fit)
-    return Contestant(one.hypothesis, done)
-
-
 def _from_nearby(found: Inquiry, names: Sequence[str], thorough: bool, told: Told) -> None:
     """Fit to all that is seen the causes that promise most by linear reckoning at the base's optimum."""
     campaign, null = found.campaign, found.null
-    near = _ranked(looks(campaign, null, names), null)
+    near = ranked(looks(campaign, null, names), null)
     for group in near:
         _keep(found, unfitted(campaign, null, min(group, key=lambda look: look.cost)))
     quiet = unexplained(campaign, null) < LOUD
-    for group in near[: len(near) if thorough else NEARBY if quiet else NEARBY // 2]:
+    first = []
+    for group in near if thorough else near[: TRIED_NEARBY if quiet else NEARBY // 2]:
         if campaign.stop():
             return
         told(group[0].name, len(names), len(names) + 5)
         if null.cost - group[0].promise > HOPELESS:
-            _keep(found, enter(campaign, null, group[: 3 if thorough else 1], rounds=5))
+            first.append(tried(campaign, null, group[: 3 if thorough else 2]))
+    first.sort(key=lambda c: c.cost)
+    for k, one in enumerate(first):
+        _keep(found, followed(campaign, one) if thorough or k < NEARBY else one)
 
 
 def _seen_fully(found: Inquiry, rough: Sequence[Contestant], most: int) -> None:
@@ -198,21 +213,6 @@ def _seen_fully(found: Inquiry, rough: Sequence[Contestant], most: int) -> None:
         if found.campaign.stop():
             return
         _keep(found, finish(found.campaign, one, rounds=4))
-
-
-def _ranked(found: Sequence[Look], known: Fit) -> list[list[Look]]:
-    """Looks by cause, the most promising cause first; of each the best look and then others of another size."""
-    groups: dict[str, list[Look]] = {}
-    for look in sorted(found, key=lambda look: look.cost):
-        groups.setdefault(look.name, []).append(look)
-    n = len(known.u)
-    for name, group in groups.items():
-        chosen = [group[0]]
-        for look in group[1:]:
-            if all(np.max(np.abs(look.point[n:] - other.point[n:])) > ANOTHER for other in chosen):
-                chosen.append(look)
-        groups[name] = chosen
-    return sorted(groups.values(), key=lambda group: min(look.promise for look in group))
 
 
 def allow_repeats(campaign: Campaign, fit: Fit) -> None:
@@ -248,13 +248,13 @@ def _from_the_winner(found: Inquiry, wide: Campaign, names: Sequence[str], done:
     winner, base = min(found.singles.values(), key=lambda c: c.cost), found.null.unknowns
     known = descend(wide, base, winner.fit.u[: len(base)], rounds=0)
     others = [name for name in names if name not in done]
-    tried = []
-    for group in _ranked(looks(wide, known, others), known)[:RIVALS]:
+    first = []
+    for group in ranked(looks(wide, known, others), known)[:RIVALS]:
         if wide.stop():
             return
-        tried.append(_tried(wide, known, group[:2]))
-    tried.sort(key=lambda c: c.cost)
-    further = [finish(wide, one, rounds=ROUNDS, share=3e-3) for one in tried[: RIVALS // 2]]
+        first.append(tried(wide, known, group[:2]))
+    first.sort(key=lambda c: c.cost)
+    further = [finish(wide, one, rounds=ROUNDS, share=3e-3) for one in first[: RIVALS // 2]]
     _seen_fully(found, further, RIVALS // 3)
     for name in list(found.singles):
         if wide.stop():
@@ -281,26 +281,24 @@ def _finish_best(found: Inquiry, most: int, done: dict[str, float]) -> None:
 
 
 def _pairs(found: Inquiry, wide: Campaign, names: Sequence[str], thorough: bool) -> None:
-    """Pairs that promise most by linear reckoning at the best single causes' optima, near them and by outlines."""
+    """The best single causes with a second one beside each, from nearby or, where much is left, by outlines."""
     campaign = found.campaign
     first = sorted(found.singles.values(), key=lambda c: c.cost)[: PARTNERS + 2 * thorough]
     best = first[0]
-    loud = unexplained(campaign, best.fit) > LOUD
-    for where, partners in ((wide, first),) if loud else ((campaign, first[:1]),):
-        promising = []
-        for one in partners:
-            at = one.fit if where is campaign else finish(where, one, rounds=ROUNDS, share=3e-3).fit
-            others = [n for n in names if n not in one.hypothesis.causes]
-            promising += [(group[0].promise, one, at, group) for group in _ranked(looks(where, at, others), at)]
-        promising.sort(key=lambda row: row[0])
-        pairs = []
-        for _, one, at, group in promising[: PAIRS + 3 * thorough]:
+    where = wide if unexplained(campaign, best.fit) > LOUD else campaign
+    pairs: list[Contestant] = []
+    for one in first:
+        at = one.fit if where is campaign else finish(where, one, rounds=ROUNDS, share=3e-3).fit
+        others = ranked(looks(where, at, [n for n in names if n not in one.hypothesis.causes]), at)
+        for group in others[: len(others) if thorough else SECONDS]:
             if campaign.stop():
                 return
-            pairs.append(enter(where, at, group[:1], onto=one.hypothesis))
-        if where is wide:
-            pairs = [finish(wide, c, rounds=ROUNDS, share=3e-3) for c in pairs]
-        _seen_fully(found, pairs, PAIRS + 2 * thorough)
+            pairs.append(tried(where, at, group[:2], onto=one.hypothesis))
+    pairs = [followed(where, pair) for pair in sorted(pairs, key=lambda c: c.cost)[: PAIRS + 2]]
+    pairs.sort(key=lambda c: c.cost)
+    if where is wide:
+        pairs = [finish(wide, pair, rounds=ROUNDS, share=3e-3) for pair in pairs[:PAIRS]]
+    _seen_fully(found, pairs, PAIRS + 2 * thorough)
     if found.pairs:
         least = min(c.cost for c in found.pairs.values())
         for pair in sorted(found.pairs.values(), key=lambda c: c.cost)[:PAIRS]:

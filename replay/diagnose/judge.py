@@ -28,7 +28,7 @@ NOISE_LEAVES = 300.0
 #: Right laws of other forms left 0 to 0.02 of it, or 0.3 and more; wrong ones, where no law was right, 0.2 to 0.9.
 UNKNOWN_LEAVES = 0.1
 #: Logarithms of prior probabilities: one cause, a second one beside it, each constant beyond a cause's first, unknown.
-LOG_PRIOR_CAUSE, LOG_PRIOR_SECOND, LOG_PRIOR_CONSTANT, LOG_PRIOR_UNKNOWN = -4.0, -4.0, -1.0, -4.0
+LOG_PRIOR_CAUSE, LOG_PRIOR_SECOND, LOG_PRIOR_CONSTANT, LOG_PRIOR_UNKNOWN = -4.0, -4.0, -0.5, -4.0
 #: What survives is together as probable as this.
 COVERED = 0.95
 

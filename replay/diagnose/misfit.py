@@ -25,7 +25,7 @@ from replay.diagnose.snaps import cell_snaps, crossings
 Floats = NDArray[np.float64]
 
 #: Accuracy and output step of simulations; what they leave is below a camera's noise.
-TOLERANCE_M = 2e-6
+TOLERANCE_M = 5e-7
 STEP_S = 2e-3
 #: Laws that make the water swing, or stick, carry what a step leaves out on to the next snap: with less accuracy a
 #: small change of a constant is lost in it, and the search with it.

@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 #: 0.1 to 620 and 0.7e-3 to 3e-3.
 R_CH = tuple(0.28e-3 * 1.06**k for k in range(12))
 C_ZETA = (1.0, 4.0, 8.0, 16.0, 32.0, 64.0, 150.0, 600.0)
-C_PHI = (0.4e-3, 0.8e-3, 1.6e-3, 3.2e-3, 6.4e-3)
+C_PHI = (0.4e-3, 0.8e-3, 1.6e-3, 3.2e-3, 6.4e-3, 12.8e-3)
 #: Runs looked at, and starts followed.
 LOOKED_AT, FOLLOWED = 3, 4
 
