@@ -14,7 +14,7 @@ from model.errors import ModelError
 from model.parameters import StrawParameters
 from replay.diagnose.hypothesis import Hypothesis, Unknown, applied
 from replay.diagnose.library import hypothesis
-from replay.diagnose.misfit import Misfit, misfit, rough_misfit
+from replay.diagnose.misfit import FINE_M, Misfit, misfit, rough_misfit
 from replay.diagnose.observation import Observation
 
 Floats = NDArray[np.float64]
@@ -37,20 +37,31 @@ class Campaign:
         self.tally = {"played": 0, "failed": 0}  # of runs, shared with campaigns made from this one
         self.steps: dict[str, float] = {}  # of derivatives by each unknown, as last felt well
         self.scatter: list[tuple[Floats, Floats]] | None = None
-        self.rough = False  # whether only outlines are compared
+        self.how: Callable[..., Any] = _vector  # what is compared
 
     def only(self, names: Sequence[str]) -> Campaign:
         """The campaign with some of its runs."""
-        return self._like([o for o in self.observations if o.name in set(names)], self.rough)
+        return self._like([o for o in self.observations if o.name in set(names)], self.how)
 
     def roughly(self) -> Campaign:
         """The campaign with only outlines compared: the way down to a good fit is wider."""
-        return self._like(self.observations, True)
+        return self._like(self.observations, _rough)
 
-    def _like(self, observations: Sequence[Observation], rough: bool) -> Campaign:
+    def finely(self) -> Campaign:
+        """The campaign played more accurately, for slopes by which constants' sigmas are told."""
+        out = self._like(self.observations, _fine)
+        out.scatter = self.scatter
+        return out
+
+    @property
+    def rough(self) -> bool:
+        """Whether only outlines are compared."""
+        return self.how is _rough
+
+    def _like(self, observations: Sequence[Observation], how: Callable[..., Any]) -> Campaign:
         """Another campaign that counts with this one; what repeats differ by has to be felt anew."""
         out = Campaign(observations, self.straw, self.pool, self.stop)
-        out.rough, out.tally = rough, self.tally
+        out.how, out.tally = how, self.tally
         return out
 
     def hypothesis(self, names: Sequence[str]) -> Hypothesis:
@@ -74,7 +85,7 @@ class Campaign:
 
     def residuals(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[Floats]:
         """All differences of all runs in sigmas as one vector for each point u."""
-        played = self.played(_rough if self.rough else _vector, unknowns, points)
+        played = self.played(self.how, unknowns, points)
         return [self.stacked(row) for row in played]
 
     def stacked(self, row: Sequence[Floats | None]) -> Floats:
@@ -129,6 +140,13 @@ def _one(observed: Observation, straw: StrawParameters, unknowns: tuple[Unknown,
 def _vector(observed: Observation, straw: StrawParameters, unknowns: tuple[Unknown, ...], at: Floats) -> Floats | None:
     one = _one(observed, straw, unknowns, at)
     return None if one is None else one.vector
+
+
+def _fine(observed: Observation, straw: StrawParameters, unknowns: tuple[Unknown, ...], at: Floats) -> Floats | None:
+    try:
+        return misfit(observed, *applied(straw, unknowns, at), FINE_M).vector
+    except ModelError:
+        return None
 
 
 def _rough(observed: Observation, straw: StrawParameters, unknowns: tuple[Unknown, ...], at: Floats) -> Floats | None:

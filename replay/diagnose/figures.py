@@ -13,12 +13,12 @@ from model.terms import TERMS
 from replay.compare import CHANNELS
 from replay.diagnose.campaign import Campaign
 from replay.diagnose.contest import Contestant
-from replay.diagnose.diagnosis import Inquiry
 from replay.diagnose.hypothesis import Unknown
+from replay.diagnose.inquiry import Inquiry
 from replay.diagnose.judge import COUNTS_AS_ONE
 from replay.diagnose.locate import Located
 from replay.diagnose.observation import REPEATABILITY_S
-from replay.diagnose.search import Fit, descend, weights
+from replay.diagnose.search import Fit, descend, measured_slopes, weights
 
 Floats = NDArray[np.float64]
 
@@ -32,6 +32,10 @@ UNITS = {
     "gauge_offset_pa": "Pa",
     "gauge_gain": "1",
 }
+#: Slopes for sigmas are measured by steps that move the runs by so many sigmas (root mean square).
+FELT_SIGMAS = 1.0
+#: Searches from different starts end at costs that differ by this, sigmas squared: so far off an end may be.
+ENDS = 3.0
 
 
 @dataclass(frozen=True)
@@ -48,12 +52,18 @@ class Held:
 
 
 def constants_of(campaign: Campaign, best: Contestant) -> dict[str, dict[str, dict[str, Any]]]:
-    """The causes' constants with one sigma, by cause and constant; residuals beyond noise widen it."""
-    fit = best.fit
+    """The causes' constants with one sigma, by cause and constant; residuals beyond noise widen it.
+
+    The search's own slopes are good enough to go downhill, but what simulations leave out makes them look steeper where
+    constants stand in for each other.
+    """
+    fit, fine = best.fit, campaign.finely()
+    residual = fine.residuals(fit.unknowns, [fit.u])[0]
+    slopes = measured_slopes(fine, fit.unknowns, fit.u, residual, range(len(fit.u)), FELT_SIGMAS)
     w = weights(fit.residual)
     spread = max(1.0, float(np.mean(w * fit.residual**2)))
     prior = np.diag([1 / k.sd**2 for k in fit.unknowns])
-    covariance = np.linalg.pinv((fit.slopes * w[:, None]).T @ fit.slopes / spread + prior)
+    covariance = (1 + ENDS) * np.linalg.pinv((slopes * w[:, None]).T @ slopes / spread + prior)
     out: dict[str, dict[str, dict[str, Any]]] = {cause: {} for cause in best.hypothesis.causes}
     for k, (unknown, u) in enumerate(zip(fit.unknowns, fit.u, strict=True)):
         cause, name, unit = _named(unknown)

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from model.parameters import StrawParameters
 from replay.diagnose.contest import Contestant
-from replay.diagnose.diagnosis import Inquiry
 from replay.diagnose.experiment import Experiment, next_experiment
 from replay.diagnose.figures import Held, constants_of, hold_out, smallest_seen
 from replay.diagnose.hypothesis import MEASUREMENT, applied
+from replay.diagnose.inquiry import Inquiry
 from replay.diagnose.judge import COVERED, Judgement, by_cause, surviving
 from replay.diagnose.locate import Located, Wandering, locate, sentence, wandering
 from replay.diagnose.missing import Missing, Told, missing_force, silent

@@ -139,7 +139,7 @@ class Formed(Campaign):
     def of(cls, campaign: Campaign, curve: tuple[Unknown, ...], to_u: Floats) -> Formed:
         """The campaign with the curve's unknowns as such sums."""
         out = cls(campaign.observations, campaign.straw, campaign.pool, campaign.stop)
-        out.tally, out.scatter, out.rough = campaign.tally, campaign.scatter, campaign.rough
+        out.tally, out.scatter, out.how = campaign.tally, campaign.scatter, campaign.how
         out.curve, out.to_u = curve, to_u
         return out
 

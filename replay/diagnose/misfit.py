@@ -24,8 +24,10 @@ from replay.diagnose.snaps import cell_snaps, crossings
 
 Floats = NDArray[np.float64]
 
-#: Accuracy and output step of simulations; what they leave is below a camera's noise.
+#: Accuracy and output step of simulations; what they leave is below a camera's noise, but it is another at every point,
+#: so it passes for a slope: for sigmas the finer one is taken.
 TOLERANCE_M = 5e-7
+FINE_M = 1e-7
 STEP_S = 2e-3
 #: Laws that make the water swing, or stick, carry what a step leaves out on to the next snap: with less accuracy a
 #: small change of a constant is lost in it, and the search with it.
@@ -64,14 +66,16 @@ class Misfit:
         return np.concatenate([self.shape.ravel(), self.timing])
 
 
-def play(observed: Observation, straw: StrawParameters, instrument: Instrument) -> tuple[Prediction, Floats]:
+def play(
+    observed: Observation, straw: StrawParameters, instrument: Instrument, finest_m: float = TOLERANCE_M
+) -> tuple[Prediction, Floats]:
     """What the straw does in this run and its snap times as stamped by the camera; ModelError where it cannot."""
     run = observed.run
     assert run.initial_deployed is not None
     table = observed.pressure
     grid_s: Floats = table.start_s + table.step_s * np.arange(len(table.pressure_pa), dtype=np.float64)
     pressure = table._replace(pressure_pa=instrument.true_pressure(table.pressure_pa, grid_s))
-    tolerance_m = min(FINER_M.get(term, TOLERANCE_M) for term in ("", *straw.terms))
+    tolerance_m = min(FINER_M.get(term, finest_m) for term in ("", *straw.terms))
     worn = straw.replace(cycle=float(run.cycle))
     ends = instrument.true_time(np.array([observed.start_s, observed.end_s]))
     start, end = float(min(ends[0], observed.start_s)), float(ends[1])
@@ -88,9 +92,11 @@ def play(observed: Observation, straw: StrawParameters, instrument: Instrument) 
     return seen, instrument.stamped(true_s)
 
 
-def misfit(observed: Observation, straw: StrawParameters, instrument: Instrument) -> Misfit:
+def misfit(
+    observed: Observation, straw: StrawParameters, instrument: Instrument, finest_m: float = TOLERANCE_M
+) -> Misfit:
     """Misfit of one run; ModelError where the model cannot follow."""
-    at, late, bent = _aligned(observed, straw, instrument)
+    at, late, bent = _aligned(observed, straw, instrument, finest_m)
     plain = at(observed.time_s) - observed.tip
     shape = whitened((at(bent(observed.time_s)) - observed.tip) / observed.sigma(), observed.time_s)
     return Misfit(shape, late / REPEATABILITY_S, late, plain)
@@ -104,10 +110,10 @@ def rough_misfit(observed: Observation, straw: StrawParameters, instrument: Inst
 
 
 def _aligned(
-    observed: Observation, straw: StrawParameters, instrument: Instrument
+    observed: Observation, straw: StrawParameters, instrument: Instrument, finest_m: float = TOLERANCE_M
 ) -> tuple[Callable[[Floats], Floats], Floats, Callable[[Floats], Floats]]:
     """Of a prediction: the tip (3, n) by stamped time, how late its snaps are (k,), and the clock bent to make up."""
-    seen, snaps_s = play(observed, straw, instrument)
+    seen, snaps_s = play(observed, straw, instrument, finest_m)
     both = min(len(snaps_s), len(observed.snaps_s))
     late = np.empty(len(observed.snaps_s) + 1)
     late[:both] = snaps_s[:both] - observed.snaps_s[:both]

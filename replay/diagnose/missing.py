@@ -63,7 +63,7 @@ class Smooth(Campaign):
     def of(cls, campaign: Campaign, straw: StrawParameters, rows: Floats) -> Smooth:
         """The campaign with another straw and such rows; counts and what repeats differ by are shared."""
         out = cls(campaign.observations, straw, campaign.pool, campaign.stop)
-        out.tally, out.scatter, out.rough, out.rows = campaign.tally, campaign.scatter, campaign.rough, rows
+        out.tally, out.scatter, out.how, out.rows = campaign.tally, campaign.scatter, campaign.how, rows
         return out
 
     def only(self, names: Sequence[str]) -> Smooth:
@@ -200,7 +200,7 @@ def missing_force(
 def _plain(campaign: Smooth) -> Campaign:
     """The campaign without a price on roughness."""
     out = Campaign(campaign.observations, campaign.straw, campaign.pool, campaign.stop)
-    out.tally, out.scatter, out.rough = campaign.tally, campaign.scatter, campaign.rough
+    out.tally, out.scatter, out.how = campaign.tally, campaign.scatter, campaign.how
     return out
 
 

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from replay.diagnose.campaign import Campaign
-from replay.diagnose.diagnosis import Inquiry
 from replay.diagnose.findings import Findings
 from replay.diagnose.hypothesis import applied
+from replay.diagnose.inquiry import Inquiry
 from replay.diagnose.locate import stretches
 from replay.diagnose.misfit import play
 from replay.diagnose.missing import Missing

@@ -67,7 +67,12 @@ def clipped(unknowns: Sequence[Unknown], u: Floats) -> Floats:
 
 
 def measured_slopes(
-    campaign: Campaign, unknowns: Sequence[Unknown], u: Floats, residual: Floats, which: Sequence[int]
+    campaign: Campaign,
+    unknowns: Sequence[Unknown],
+    u: Floats,
+    residual: Floats,
+    which: Sequence[int],
+    felt_sigmas: float = STEP_SIGMAS,
 ) -> Floats:
     """Derivatives of the differences by some of the unknowns, (m, len(which)), by steps that are well felt."""
     steps = np.array([campaign.steps.get(unknowns[k].target, STEP) for k in which])
@@ -81,7 +86,7 @@ def measured_slopes(
         for k, point, moved in zip(todo, points, campaign.residuals(unknowns, points), strict=True):
             out[:, k] = (moved - residual) / (point - u)[which[k]]
         effect = np.sqrt(np.mean(out**2, axis=0)) * steps
-        better = np.clip(steps * STEP_SIGMAS / np.maximum(effect, 1e-9), SMALLEST_STEP, LARGEST_STEP)
+        better = np.clip(steps * felt_sigmas / np.maximum(effect, 1e-9), SMALLEST_STEP, LARGEST_STEP)
         todo = [k for k in todo if abs(np.log(better[k] / steps[k])) > np.log(6.0)]
         steps = better
         if not todo:

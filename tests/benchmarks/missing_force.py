@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from replay.diagnose.campaign import Campaign
-from replay.diagnose.diagnosis import allow_repeats
 from replay.diagnose.hypothesis import base_unknowns
+from replay.diagnose.inquiry import allow_repeats
 from replay.diagnose.judge import unexplained
 from replay.diagnose.missing import Missing, missing_force
 from replay.diagnose.observation import observe

@@ -9,6 +9,7 @@ import itertools
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
+from typing import Any
 
 import numba
 import numpy as np
@@ -162,7 +163,7 @@ class Oscillators(Campaign):
         rows = self.misfits(unknowns, points)
         return [self.stacked([None if one is None else one.vector for one in row]) for row in rows]
 
-    def _like(self, observations: Sequence[Record], rough: bool) -> Oscillators:
+    def _like(self, observations: Sequence[Record], how: Callable[..., Any]) -> Oscillators:
         out = Oscillators(observations, self.library, self.pool, self.stop)
-        out.rough, out.tally = rough, self.tally
+        out.how, out.tally = how, self.tally
         return out

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from replay.diagnose.campaign import Campaign
-from replay.diagnose.diagnosis import allow_repeats
 from replay.diagnose.hypothesis import REPEATS, REPEATS_MOUNT, Unknown, base_unknowns
+from replay.diagnose.inquiry import allow_repeats
 from replay.diagnose.library import causes, hypothesis
 from replay.diagnose.observation import Observation
 from replay.diagnose.search import Fit, descend, measured_slopes, weights

@@ -1,0 +1,55 @@
+"""The state of an inquiry: what has been fitted so far, and what repeats of one straw differ by."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from replay.diagnose.campaign import Campaign
+from replay.diagnose.contest import Contestant
+from replay.diagnose.hypothesis import REPEATS, REPEATS_MOUNT
+from replay.diagnose.judge import Judgement, judge
+from replay.diagnose.search import Fit, measured_slopes
+
+#: Said with (what is being done, steps done, steps in all).
+Told = Callable[[str, int, int], None]
+
+
+@dataclass(eq=False)
+class Inquiry:
+    """What has been found so far; usable at any time after the base fit."""
+
+    campaign: Campaign
+    null: Fit
+    singles: dict[str, Contestant] = field(default_factory=dict)
+    pairs: dict[str, Contestant] = field(default_factory=dict)
+    whole: bool = False  # whether nothing was cut short
+
+    @property
+    def contestants(self) -> list[Contestant]:
+        """All fitted hypotheses, best first."""
+        return sorted([*self.singles.values(), *self.pairs.values()], key=lambda c: c.cost)
+
+    def judgement(self) -> Judgement:
+        """Probabilities with what is known now."""
+        return judge(self.campaign, self.null, self.contestants)
+
+    def keep(self, one: Contestant) -> None:
+        """Remember a contestant where it is better than what is known of its hypothesis."""
+        kept = self.singles if len(one.hypothesis.causes) == 1 else self.pairs
+        if one.name not in kept or one.cost < kept[one.name].cost:
+            kept[one.name] = one
+
+
+def allow_repeats(campaign: Campaign, fit: Fit) -> None:
+    """From now on allow for what runs of one straw differ by, as felt at this fit."""
+    campaign.scatter = None
+    residual, moved = (
+        campaign.residuals((*fit.unknowns, REPEATS_MOUNT), [np.append(fit.u, turned)])[0] for turned in (0.0, 1.0)
+    )
+    kept = [k for k, unknown in enumerate(fit.unknowns) if unknown.target in REPEATS]
+    slopes = measured_slopes(campaign, fit.unknowns, fit.u, residual, kept)
+    scale = [REPEATS[fit.unknowns[k].target] / fit.unknowns[k].scale for k in kept]
+    campaign.allow(np.column_stack([moved - residual, slopes * scale]))

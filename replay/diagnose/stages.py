@@ -1,0 +1,192 @@
+"""Stages of an inquiry: causes by outlines, from nearby, from the winner's constants, finished, in pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from replay.diagnose.campaign import Campaign
+from replay.diagnose.contest import (
+    Contestant,
+    finish,
+    followed,
+    looks,
+    ranked,
+    released,
+    seen_again,
+    tried,
+    unfitted,
+)
+from replay.diagnose.hypothesis import dragged, held
+from replay.diagnose.inquiry import Inquiry, Told, allow_repeats
+from replay.diagnose.judge import unexplained
+from replay.diagnose.search import descend
+
+Floats = NDArray[np.float64]
+
+#: Rounds a search may take to its end; most take ten.
+ROUNDS = 40
+#: Gain by linear reckoning below which a cause is not worth a fit.
+HOPELESS = 12.0
+#: What is unexplained up to this, sigmas squared, may be the noise's own; beyond it, causes are looked for in outlines
+#: first, as the base's constants have been dragged away; second causes, beyond the other.
+EXPLAINED, LOUD = 300.0, 1000.0
+#: What the wide search leaves this little above the base may still win when it is finished.
+NEARLY = 1.3
+#: Starts of a cause that are tried.
+STARTS = 4
+#: A rival this much behind is not close, whatever more fitting would bring.
+CLOSE = 1000.0
+#: Causes tried from near the base, and followed; tried by outlines and followed, carried on, and from there by all that
+#: is seen.
+TRIED_NEARBY, NEARBY, FOLLOWED, CARRIED_ON, SEEN_FULLY = 10, 6, 10, 6, 4
+#: Causes that are tried once more from the winner's constants.
+RIVALS = 9
+#: Whose outlines fit this many times worse than the best's is not carried on.
+HOPEFUL = 2.5
+#: Causes that are carried to the end, that get partners; second causes tried, pairs carried on.
+FINISHED, PARTNERS, SECONDS, PAIRS = 3, 1, 9, 3
+
+
+def by_outlines(
+    found: Inquiry, wide: Campaign, start: Floats, names: Sequence[str], thorough: bool, told: Told
+) -> None:
+    """Fit every cause to outlines of a few runs, the best further, and the best of these to all that is seen.
+
+    Where the base has given way to what is missing, the way back is long: then elasticity and geometry are held to what
+    is given while causes are tried.
+    """
+    free = found.null.unknowns
+    known = descend(wide, free, start, rounds=ROUNDS, share=3e-3)
+    if dragged(free, known.u):
+        known = descend(wide, held(free), start, rounds=ROUNDS, share=3e-3)
+    told("looking at every cause", 1, len(names) + 5)
+    first: list[Contestant] = []
+    for k, group in enumerate(ranked(looks(wide, known, names), known)):
+        if wide.stop():
+            return
+        told(group[0].name, k + 2, len(names) + 5)
+        first.append(released(tried(wide, known, group[: STARTS + 3 * thorough]), free))
+    first.sort(key=lambda c: c.cost)
+    most = len(first) if thorough else FOLLOWED
+    entered = [followed(wide, one) if k < most else one for k, one in enumerate(first)]
+    entered.sort(key=lambda c: c.cost)
+    hopeful = [c for c in entered if c.cost < HOPEFUL * entered[0].cost][: CARRIED_ON * (1 + thorough)]
+    further = [finish(wide, c, rounds=ROUNDS, share=3e-3) for c in hopeful]
+    for one in entered:
+        found.keep(Contestant(one.hypothesis, seen_again(found.campaign, one.fit)))
+    _seen_fully(found, further, SEEN_FULLY * (1 + thorough))
+
+
+def from_nearby(found: Inquiry, names: Sequence[str], thorough: bool, told: Told) -> None:
+    """Fit to all that is seen the causes that promise most by linear reckoning at the base's optimum."""
+    campaign, null = found.campaign, found.null
+    near = ranked(looks(campaign, null, names), null)
+    for group in near:
+        found.keep(unfitted(campaign, null, min(group, key=lambda look: look.cost)))
+    quiet = unexplained(campaign, null) < EXPLAINED
+    first = []
+    for group in near if thorough else near[: TRIED_NEARBY if quiet else NEARBY // 2]:
+        if campaign.stop():
+            return
+        told(group[0].name, len(names), len(names) + 5)
+        if null.cost - group[0].promise > HOPELESS:
+            first.append(tried(campaign, null, group[: 3 if thorough else 2]))
+    first.sort(key=lambda c: c.cost)
+    for k, one in enumerate(first):
+        found.keep(followed(campaign, one) if thorough or k < NEARBY else one)
+
+
+def _seen_fully(found: Inquiry, rough: Sequence[Contestant], most: int) -> None:
+    """Take contestants that were fitted to outlines on to all runs and all that is seen, the best first."""
+    for one in sorted(rough, key=lambda c: c.cost)[:most]:
+        if found.campaign.stop():
+            return
+        found.keep(finish(found.campaign, one, rounds=4))
+
+
+def weigh_anew(found: Inquiry, base: int) -> None:
+    """Judge everybody with what repeats differ by at the winner's optimum, and the base from the winner's constants.
+
+    A base fitted less well than its rivals would be no judge of them.
+    """
+    campaign, winner = found.campaign, min(found.singles.values(), key=lambda c: c.cost)
+    allow_repeats(campaign, winner.fit)
+    found.singles = {name: Contestant(c.hypothesis, seen_again(campaign, c.fit)) for name, c in found.singles.items()}
+    found.singles[winner.name] = finish(campaign, winner, rounds=4)
+    found.null = seen_again(campaign, found.null)
+    if found.null.cost - found.singles[winner.name].cost < CLOSE:
+        nulls = [descend(campaign, found.null.unknowns, u, rounds=4) for u in (found.null.u, winner.fit.u[:base])]
+        found.null = min(nulls, key=lambda fit: fit.cost)
+
+
+def from_the_winner(found: Inquiry, wide: Campaign, names: Sequence[str], done: dict[str, float]) -> None:
+    """Causes that were left behind are tried once more, by outlines, from the winner's constants of the base: that a
+    search ended in another valley is no evidence against a cause."""
+    winner, base = min(found.singles.values(), key=lambda c: c.cost), found.null.unknowns
+    known = descend(wide, base, winner.fit.u[: len(base)], rounds=0)
+    others = [name for name in names if name not in done]
+    first = []
+    for group in ranked(looks(wide, known, others), known)[:RIVALS]:
+        if wide.stop():
+            return
+        first.append(tried(wide, known, group[:2]))
+    first.sort(key=lambda c: c.cost)
+    further = [finish(wide, one, rounds=ROUNDS, share=3e-3) for one in first[: RIVALS // 2]]
+    _seen_fully(found, further, RIVALS // 3)
+    for name in list(found.singles):
+        if wide.stop():
+            return
+        if name not in done and found.singles[name].cost < found.singles[winner.name].cost + CLOSE:
+            found.singles[name] = finish(found.campaign, found.singles[name], rounds=ROUNDS)
+            done[name] = found.singles[name].cost
+
+
+def finish_best(found: Inquiry, most: int, done: dict[str, float]) -> None:
+    """Carry the best few single causes to their end, as long as one may still overtake the best of those ``done``."""
+    while len(done) < most:
+        waiting = [c for c in found.singles.values() if c.name not in done and c.cost < NEARLY * found.null.cost]
+        if not waiting or found.campaign.stop():
+            return
+        next_one = min(waiting, key=lambda c: c.cost)
+        if done:
+            best = found.singles[min(done, key=lambda name: done[name])]
+            beaten = next_one.cost - best.cost
+            if beaten > max(CLOSE, best.cost) or (unexplained(found.campaign, best.fit) < EXPLAINED and beaten > CLOSE):
+                return
+        found.singles[next_one.name] = finish(found.campaign, next_one, rounds=ROUNDS)
+        done[next_one.name] = found.singles[next_one.name].cost
+
+
+def pairs(found: Inquiry, wide: Campaign, names: Sequence[str], thorough: bool) -> None:
+    """The best single causes with a second one beside each, from nearby or, where much is left, by outlines."""
+    campaign = found.campaign
+    first = sorted(found.singles.values(), key=lambda c: c.cost)[: PARTNERS + 2 * thorough]
+    best = first[0]
+    where = wide if unexplained(campaign, best.fit) > LOUD else campaign
+    pairs: list[Contestant] = []
+    for one in first:
+        at = one.fit if where is campaign else finish(where, one, rounds=ROUNDS, share=3e-3).fit
+        others = ranked(looks(where, at, [n for n in names if n not in one.hypothesis.causes]), at)
+        for group in others[: len(others) if thorough else SECONDS]:
+            if campaign.stop():
+                return
+            pairs.append(tried(where, at, group[: 2 if where is wide else 1], onto=one.hypothesis))
+    pairs = [followed(where, pair) for pair in sorted(pairs, key=lambda c: c.cost)[: PAIRS + 1]]
+    pairs.sort(key=lambda c: c.cost)
+    if where is wide:
+        pairs = [finish(wide, pair, rounds=ROUNDS, share=3e-3) for pair in pairs[:PAIRS]]
+    _seen_fully(found, pairs, PAIRS + 2 * thorough)
+    if found.pairs:
+        least = min(c.cost for c in found.pairs.values())
+        for pair in sorted(found.pairs.values(), key=lambda c: c.cost)[:PAIRS]:
+            if pair.cost < least + CLOSE and not campaign.stop():
+                found.keep(finish(campaign, pair, rounds=ROUNDS))
+        pair = min(found.pairs.values(), key=lambda c: c.cost)
+        # a single cause fitted less well than its pairs would make them look needed
+        at_pair = {k.target: u for k, u in zip(pair.fit.unknowns, pair.fit.u, strict=True)}
+        if best.name in pair.hypothesis.causes:
+            u = np.array([at_pair[k.target] for k in best.fit.unknowns])
+            found.keep(Contestant(best.hypothesis, descend(campaign, best.fit.unknowns, u, rounds=4)))
