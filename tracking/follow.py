@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -96,9 +98,10 @@ class Follower:
 
     def _apart(self, guess: Floats, last: Sighting) -> float:
         """Return how far, in squares, the guess has the board's middle from where it was."""
-        lens, (one, other) = self.camera.lens, (H[[2, 5]] / H[8] for H in (guess, last.homography))
-        pitch_px = np.linalg.norm(np.diff(last.grid, axis=0), axis=-1).min()
-        return float(np.linalg.norm((one - other) * (lens.fx, lens.fy)) / pitch_px)
+        lens, along = self.camera.lens, last.grid[1:] - last.grid[:-1]
+        (u, v, w), (u0, v0, w0) = guess[2::3].tolist(), last.homography[2::3].tolist()
+        moved_px = math.hypot(lens.fx * (u / w - u0 / w0), lens.fy * (v / w - v0 / w0))
+        return moved_px / math.sqrt((along * along).sum(axis=-1).min())
 
     def _search(self, picture: Picture) -> Sighting | str | None:
         """Search around the last place, or now and then in the whole picture; None when nothing was found."""

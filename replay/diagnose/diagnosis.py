@@ -22,7 +22,7 @@ from replay.diagnose.stages import (
     finish_best,
     from_nearby,
     from_the_winner,
-    pairs,
+    in_pairs,
     weigh_anew,
 )
 from replay.diagnose.start import base_start, few_of
@@ -85,11 +85,12 @@ def inquire(
     finish_best(found, FINISHED + 3 * thorough, done)
     if found.singles and found.contestants[0].cost < found.null.cost - HOPELESS:
         weigh_anew(found, len(base))
-        if loud:
+        enough = unexplained(campaign, found.contestants[0].fit) <= EXPLAINED
+        if thorough or (loud and enough):
             from_the_winner(found, wide, names, done)
         told("pairs", len(names) + 3, total)
-        if thorough or unexplained(campaign, found.contestants[0].fit) > EXPLAINED:
-            pairs(found, wide, names, thorough)
+        if thorough or not enough:
+            in_pairs(found, wide, names, thorough)
     told("weighing", len(names) + 4, total)
     found.whole = not stop()
     return found

@@ -25,9 +25,9 @@ from replay.diagnose.snaps import cell_snaps, crossings
 Floats = NDArray[np.float64]
 
 #: Accuracy and output step of simulations; what they leave is below a camera's noise, but it is another at every point,
-#: so it passes for a slope: for sigmas the finer one is taken.
+#: so it passes for a slope: for sigmas the finer one is taken, for outlines the rough one will do.
 TOLERANCE_M = 5e-7
-FINE_M = 1e-7
+FINE_M, ROUGH_M = 1e-7, 2e-6
 STEP_S = 2e-3
 #: Laws that make the water swing, or stick, carry what a step leaves out on to the next snap: with less accuracy a
 #: small change of a constant is lost in it, and the search with it.
@@ -104,13 +104,13 @@ def misfit(
 
 def rough_misfit(observed: Observation, straw: StrawParameters, instrument: Instrument) -> Floats:
     """Misfit of one run by its outline alone and its snaps' times, in sigmas: what leads from afar to a good fit."""
-    at, late, bent = _aligned(observed, straw, instrument)
+    at, late, bent = _aligned(observed, straw, instrument, ROUGH_M)
     outline = observed.outline
     return np.concatenate([outline.differs(at(bent(outline.time_s))), late / ROUGHLY_S])
 
 
 def _aligned(
-    observed: Observation, straw: StrawParameters, instrument: Instrument, finest_m: float = TOLERANCE_M
+    observed: Observation, straw: StrawParameters, instrument: Instrument, finest_m: float
 ) -> tuple[Callable[[Floats], Floats], Floats, Callable[[Floats], Floats]]:
     """Of a prediction: the tip (3, n) by stamped time, how late its snaps are (k,), and the clock bent to make up."""
     seen, snaps_s = play(observed, straw, instrument, finest_m)

@@ -160,25 +160,25 @@ def finish_best(found: Inquiry, most: int, done: dict[str, float]) -> None:
         done[next_one.name] = found.singles[next_one.name].cost
 
 
-def pairs(found: Inquiry, wide: Campaign, names: Sequence[str], thorough: bool) -> None:
+def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], thorough: bool) -> None:
     """The best single causes with a second one beside each, from nearby or, where much is left, by outlines."""
     campaign = found.campaign
     first = sorted(found.singles.values(), key=lambda c: c.cost)[: PARTNERS + 2 * thorough]
     best = first[0]
     where = wide if unexplained(campaign, best.fit) > LOUD else campaign
-    pairs: list[Contestant] = []
+    two: list[Contestant] = []
     for one in first:
         at = one.fit if where is campaign else finish(where, one, rounds=ROUNDS, share=3e-3).fit
         others = ranked(looks(where, at, [n for n in names if n not in one.hypothesis.causes]), at)
         for group in others[: len(others) if thorough else SECONDS]:
             if campaign.stop():
                 return
-            pairs.append(tried(where, at, group[: 2 if where is wide else 1], onto=one.hypothesis))
-    pairs = [followed(where, pair) for pair in sorted(pairs, key=lambda c: c.cost)[: PAIRS + 1]]
-    pairs.sort(key=lambda c: c.cost)
+            two.append(tried(where, at, group[: 2 if where is wide else 1], onto=one.hypothesis))
+    two = [followed(where, pair) for pair in sorted(two, key=lambda c: c.cost)[: PAIRS + 1]]
+    two.sort(key=lambda c: c.cost)
     if where is wide:
-        pairs = [finish(wide, pair, rounds=ROUNDS, share=3e-3) for pair in pairs[:PAIRS]]
-    _seen_fully(found, pairs, PAIRS + 2 * thorough)
+        two = [finish(wide, pair, rounds=ROUNDS, share=3e-3) for pair in two[:PAIRS]]
+    _seen_fully(found, two, PAIRS + 2 * thorough)
     if found.pairs:
         least = min(c.cost for c in found.pairs.values())
         for pair in sorted(found.pairs.values(), key=lambda c: c.cost)[:PAIRS]:
