@@ -19,10 +19,10 @@ from replay.diagnose.contest import (
     tried,
     unfitted,
 )
-from replay.diagnose.hypothesis import dragged, held
+from replay.diagnose.hypothesis import Hypothesis, dragged, held
 from replay.diagnose.inquiry import Inquiry, Told, allow_repeats
 from replay.diagnose.judge import unexplained
-from replay.diagnose.search import descend
+from replay.diagnose.search import Fit, descend
 
 Floats = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ RIVALS = 9
 #: Whose outlines fit this many times worse than the best's is not carried on.
 HOPEFUL = 2.5
 #: Causes that are carried to the end, that get partners; second causes tried, pairs carried on.
-FINISHED, PARTNERS, SECONDS, PAIRS = 3, 1, 9, 3
+FINISHED, PARTNERS, SECONDS, PAIRS = 3, 2, 9, 3
 
 
 def by_outlines(
@@ -163,30 +163,36 @@ def finish_best(found: Inquiry, most: int, done: dict[str, float]) -> None:
 def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], thorough: bool) -> None:
     """The best single causes with a second one beside each, from nearby or, where much is left, by outlines."""
     campaign = found.campaign
-    first = sorted(found.singles.values(), key=lambda c: c.cost)[: PARTNERS + 2 * thorough]
-    best = first[0]
+    singles = sorted(found.singles.values(), key=lambda c: c.cost)
+    best = singles[0]
     where = wide if unexplained(campaign, best.fit) > LOUD else campaign
     two: list[Contestant] = []
-    for one in first:
+    for one in [c for c in singles if thorough or c.cost < NEARLY * best.cost][: PARTNERS + thorough]:
         at = one.fit if where is campaign else finish(where, one, rounds=ROUNDS, share=3e-3).fit
-        others = ranked(looks(where, at, [n for n in names if n not in one.hypothesis.causes]), at)
-        for group in others[: len(others) if thorough else SECONDS]:
-            if campaign.stop():
-                return
-            two.append(tried(where, at, group[: 2 if where is wide else 1], onto=one.hypothesis))
-    two = [followed(where, pair) for pair in sorted(two, key=lambda c: c.cost)[: PAIRS + 1]]
-    two.sort(key=lambda c: c.cost)
+        two += _beside(where, at, one.hypothesis, [n for n in names if n not in one.hypothesis.causes], thorough)
+    two = sorted(two, key=lambda c: c.cost)[: PAIRS + 1]
+    two = sorted((followed(where, pair) for pair in two), key=lambda c: c.cost)
     if where is wide:
         two = [finish(wide, pair, rounds=ROUNDS, share=3e-3) for pair in two[:PAIRS]]
     _seen_fully(found, two, PAIRS + 2 * thorough)
-    if found.pairs:
-        least = min(c.cost for c in found.pairs.values())
-        for pair in sorted(found.pairs.values(), key=lambda c: c.cost)[:PAIRS]:
-            if pair.cost < least + CLOSE and not campaign.stop():
-                found.keep(finish(campaign, pair, rounds=ROUNDS))
+    first = sorted(found.pairs.values(), key=lambda c: c.cost)[:PAIRS]
+    for pair in first:
+        if pair.cost < first[0].cost + CLOSE and not campaign.stop():
+            found.keep(finish(campaign, pair, rounds=ROUNDS))
+    if first:
         pair = min(found.pairs.values(), key=lambda c: c.cost)
         # a single cause fitted less well than its pairs would make them look needed
         at_pair = {k.target: u for k, u in zip(pair.fit.unknowns, pair.fit.u, strict=True)}
         if best.name in pair.hypothesis.causes:
             u = np.array([at_pair[k.target] for k in best.fit.unknowns])
             found.keep(Contestant(best.hypothesis, descend(campaign, best.fit.unknowns, u, rounds=4)))
+
+
+def _beside(where: Campaign, at: Fit, first: Hypothesis, names: Sequence[str], thorough: bool) -> list[Contestant]:
+    """A first cause with each of some others, the most promising ones, a little way from several starts."""
+    out: list[Contestant] = []
+    for group in ranked(looks(where, at, names), at)[: None if thorough else SECONDS]:
+        if where.stop():
+            break
+        out.append(tried(where, at, group[: 2 if where.rough else 1], onto=first))
+    return out
