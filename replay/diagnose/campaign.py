@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +52,11 @@ class Campaign:
         out = self._like(self.observations, _fine)
         out.scatter = self.scatter
         return out
+
+    def shares_with(self, other: Campaign) -> Self:
+        """This campaign, from now on counting, playing and allowing for repeats as another does."""
+        self.tally, self.scatter, self.how = other.tally, other.scatter, other.how
+        return self
 
     @property
     def rough(self) -> bool:

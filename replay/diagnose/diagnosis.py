@@ -84,7 +84,7 @@ def inquire(
     told("finishing the best", len(names) + 2, total)
     finish_best(found, FINISHED + 3 * thorough, done)
     if found.singles and found.contestants[0].cost < found.null.cost - HOPELESS:
-        weigh_anew(found, len(base))
+        weigh_anew(found)
         enough = unexplained(campaign, found.contestants[0].fit) <= EXPLAINED
         if thorough or (loud and enough):
             from_the_winner(found, wide, names, done)

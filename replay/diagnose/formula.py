@@ -138,8 +138,7 @@ class Formed(Campaign):
     @classmethod
     def of(cls, campaign: Campaign, curve: tuple[Unknown, ...], to_u: Floats) -> Formed:
         """The campaign with the curve's unknowns as such sums."""
-        out = cls(campaign.observations, campaign.straw, campaign.pool, campaign.stop)
-        out.tally, out.scatter, out.how = campaign.tally, campaign.scatter, campaign.how
+        out = cls(campaign.observations, campaign.straw, campaign.pool, campaign.stop).shares_with(campaign)
         out.curve, out.to_u = curve, to_u
         return out
 

@@ -62,8 +62,8 @@ class Smooth(Campaign):
     @classmethod
     def of(cls, campaign: Campaign, straw: StrawParameters, rows: Floats) -> Smooth:
         """The campaign with another straw and such rows; counts and what repeats differ by are shared."""
-        out = cls(campaign.observations, straw, campaign.pool, campaign.stop)
-        out.tally, out.scatter, out.how, out.rows = campaign.tally, campaign.scatter, campaign.how, rows
+        out = cls(campaign.observations, straw, campaign.pool, campaign.stop).shares_with(campaign)
+        out.rows = rows
         return out
 
     def only(self, names: Sequence[str]) -> Smooth:
@@ -199,9 +199,7 @@ def missing_force(
 
 def _plain(campaign: Smooth) -> Campaign:
     """The campaign without a price on roughness."""
-    out = Campaign(campaign.observations, campaign.straw, campaign.pool, campaign.stop)
-    out.tally, out.scatter, out.how = campaign.tally, campaign.scatter, campaign.how
-    return out
+    return Campaign(campaign.observations, campaign.straw, campaign.pool, campaign.stop).shares_with(campaign)
 
 
 def _unit(state: State, power: float) -> str:

@@ -74,7 +74,8 @@ def measured_slopes(
     which: Sequence[int],
     felt_sigmas: float = STEP_SIGMAS,
 ) -> Floats:
-    """Derivatives of the differences by some of the unknowns, (m, len(which)), by steps that are well felt."""
+    """Derivatives of the differences by some of the unknowns, (m, len(which)), by steps that are well felt: that move
+    the runs by ``felt_sigmas`` (root mean square), roughly."""
     steps = np.array([campaign.steps.get(unknowns[k].target, STEP) for k in which])
     out = np.empty((len(residual), len(which)))
     todo = list(range(len(which)))

@@ -30,9 +30,11 @@ Floats = NDArray[np.float64]
 ROUNDS = 40
 #: Gain by linear reckoning below which a cause is not worth a fit.
 HOPELESS = 12.0
-#: What is unexplained up to this, sigmas squared, may be the noise's own; beyond it, causes are looked for in outlines
-#: first, as the base's constants have been dragged away; second causes, beyond the other.
-EXPLAINED, LOUD = 300.0, 1000.0
+#: What is unexplained up to this, sigmas squared, may be the noise's own; beyond it causes are looked for in outlines
+#: first, as the base's constants have been dragged away.
+EXPLAINED = 300.0
+#: Beside a first cause the base is nearly right; beyond this unexplained second ones are looked for in outlines, too.
+LOUD = 1000.0
 #: What the wide search leaves this little above the base may still win when it is finished.
 NEARLY = 1.3
 #: Starts of a cause that are tried.
@@ -107,7 +109,7 @@ def _seen_fully(found: Inquiry, rough: Sequence[Contestant], most: int) -> None:
         found.keep(finish(found.campaign, one, rounds=4))
 
 
-def weigh_anew(found: Inquiry, base: int) -> None:
+def weigh_anew(found: Inquiry) -> None:
     """Judge everybody with what repeats differ by at the winner's optimum, and the base from the winner's constants.
 
     A base fitted less well than its rivals would be no judge of them.
@@ -118,7 +120,8 @@ def weigh_anew(found: Inquiry, base: int) -> None:
     found.singles[winner.name] = finish(campaign, winner, rounds=4)
     found.null = seen_again(campaign, found.null)
     if found.null.cost - found.singles[winner.name].cost < CLOSE:
-        nulls = [descend(campaign, found.null.unknowns, u, rounds=4) for u in (found.null.u, winner.fit.u[:base])]
+        base = found.null.unknowns
+        nulls = [descend(campaign, base, u, rounds=4) for u in (found.null.u, winner.fit.u[: len(base)])]
         found.null = min(nulls, key=lambda fit: fit.cost)
 
 
@@ -170,8 +173,10 @@ def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], thorough: boo
     for one in [c for c in singles if thorough or c.cost < NEARLY * best.cost][: PARTNERS + thorough]:
         at = one.fit if where is campaign else finish(where, one, rounds=ROUNDS, share=3e-3).fit
         two += _beside(where, at, one.hypothesis, [n for n in names if n not in one.hypothesis.causes], thorough)
-    two = sorted(two, key=lambda c: c.cost)[: PAIRS + 1]
-    two = sorted((followed(where, pair) for pair in two), key=lambda c: c.cost)
+    better: dict[str, Contestant] = {}
+    for pair in sorted(two, key=lambda c: c.cost):  # either of a pair's causes may have been the first
+        better.setdefault(pair.name, pair)
+    two = sorted((followed(where, pair) for pair in list(better.values())[: PAIRS + 1]), key=lambda c: c.cost)
     if where is wide:
         two = [finish(wide, pair, rounds=ROUNDS, share=3e-3) for pair in two[:PAIRS]]
     _seen_fully(found, two, PAIRS + 2 * thorough)

@@ -1,6 +1,6 @@
 """Sealed cases: effects concealed by an apparatus of other code, diagnosed, and the labels opened at the end.
 
-    python -m tests.benchmarks.concealed --split develop --seed 1 --cases 20 --out concealed.jsonl
+    python -m tests.benchmarks.concealed --split develop --seed 1 --cases 20
 
 The SHA-256 of all labels is printed before the first analysis; `--split final` is for the end, with a seed nobody has
 looked at. One line of JSON per case; an interrupted benchmark goes on where it stopped, `--score` only counts what is
@@ -67,21 +67,24 @@ def main() -> None:
     ask.add_argument("--split", choices=("develop", "final"), default="develop")
     ask.add_argument("--seed", type=int, default=1)
     ask.add_argument("--cases", type=int, default=10**6)
-    ask.add_argument("--out", type=Path, default=Path("concealed.jsonl"))
+    ask.add_argument("--out", type=Path, help="one line of JSON per case (default: a name by split, seed and way)")
     ask.add_argument("--score", action="store_true", help="diagnose nothing more")
     ask.add_argument("--ablate", action="store_true", help="single causes only, each taken out of the library")
     ask.add_argument("--camera", action="store_true", help="painted, filmed and tracked")
     args = ask.parse_args()
+    ways = [way for way in ("ablate", "camera") if getattr(args, way)]
+    # cases of every seed have the same names: in one file they would pass for each other
+    path = args.out or Path("-".join(["concealed", args.split, str(args.seed), *ways]) + ".jsonl")
     every = deck(args.split, args.seed)
     sealed = seal(every)
     print(f"{len(every)} cases, labels sealed: {sealed}", flush=True)
     singles = [case for case in every if case.kind in ("single", "instrument")]
     cases = (singles if args.ablate else every)[: args.cases]
     told = {}
-    if args.out.exists():
-        told = {row["name"]: row for row in map(json.loads, args.out.read_text().splitlines())}
+    if path.exists():
+        told = {row["name"]: row for row in map(json.loads, path.read_text().splitlines())}
     todo = [] if args.score else [case for case in cases if case.name not in told]
-    with ProcessPoolExecutor(2) as pool, args.out.open("a") as out:
+    with ProcessPoolExecutor(2) as pool, path.open("a") as out:
         for job in as_completed([pool.submit(diagnosed, case, args.ablate, args.camera) for case in todo]):
             row = job.result()
             told[str(row["name"])] = row

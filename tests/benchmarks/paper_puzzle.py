@@ -1,6 +1,6 @@
 """The paper's own puzzle: why one set of constants did not fit its runs, and which physics makes one set fit all.
 
-    python -m tests.benchmarks.paper_puzzle --out puzzle.png --json puzzle.json
+    python -m tests.benchmarks.paper_puzzle --out PICTURE.png --json NUMBERS.json
 
 A folding run and four repetitions of a deployment, made by the independent apparatus with squeeze film, fluid inertia,
 cohesion that weakens and a weaker fourth cell, are fitted by the base model and by one that has these four laws.
@@ -9,6 +9,7 @@ cohesion that weakens and a weaker fourth cell, are fitted by the base model and
 from __future__ import annotations
 
 import argparse
+import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -49,7 +50,8 @@ def main() -> None:
     """Make the runs, fit them, print the tables, draw."""
     ask = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     ask.add_argument("--seed", type=int, default=7)
-    ask.add_argument("--out", type=Path, default=Path("puzzle.png"), help="the picture: .png, .svg or .pdf")
+    place = Path(tempfile.gettempdir()) / "puzzle.png"  # not among the project's files
+    ask.add_argument("--out", type=Path, default=place, help="the picture: .png, .svg or .pdf (default: %(default)s)")
     ask.add_argument("--json", type=Path)
     args = ask.parse_args()
     begun_s, used_s = time.monotonic(), time.process_time()

@@ -34,5 +34,18 @@ def test_a_crease_that_hardens_is_named_and_improves_runs_it_did_not_fit() -> No
     assert findings.held.after["x_m"] < max(findings.held.before["x_m"] / 3, 1.3 * findings.held.floor["x_m"])
 
 
+def test_a_wall_that_relaxes_on_two_times_and_not_in_bending_is_named() -> None:
+    rivals = ("viscoelasticity", "dry_friction", "cohesion", "crease_stiffness", "clock_offset")
+    findings = diagnosed(Cause("viscoelasticity", 1000.0, "two branches"), 21, rivals)
+    assert findings.causes == ["viscoelasticity"]
+    assert findings.parameters["viscoelasticity"]["bending"]["value"] < 0.2
+
+
+def test_a_magnet_that_no_library_holds_is_not_given_another_name() -> None:
+    rivals = ("intrinsic_curvature", "crease_stiffness", "camera_roll")
+    findings = diagnosed(Cause("unknown", 0.3, "magnet near the tip", 3), 22, rivals)
+    assert findings.verdict in ("unknown_physics", "ambiguous")
+
+
 def test_another_specimen_s_damping_and_geometry_are_not_called_missing_physics() -> None:
     assert diagnosed(None, seed=23).verdict == "complete"
