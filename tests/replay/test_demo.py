@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,6 +12,8 @@ import numpy as np
 import pytest
 
 from model.parameters import StrawParameters
+from replay.commands.demo import figures
+from replay.compare import CHANNELS
 from replay.demo.campaign import PLANS, FaultyGauge, protocol_of
 from replay.demo.conceal import DRAWER, NOTHING, Concealed, Seal, draw, named, opened, story
 from replay.diagnose.instrument import Instrument
@@ -72,3 +75,20 @@ def test_the_demo_runs_are_short_and_of_both_directions() -> None:
     pressures = np.concatenate([protocol(np.linspace(0.0, protocol.duration_s, 50)) for protocol in protocols])
     assert pressures.min() == -25e3
     assert pressures.max() == 35e3
+
+
+def test_what_the_demo_prints_of_runs_not_fitted_is_what_was_held_out() -> None:
+    error = SimpleNamespace(rms=1e-6, largest=5e-6)
+    filmed: Any = SimpleNamespace(recording=Path("fold.mcap"), errors=dict.fromkeys(CHANNELS, error))
+    held: Any = SimpleNamespace(
+        heldout=["deploy"],
+        before=dict.fromkeys(CHANNELS, 40e-6),
+        after=dict.fromkeys(CHANNELS, 20e-6),
+        floor=dict.fromkeys(CHANNELS, 10e-6),
+    )
+    told = figures(filmed, held).splitlines()
+    assert told[3] == "deploy, not fitted"
+    assert [line.split()[-3:] for line in told[4:]] == [
+        [n, n, f"{int(float(n)) / 1e3:.2f}"] for n in ("40.0", "20.0", "10.0")
+    ]
+    assert len(figures(filmed, None).splitlines()) == 3
