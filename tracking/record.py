@@ -21,7 +21,7 @@ Rows = NDArray[Any]
 
 SEEN = 0  # the status of a frame in which the board was seen; others count reasons from 1
 _FLUSH = 240  # frames: what a killed program loses at most
-_CHUNK = 512  # frames worked on at a time
+CHUNK = 512  # frames worked on at a time
 
 
 class Record:
@@ -113,8 +113,8 @@ class Record:
 
     def chunks(self) -> Iterator[tuple[int, Rows]]:
         """Yield (start, rows) over the whole record."""
-        for start in range(0, self._count, _CHUNK):
-            yield start, self.rows(start, start + _CHUNK)
+        for start in range(0, self._count, CHUNK):
+            yield start, self.rows(start, start + CHUNK)
 
     def ends(self) -> tuple[Sighting, list[tuple[float, Sighting]], int] | None:
         """Return the first sighting, the last two that follow on one another, and the frames since; None if none."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import closing
 from types import MappingProxyType
 from typing import Any
 
@@ -14,14 +16,15 @@ from tracking.chapters import Timeline
 from tracking.corners import FEWEST_CORNERS, LARGEST_RESIDUAL
 from tracking.errors import TrackingError
 from tracking.follow import NOT_DUE
+from tracking.lens import Lens
 from tracking.noise import Frames, codec_lag_px, exposure_by_smear, without_lag
 from tracking.pose import apply
-from tracking.record import Record
+from tracking.record import CHUNK, Record, Rows
 from tracking.settle import REST_FRAMES, Settled, settle
 from tracking.task import Task, Track
 from tracking.trace import TipTrace
-from tracking.video import DecodeReport
-from tracking.views import Views, views_of
+from tracking.video import DecodeReport, ahead
+from tracking.views import AROUND, Views, views_of
 
 Floats = NDArray[np.float64]
 
@@ -30,20 +33,38 @@ REPEATED = "the picture repeats the one before"
 _SPREAD = 40  # frames for each quantity that the constants are found from
 
 
-def solved(work: Task, record: Record, report: DecodeReport, timeline: Timeline) -> Track:
+class Gathered:
+    """What is kept of every frame to judge the whole video: gathered while it is decoded, when processors have time."""
+
+    def __init__(self, record: Record, lens: Lens) -> None:
+        self._record, self._lens, self._done = record, lens, 0
+        self._kept: list[tuple[NDArray[Any], ...]] = []
+        self.reasons: Counter[str] = Counter()
+
+    def take(self, *, last: bool = False) -> None:
+        """Take in the chunks of the record that are complete; with ``last`` all of them."""
+        while self._done < len(self._record) - (0 if last else CHUNK + AROUND):
+            start, rows = self._done, self._record.rows(self._done, self._done + CHUNK)
+            views, where, repeats = views_of(self._record, self._lens, start, rows)
+            size = np.sqrt(views.rays.var(axis=1).sum(axis=1))
+            middle = np.column_stack((views.rays.mean(axis=1) * self._lens.fx, size * self._lens.fx))
+            quality = (views.widths, views.sweep, views.key, views.jump_px, views.speed_px)
+            self._kept.append((start + where, middle, *quality))
+            self.reasons[REPEATED] += int(repeats.sum())
+            for text in rows["reason"][~rows["seen"] & ~repeats]:
+                self.reasons[text.decode()] += 1
+            self._done += len(rows)
+
+    def columns(self) -> list[NDArray[Any]]:
+        """Frame numbers (f,), middle and size of the board (f, 3) in px, and what `Frames` has besides the middle."""
+        return [np.concatenate(parts) for parts in zip(*self._kept, strict=True)]
+
+
+def solved(work: Task, record: Record, gathered: Gathered, report: DecodeReport, timeline: Timeline) -> Track:
     """Find the video's constants, then every frame's pose."""
-    lens, board = work.camera.lens, work.board
-    reasons: Counter[str] = Counter()
-    kept: list[tuple[NDArray[Any], ...]] = []
-    for start, rows in record.chunks():
-        views, where, repeats = views_of(record, lens, start, rows)
-        size = np.sqrt(views.rays.var(axis=1).sum(axis=1))
-        middle = np.column_stack((views.rays.mean(axis=1) * lens.fx, size * lens.fx))
-        kept.append((start + where, middle, views.widths, views.sweep, views.key, views.jump_px, views.speed_px))
-        reasons[REPEATED] += int(repeats.sum())
-        for text in rows["reason"][~rows["seen"] & ~repeats]:
-            reasons[text.decode()] += 1
-    seen, middle, *others = (np.concatenate(parts) for parts in zip(*kept, strict=True))
+    board, reasons = work.board, gathered.reasons
+    gathered.take(last=True)
+    seen, middle, *others = gathered.columns()
     if not len(seen):
         commonest = next((text for text, _ in reasons.most_common() if text != NOT_DUE), "nothing seen")
         what = f"{timeline.paths[0]}: no board of {board} in any of {len(record)} frames"
@@ -78,6 +99,13 @@ def _pick(record: Record, work: Task, frames: NDArray[np.int64]) -> Views:
     return Views(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in Views.__annotations__})
 
 
+def _viewed(record: Record, lens: Lens) -> Iterator[tuple[int, Rows, Views, NDArray[np.intp]]]:
+    """Yield (start, rows, views, where in the rows they are) over the whole record."""
+    for start, rows in record.chunks():
+        views, where, _ = views_of(record, lens, start, rows)
+        yield start, rows, views, where
+
+
 def _fit_all(
     work: Task,
     record: Record,
@@ -94,33 +122,33 @@ def _fit_all(
     time_s, rms_px, corners = np.empty(n), np.full(n, np.nan), np.zeros(n, np.int64)
     total, square, count = np.zeros((3, len(points_m), 2))
     row, guess = work.camera.lens.height / 2, None
-    for start, rows in record.chunks():
-        views, where, _ = views_of(record, work.camera.lens, start, rows)
-        passed = np.full(len(rows), np.nan)
-        if len(where):
-            guess = guess if guess is not None else free_start(views, settled.camera, work.board.corner_points_m())
-            at = start + where
-            begin = np.tile(guess, (len(where), 1))
-            fits = plane.fit_rays(views.at_once(line_s, exposure_s), views.px_per_ray, points_m, begin, views.used)
-            number = fits.used.sum(axis=1)
-            good = (fits.rms_px <= LARGEST_RESIDUAL * views.pitch_px) & (number >= FEWEST_CORNERS)
-            reasons[NO_FIT] += int((~good).sum())
-            rate = np.gradient(fits.vector, views.time_s, axis=0) if len(at) > 1 else np.zeros((1, 3))
-            vector, spread = without_lag(fits, rate * timeline.period_s, views.key, lag)
-            spread += settled.covariance(views, vector, rate)
-            state[at[good]] = vector[good]
-            sigma[at[good]] = np.sqrt(np.diagonal(spread[good], axis1=1, axis2=2))
-            rms_px[at[good]], corners[at[good]] = fits.rms_px[good], number[good]
-            guess = fits.vector[good][-1] if good.any() else guess
-            counts = (fits.used & good[:, None])[..., None]
-            total += np.where(counts, fits.residual_px, 0).sum(axis=0)
-            square += np.where(counts, fits.residual_px**2, 0).sum(axis=0)
-            count += counts.sum(axis=0)
-            passed[where] = views.middle
-        for k in range(len(rows)):  # a frame without the board is dated by where it was last
-            row = passed[k] if np.isfinite(passed[k]) else row
-            passed[k] = row
-        time_s[start : start + len(rows)] = work.start_s + rows["time_s"] + line_s * passed
+    with closing(ahead(_viewed(record, work.camera.lens), 1)) as chunks:
+        for start, rows, views, where in chunks:
+            passed = np.full(len(rows), np.nan)
+            if len(where):
+                guess = guess if guess is not None else free_start(views, settled.camera, work.board.corner_points_m())
+                at = start + where
+                begin = np.tile(guess, (len(where), 1))
+                fits = plane.fit_rays(views.at_once(line_s, exposure_s), views.px_per_ray, points_m, begin, views.used)
+                number = fits.used.sum(axis=1)
+                good = (fits.rms_px <= LARGEST_RESIDUAL * views.pitch_px) & (number >= FEWEST_CORNERS)
+                reasons[NO_FIT] += int((~good).sum())
+                rate = np.gradient(fits.vector, views.time_s, axis=0) if len(at) > 1 else np.zeros((1, 3))
+                vector, spread = without_lag(fits, rate * timeline.period_s, views.key, lag)
+                spread += settled.covariance(views, vector, rate)
+                state[at[good]] = vector[good]
+                sigma[at[good]] = np.sqrt(np.diagonal(spread[good], axis1=1, axis2=2))
+                rms_px[at[good]], corners[at[good]] = fits.rms_px[good], number[good]
+                guess = fits.vector[good][-1] if good.any() else guess
+                counts = (fits.used & good[:, None])[..., None]
+                total += np.where(counts, fits.residual_px, 0).sum(axis=0)
+                square += np.where(counts, fits.residual_px**2, 0).sum(axis=0)
+                count += counts.sum(axis=0)
+                passed[where] = views.middle
+            for k in range(len(rows)):  # a frame without the board is dated by where it was last
+                row = passed[k] if np.isfinite(passed[k]) else row
+                passed[k] = row
+            time_s[start : start + len(rows)] = work.start_s + rows["time_s"] + line_s * passed
     mean = total / np.maximum(count, 1)
     never = count[:, 0].reshape(work.board.shape) == 0
     _refuse_a_smaller_board(work, record, never)

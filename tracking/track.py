@@ -18,7 +18,7 @@ from tracking.chapters import Timeline
 from tracking.errors import TrackingError
 from tracking.follow import Follower
 from tracking.record import Record
-from tracking.solve import solved
+from tracking.solve import Gathered, solved
 from tracking.task import Task, Track
 from tracking.video import DecodeReport, Gap, Picture, ahead, frames_missing
 
@@ -50,8 +50,9 @@ def track(
         _check_size(timeline, camera)
         kept = Record(record or Path(folder) / "record", work.identity(), board.shape)
         try:
-            report = _follow(timeline, work, kept, progress)
-            done = solved(work, kept, report, timeline)
+            gathered = Gathered(kept, camera.lens)
+            report = _follow(timeline, work, kept, gathered, progress)
+            done = solved(work, kept, gathered, report, timeline)
         except TrackingError:  # going on would end the same
             kept.remove()
             raise
@@ -71,7 +72,11 @@ def _check_size(timeline: Timeline, camera: Camera) -> None:
 
 
 def _follow(
-    timeline: Timeline, work: Task, record: Record, progress: Callable[[int, int], None] | None
+    timeline: Timeline,
+    work: Task,
+    record: Record,
+    gathered: Gathered,
+    progress: Callable[[int, int], None] | None,
 ) -> DecodeReport:
     """Follow the board through all frames that are not yet on record."""
     follower = Follower(work.camera, work.board, work.rest_pose, work.near_px)
@@ -87,6 +92,7 @@ def _follow(
             repeats = last is not None and _same(sample, last)
             record.add(frame, frame.corrupt - corrupt, repeats, follower.look(frame.luma, frame.time_s))
             corrupt, last = frame.corrupt, sample
+            gathered.take()
             if progress:
                 progress(len(record), max(timeline.expected, len(record)))
     finally:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import av
 import numpy as np
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from tracking.errors import TrackingError
 from tracking.fields import reason
 
+T = TypeVar("T")
 Picture = NDArray[np.uint8]
 
 _LUMA_8 = ("yuv420p", "yuvj420p", "yuv422p", "yuvj422p", "yuv444p", "yuvj444p", "nv12", "nv21", "gray")
@@ -186,12 +187,12 @@ class VideoReader:
         raise TrackingError(f"{self.path}: pixel format {name} has no luma plane; convert it to H.264 yuv420p")
 
 
-def ahead(frames: Iterator[Frame], depth: int = 6) -> Generator[Frame, None, None]:
-    """Yield from ``frames`` while a thread fetches up to ``depth`` more: decoding and tracking share the time."""
-    waiting: queue.Queue[Frame | BaseException | None] = queue.Queue(depth)
+def ahead(items: Iterator[T], depth: int = 6) -> Generator[T, None, None]:
+    """Yield from ``items`` while a thread fetches up to ``depth`` more: decoding and tracking share the time."""
+    waiting: queue.Queue[T | BaseException | None] = queue.Queue(depth)
     stop = threading.Event()
 
-    def put(item: Frame | BaseException | None) -> None:
+    def put(item: T | BaseException | None) -> None:
         while not stop.is_set():
             with contextlib.suppress(queue.Full):
                 waiting.put(item, timeout=0.1)
@@ -199,8 +200,8 @@ def ahead(frames: Iterator[Frame], depth: int = 6) -> Generator[Frame, None, Non
 
     def fetch() -> None:
         try:
-            for frame in frames:
-                put(frame)
+            for item in items:
+                put(item)
                 if stop.is_set():
                     return
             put(None)

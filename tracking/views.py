@@ -13,7 +13,7 @@ from tracking.record import Record, Rows
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-_AROUND = 4  # frames of context on either side of a chunk
+AROUND = 4  # frames of context on either side of a chunk
 _NEIGHBOUR_PERIODS = 1.5  # frames farther apart than this tell no velocity
 _QUINTIC = np.array((-1, 6, -15, 20, -15, 6, -1)) / 20
 # Central differences of the first three derivatives, by how many frames on either side.
@@ -80,8 +80,8 @@ def views_of(record: Record, lens: Lens, start: int, rows: Rows) -> tuple[Views,
 
     A frame repeats when its picture equals the last one's while the board moves before and after.
     """
-    around = record.rows(start - _AROUND, start + len(rows) + _AROUND)
-    lead = min(start, _AROUND)
+    around = record.rows(start - AROUND, start + len(rows) + AROUND)
+    lead = min(start, AROUND)
     n = record.shape[0] * record.shape[1]
     pixels = around["grid"].reshape(-1, n, 2).astype(np.float64)
     seen, time_s = around["seen"], around["time_s"]
