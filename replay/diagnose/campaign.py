@@ -37,11 +37,20 @@ class Campaign:
         self.tally = {"played": 0, "failed": 0}  # of runs, shared with campaigns made from this one
         self.steps: dict[str, float] = {}  # of derivatives by each unknown, as last felt well
         self.scatter: list[tuple[Floats, Floats]] | None = None
+        self.ruler = object()  # another one whenever differences begin to count otherwise
         self.how: Callable[..., Any] = _vector  # what is compared
 
     def only(self, names: Sequence[str]) -> Campaign:
         """The campaign with some of its runs."""
         return self._like([o for o in self.observations if o.name in set(names)], self.how)
+
+    def among(self, names: Sequence[str]) -> tuple[Campaign, NDArray[np.intp]]:
+        """The campaign with some of its runs and what these may differ by, and where their differences are in all."""
+        which = [k for k, o in enumerate(self.observations) if o.name in set(names)]
+        out = self._like([self.observations[k] for k in which], self.how)
+        out.scatter = [self.scatter[k] for k in which] if self.scatter else None
+        parts = self.slices()
+        return out, np.concatenate([np.arange(parts[k].start, parts[k].stop) for k in which])
 
     def roughly(self) -> Campaign:
         """The campaign with only outlines compared: the way down to a good fit is wider."""
@@ -110,7 +119,7 @@ class Campaign:
         From now on differences in these directions count as what they are beside what repeats differ by: with
         covariance 1 + J J' in each run, differences are multiplied by its inverse root.
         """
-        self.scatter = []
+        self.scatter, self.ruler = [], object()
         for part in self.slices():
             directions, size, _ = np.linalg.svd(slopes[part], full_matrices=False)
             self.scatter.append((directions, 1 / np.sqrt(1 + size**2) - 1))

@@ -161,7 +161,7 @@ def released(one: Contestant, free: tuple[Unknown, ...]) -> Contestant:
     """The same fit with the base's constants free, as far as their own priors let them."""
     fit, unknowns = one.fit, (*free, *one.hypothesis.unknowns)
     cost = robust_cost(fit.residual) + prior_cost(unknowns, fit.u)
-    return Contestant(one.hypothesis, replace(fit, unknowns=unknowns, cost=cost, fresh=False))
+    return Contestant(one.hypothesis, replace(fit, unknowns=unknowns, cost=cost, fresh=False, ended_by=None))
 
 
 def followed(campaign: Campaign, one: Contestant) -> Contestant:
@@ -195,11 +195,22 @@ def _making_room(known: Fit, unknowns: tuple[Unknown, ...], point: Floats, resid
 def seen_again(campaign: Campaign, fit: Fit) -> Fit:
     """The same fit, its differences and cost as the campaign counts them now."""
     residual = campaign.residuals(fit.unknowns, [fit.u])[0]
-    return replace(fit, residual=residual, cost=robust_cost(residual) + prior_cost(fit.unknowns, fit.u), fresh=False)
+    cost = robust_cost(residual) + prior_cost(fit.unknowns, fit.u)
+    return replace(fit, residual=residual, cost=cost, fresh=False, ended_by=None)
+
+
+def among(campaign: Campaign, names: Sequence[str], fit: Fit) -> tuple[Campaign, Fit]:
+    """The campaign with some of its runs, and a fit as these show it."""
+    few, rows = campaign.among(names)
+    residual = fit.residual[rows]
+    cost = robust_cost(residual) + prior_cost(fit.unknowns, fit.u)
+    return few, replace(fit, residual=residual, slopes=fit.slopes[rows], cost=cost, ended_by=None)
 
 
 def finish(campaign: Campaign, contestant: Contestant, rounds: int = 8, share: float = 0.0) -> Contestant:
     """The contestant's fit carried on from where it is, with slopes measured there, until a round gains little."""
     fit = contestant.fit
+    if fit.ended_by is campaign.ruler:
+        return contestant
     done = descend(campaign, fit.unknowns, fit.u, rounds=rounds, share=share)
     return Contestant(contestant.hypothesis, done)

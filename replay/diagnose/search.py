@@ -38,6 +38,7 @@ class Fit:
     cost: float  # robust, with priors
     fresh: bool  # whether the slopes were measured here
     damping: float = DAMPING[0]  # with which the search would go on
+    ended_by: object = None  # the campaign's ruler by which there was nothing left to gain
 
     @property
     def values(self) -> dict[str, float]:
@@ -128,6 +129,7 @@ def descend(
     damping = np.array(DAMPING)
     if resumed is not None:
         fresh, damping = resumed.fresh, damping * (resumed.damping / DAMPING[0])
+    ended_by = None
     for _ in range(rounds):
         if campaign.stop():
             break
@@ -162,13 +164,14 @@ def descend(
             damping = damping * 16
         if gain < little and fresh and (gain > 0 or damping[0] > 10):
             slopes, fresh = (corrected, False) if gain > 0 else (slopes, fresh)
+            ended_by = campaign.ruler if share == 0 else None
             break
         if not fresh and (gain < WELL * predicted or gain < little):
             slopes = measured_slopes(campaign, unknowns, u, residual, range(len(u)))
             fresh = True
         elif gain > 0 or not fresh:
             slopes, fresh = corrected, False
-    return Fit(unknowns, u, residual, slopes, cost, fresh, float(damping[0]))
+    return Fit(unknowns, u, residual, slopes, cost, fresh, float(damping[0]), ended_by)
 
 
 def _step(unknowns: Sequence[Unknown], u: Floats, curvature: Floats, gradient: Floats, damping: float) -> Floats:

@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from replay.diagnose.campaign import Campaign
+from replay.diagnose.cells import cell_by_cell, swapped
 from replay.diagnose.contest import (
     Contestant,
+    among,
     finish,
     followed,
     looks,
@@ -28,6 +30,8 @@ Floats = NDArray[np.float64]
 
 #: Rounds a search may take to its end; most take ten.
 ROUNDS = 40
+#: A search by outlines ends when a round gains less than this share of the cost.
+ROUGHLY = 3e-3
 #: Gain by linear reckoning below which a cause is not worth a fit.
 HOPELESS = 12.0
 #: What is unexplained up to this, sigmas squared, may be the noise's own; beyond it causes are looked for in outlines
@@ -48,8 +52,9 @@ TRIED_NEARBY, NEARBY, FOLLOWED, CARRIED_ON, SEEN_FULLY = 10, 6, 10, 6, 4
 RIVALS = 9
 #: Whose outlines fit this many times worse than the best's is not carried on.
 HOPEFUL = 2.5
-#: Causes that are carried to the end, that get partners; second causes tried, pairs carried on.
-FINISHED, PARTNERS, SECONDS, PAIRS = 3, 2, 9, 3
+#: Causes that are carried to the end, that get partners; second causes tried by outlines, and from nearby, where linear
+#: reckoning is better; pairs carried on.
+FINISHED, PARTNERS, SECONDS, NEAR_SECONDS, PAIRS = 3, 2, 9, 6, 3
 
 
 def by_outlines(
@@ -61,9 +66,9 @@ def by_outlines(
     is given while causes are tried.
     """
     free = found.null.unknowns
-    known = descend(wide, free, start, rounds=ROUNDS, share=3e-3)
+    known = descend(wide, free, start, rounds=ROUNDS, share=ROUGHLY)
     if dragged(free, known.u):
-        known = descend(wide, held(free), start, rounds=ROUNDS, share=3e-3)
+        known = descend(wide, held(free), start, rounds=ROUNDS, share=ROUGHLY)
     told("looking at every cause", 1, len(names) + 5)
     first: list[Contestant] = []
     for k, group in enumerate(ranked(looks(wide, known, names), known)):
@@ -76,7 +81,7 @@ def by_outlines(
     entered = [followed(wide, one) if k < most else one for k, one in enumerate(first)]
     entered.sort(key=lambda c: c.cost)
     hopeful = [c for c in entered if c.cost < HOPEFUL * entered[0].cost][: CARRIED_ON * (1 + thorough)]
-    further = [finish(wide, c, rounds=ROUNDS, share=3e-3) for c in hopeful]
+    further = [finish(wide, c, rounds=ROUNDS, share=ROUGHLY) for c in hopeful]
     for one in entered:
         found.keep(Contestant(one.hypothesis, seen_again(found.campaign, one.fit)))
     _seen_fully(found, further, SEEN_FULLY * (1 + thorough))
@@ -101,12 +106,16 @@ def from_nearby(found: Inquiry, names: Sequence[str], thorough: bool, told: Told
         found.keep(followed(campaign, one) if thorough or k < NEARBY else one)
 
 
-def _seen_fully(found: Inquiry, rough: Sequence[Contestant], most: int) -> None:
-    """Take contestants that were fitted to outlines on to all runs and all that is seen, the best first."""
-    for one in sorted(rough, key=lambda c: c.cost)[:most]:
-        if found.campaign.stop():
+def _seen_fully(found: Inquiry, fitted: Sequence[Contestant], most: int, *, outlined: bool = True) -> None:
+    """Take contestants that were fitted to outlines, or to a few runs, on to all that is seen, the best first."""
+    campaign = found.campaign
+    for k, one in enumerate(sorted(fitted, key=lambda c: c.cost)[:most]):
+        if campaign.stop():
             return
-        found.keep(finish(found.campaign, one, rounds=4))
+        if outlined and k == 0 and cell_by_cell(one.fit.unknowns):
+            one = swapped(campaign.roughly(), one, ROUNDS, ROUGHLY)
+        # from nearby all will be close, so they are carried to their end at once
+        found.keep(finish(campaign, one, rounds=4 if outlined else ROUNDS))
 
 
 def weigh_anew(found: Inquiry) -> None:
@@ -137,7 +146,7 @@ def from_the_winner(found: Inquiry, wide: Campaign, names: Sequence[str], done: 
             return
         first.append(tried(wide, known, group[:2]))
     first.sort(key=lambda c: c.cost)
-    further = [finish(wide, one, rounds=ROUNDS, share=3e-3) for one in first[: RIVALS // 2]]
+    further = [finish(wide, one, rounds=ROUNDS, share=ROUGHLY) for one in first[: RIVALS // 2]]
     _seen_fully(found, further, RIVALS // 3)
     for name in list(found.singles):
         if wide.stop():
@@ -164,22 +173,27 @@ def finish_best(found: Inquiry, most: int, done: dict[str, float]) -> None:
 
 
 def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], thorough: bool) -> None:
-    """The best single causes with a second one beside each, from nearby or, where much is left, by outlines."""
+    """The best single causes with a second one beside each, tried in a few runs: from nearby or, where much is left, by
+    outlines; the best pairs are carried on in all runs."""
     campaign = found.campaign
     singles = sorted(found.singles.values(), key=lambda c: c.cost)
     best = singles[0]
-    where = wide if unexplained(campaign, best.fit) > LOUD else campaign
+    outlined = unexplained(campaign, best.fit) > LOUD
+    few, where = [o.name for o in wide.observations], wide
     two: list[Contestant] = []
     for one in [c for c in singles if thorough or c.cost < NEARLY * best.cost][: PARTNERS + thorough]:
-        at = one.fit if where is campaign else finish(where, one, rounds=ROUNDS, share=3e-3).fit
+        if outlined:
+            at = finish(wide, one, rounds=ROUNDS, share=ROUGHLY).fit
+        else:
+            where, at = among(campaign, few, one.fit)
         two += _beside(where, at, one.hypothesis, [n for n in names if n not in one.hypothesis.causes], thorough)
     better: dict[str, Contestant] = {}
     for pair in sorted(two, key=lambda c: c.cost):  # either of a pair's causes may have been the first
         better.setdefault(pair.name, pair)
     two = sorted((followed(where, pair) for pair in list(better.values())[: PAIRS + 1]), key=lambda c: c.cost)
-    if where is wide:
-        two = [finish(wide, pair, rounds=ROUNDS, share=3e-3) for pair in two[:PAIRS]]
-    _seen_fully(found, two, PAIRS + 2 * thorough)
+    if outlined:
+        two = [finish(wide, pair, rounds=ROUNDS, share=ROUGHLY) for pair in two[:PAIRS]]
+    _seen_fully(found, two, PAIRS + 2 * thorough, outlined=outlined)
     first = sorted(found.pairs.values(), key=lambda c: c.cost)[:PAIRS]
     for pair in first:
         if pair.cost < first[0].cost + CLOSE and not campaign.stop():
@@ -196,7 +210,8 @@ def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], thorough: boo
 def _beside(where: Campaign, at: Fit, first: Hypothesis, names: Sequence[str], thorough: bool) -> list[Contestant]:
     """A first cause with each of some others, the most promising ones, a little way from several starts."""
     out: list[Contestant] = []
-    for group in ranked(looks(where, at, names), at)[: None if thorough else SECONDS]:
+    most = SECONDS if where.rough else NEAR_SECONDS
+    for group in ranked(looks(where, at, names), at)[: None if thorough else most]:
         if where.stop():
             break
         out.append(tried(where, at, group[: 2 if where.rough else 1], onto=first))

@@ -1,0 +1,49 @@
+"""Cells that differ: a search that cannot swap which of two snaps first stays stuck, one that knocks them does not."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from model.parameters import StrawParameters
+from replay.diagnose.campaign import Campaign
+from replay.diagnose.cells import cell_by_cell, swapped
+from replay.diagnose.contest import Contestant, finish
+from replay.diagnose.hypothesis import base_unknowns
+from replay.diagnose.library import hypothesis
+from replay.diagnose.observation import observe
+from replay.diagnose.search import descend
+from tests.apparatus.campaign import NONE, campaign
+from tests.apparatus.effects import Cause
+
+BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)
+DRAW, SIZE = 1, 0.18
+
+
+def test_only_constants_of_single_cells_are_knocked() -> None:
+    unknowns = (*base_unknowns(BASE), *hypothesis(["frustum_spread"], 9).unknowns)
+    assert cell_by_cell(unknowns) == list(range(len(unknowns) - 9, len(unknowns)))
+    assert not cell_by_cell(hypothesis(["intrinsic_curvature"], 9).unknowns)
+
+
+def test_cells_that_snap_in_another_order_are_found_where_a_descent_stays_stuck() -> None:
+    runs = campaign(
+        (Cause("frustum_spread", SIZE, "all cells differ", DRAW),), 3, ("fold-25kPa", "deploy-35kPa-1"), NONE
+    )
+    true = 0.5 * SIZE * np.clip(np.random.default_rng(DRAW).normal(size=9), -2.0, 2.0)
+    observations = [observe(run) for run in runs]
+    for one in observations:
+        one.rest_of(BASE)
+    spread = hypothesis(["frustum_spread"], 9)
+    unknowns = (*base_unknowns(BASE), *spread.unknowns)
+    base = np.zeros(len(unknowns) - 9)
+    with ThreadPoolExecutor() as pool:
+        outlines = Campaign(observations, BASE, pool).roughly()
+        u = np.arcsinh(true / np.array([k.scale for k in spread.unknowns]))
+        right = descend(outlines, unknowns, np.concatenate([base, u]), rounds=0).cost
+        even = Contestant(spread, descend(outlines, unknowns, np.zeros(len(unknowns)), rounds=0))
+        stuck = finish(outlines, even, 40, 3e-3)
+        free = swapped(outlines, even, 40, 3e-3)
+    assert stuck.cost > 10 * right
+    assert free.cost < 1.1 * right  # as good as the truth, which two runs need not tell from others
