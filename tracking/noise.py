@@ -20,7 +20,7 @@ _USUAL_LAG_PX = 0.012
 _USUAL_WEIGHT = 4.0  # in keyframes: what the usual value counts
 _SCATTER_PX = 0.007  # of the lag about its mean
 _SLOW_PX, _FAST_PX = 0.015, 0.6  # a frame: the lag grows with the motion, until so much changes that all is coded anew
-_CALM_PX, _BUSY_PX, _BUSY_AT_PX = 0.004, 0.010, 0.2  # what varies over the board: at rest, moving, and from what speed
+_CALM_PX, _BUSY_PX, _BUSY_AT_PX = 0.0035, 0.014, 0.3  # what varies over the board: at rest, moving, and from what speed
 
 
 @dataclass(frozen=True)
