@@ -30,8 +30,6 @@ Floats = NDArray[np.float64]
 
 DONE, STEP_TOO_SMALL, NOT_FINITE, TOO_MANY_STEPS = 0, 1, 2, 3
 SMALLEST_STEP_S = 1e-9
-#: Steps a simulated second may take; the livelier validation run takes some 430.
-MOST_STEPS_PER_S = 6_000
 NEWTON_LIMIT = 8
 #: Newton stops when what is missing is this small in units of the tolerance; snaps amplify what is left.
 NEWTON_SHARE = 1e-3
@@ -108,6 +106,7 @@ def integrate(
     end_s: float,
     tolerance_m: float,
     max_step_s: float,
+    most_steps: int,
     out_q: Floats,
     out_v: Floats,
     out_pa: Floats,
@@ -117,7 +116,7 @@ def integrate(
 
     Outputs inside a step come from the cubic through q and v at both of its ends; out_pa (outputs,), the pressure
     inside, from the line. ``counts`` grows by steps taken, steps rejected, Newton matrices and residuals.
-    Returns DONE, or the reason for stopping early.
+    Returns DONE, or the reason for stopping early; ``most_steps``, tried, are one.
     """
     n = len(state.q)
     tolerance_rad = tolerance_m / LEVER_M
@@ -137,7 +136,6 @@ def integrate(
     while filled < len(output_s) and output_s[filled] <= clock[0]:
         out_q[filled], out_v[filled], out_pa[filled] = q, v, clock[2]
         filled += 1
-    most_steps = 1000 + int(MOST_STEPS_PER_S * (end_s - clock[0]))
     tried = 0
     while clock[0] < end_s:
         tried += 1

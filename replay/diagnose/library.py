@@ -33,9 +33,14 @@ def causes(cells: int) -> dict[str, tuple[tuple[Unknown, ...], tuple[tuple[float
                 Unknown(t + "cohesion.weakening", 0.2, kind="linear", low=-1.0, high=10.0, mean=1.0, sd=2.0),
                 Unknown(t + "cohesion.peak_m", 0.1e-3, kind="linear", low=0.0, high=10.0, sd=2.0),
                 Unknown(t + "cohesion.slows", 1.0, kind="linear", low=0.0, high=4.0),
+                _shape(t + "cohesion.rises", 1.0, 0.05, 1.5),
             ),
-            tuple(
-                (*start, 0.0, 0.0) for start in ((0.3, 0.0, 1.0), (3.0, 0.0, 1.0), (1.0, -1.0, 1.0), (1.0, 1.0, 1.0))
+            (
+                (0.3, 0.0, 1.0, 0.0, 0.0, 0.0),
+                (3.0, 0.0, 1.0, 0.0, 0.0, 0.0),
+                (1.0, -1.0, 1.0, 0.0, 0.0, 0.0),
+                (1.0, 1.0, 1.0, 0.0, 0.0, 0.0),
+                (2.0, 0.0, 1.0, 0.5, 0.0, -1.5),
             ),
         ),
         "crease_stiffness": (

@@ -145,8 +145,9 @@ def from_the_winner(found: Inquiry, wide: Campaign, names: Sequence[str], done: 
         if wide.stop():
             return
         first.append(tried(wide, known, group[:2]))
-    first.sort(key=lambda c: c.cost)
-    further = [finish(wide, one, rounds=ROUNDS, share=ROUGHLY) for one in first[: RIVALS // 2]]
+    hopeful = HOPEFUL * seen_again(wide, winner.fit).cost
+    close = sorted((one for one in first if one.cost < hopeful), key=lambda c: c.cost)
+    further = [finish(wide, one, rounds=ROUNDS, share=ROUGHLY) for one in close[: RIVALS // 2]]
     _seen_fully(found, further, RIVALS // 3)
     for name in list(found.singles):
         if wide.stop():
@@ -165,8 +166,7 @@ def finish_best(found: Inquiry, most: int, done: dict[str, float]) -> None:
         next_one = min(waiting, key=lambda c: c.cost)
         if done:
             best = found.singles[min(done, key=lambda name: done[name])]
-            beaten = next_one.cost - best.cost
-            if beaten > max(CLOSE, best.cost) or (unexplained(found.campaign, best.fit) < EXPLAINED and beaten > CLOSE):
+            if next_one.cost - best.cost > max(CLOSE, unexplained(found.campaign, best.fit)):
                 return
         found.singles[next_one.name] = finish(found.campaign, next_one, rounds=ROUNDS)
         done[next_one.name] = found.singles[next_one.name].cost

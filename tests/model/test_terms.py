@@ -163,7 +163,7 @@ def balance(straw: StrawParameters, steady_pa: float, deployed: list[int], toler
     state = at_rest(c, q, 0.0, 0.0, 1e-4)
     qs, vs, inside = np.empty((len(time_s), 18)), np.empty((len(time_s), 18)), np.empty(len(time_s))
     status = integrate(
-        c, state, table, time_s, time_s[-1], tolerance_m, 0.02, qs, vs, inside, np.zeros(4, dtype=np.int64)
+        c, state, table, time_s, time_s[-1], tolerance_m, 0.02, 10_000, qs, vs, inside, np.zeros(4, np.int64)
     )
     assert status == 0
     room, left, push = room_for(c), np.empty(18), np.empty(18)
