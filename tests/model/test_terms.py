@@ -124,12 +124,21 @@ def test_an_asymmetric_frustum_is_pushed_between_its_wells_only() -> None:
 
 
 def test_cohesion_pulls_most_at_its_peak_and_each_cycle_weakens_it_less_than_the_one_before() -> None:
-    k = np.array([4.0, 0.2e-3, 0.5, 0.1e-3, 2.0])
+    k = np.array([4.0, 0.2e-3, 0.5, 0.1e-3, 2.0, 1.0])
     pulls = [TERMS["cohesion"].force(frustum(-2.28e-3 + 0.1e-3, cycle), k)[0] for cycle in range(4)]
     assert pulls == pytest.approx([-4.0 / (1 + cycle) ** 0.5 for cycle in range(4)])
     assert TERMS["cohesion"].force(frustum(-2.28e-3), k)[0] == pytest.approx(-4.0 * np.exp(-1 / 8))
-    steady = np.array([4.0, 0.2e-3, 0.5, 0.0, 0.0])
+    steady = np.array([4.0, 0.2e-3, 0.5, 0.0, 0.0, 1.0])
     assert TERMS["cohesion"].force(frustum(-2.28e-3, 2), steady)[0] == pytest.approx(-4.0 * np.exp(-1.0))
+
+
+def test_cohesion_that_rises_fast_is_narrow_below_its_peak_and_as_wide_as_before_beyond() -> None:
+    even, steep = (np.array([4.0, 0.2e-3, 0.0, 0.1e-3, 0.0, rises]) for rises in (1.0, 0.25))
+    below, beyond = (frustum(-2.28e-3 + 0.1e-3 + side * 0.05e-3) for side in (-1, 1))
+    force = TERMS["cohesion"].force
+    assert force(beyond, steep) == force(beyond, even)
+    assert force(below, steep)[0] == pytest.approx(-4.0 * np.exp(-0.5))
+    assert force(below, even)[0] == pytest.approx(-4.0 * np.exp(-0.5 / 16))
 
 
 def frustum(zeta_m: float, cycle: int = 0) -> Frustum:
