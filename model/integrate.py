@@ -30,6 +30,8 @@ Floats = NDArray[np.float64]
 
 DONE, STEP_TOO_SMALL, NOT_FINITE, TOO_MANY_STEPS = 0, 1, 2, 3
 SMALLEST_STEP_S = 1e-9
+#: Steps allowed beside those each second may take, to begin with.
+FIRST_STEPS = 1_000
 NEWTON_LIMIT = 8
 #: Newton stops when what is missing is this small in units of the tolerance; snaps amplify what is left.
 NEWTON_SHARE = 1e-3
@@ -106,7 +108,7 @@ def integrate(
     end_s: float,
     tolerance_m: float,
     max_step_s: float,
-    most_steps: int,
+    most_steps_per_s: float,
     out_q: Floats,
     out_v: Floats,
     out_pa: Floats,
@@ -116,7 +118,7 @@ def integrate(
 
     Outputs inside a step come from the cubic through q and v at both of its ends; out_pa (outputs,), the pressure
     inside, from the line. ``counts`` grows by steps taken, steps rejected, Newton matrices and residuals.
-    Returns DONE, or the reason for stopping early; ``most_steps``, tried, are one.
+    Returns DONE, or the reason for stopping early; more than ``most_steps_per_s``, tried, are one.
     """
     n = len(state.q)
     tolerance_rad = tolerance_m / LEVER_M
@@ -136,10 +138,10 @@ def integrate(
     while filled < len(output_s) and output_s[filled] <= clock[0]:
         out_q[filled], out_v[filled], out_pa[filled] = q, v, clock[2]
         filled += 1
-    tried = 0
+    tried, most = 0, FIRST_STEPS + int(most_steps_per_s * (end_s - clock[0]))
     while clock[0] < end_s:
         tried += 1
-        if tried > most_steps:
+        if tried > most:
             return TOO_MANY_STEPS
         time_s = clock[0]
         # land exactly on the end, without a sliver of a last step

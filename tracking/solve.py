@@ -30,6 +30,8 @@ Floats = NDArray[np.float64]
 
 NO_FIT = "the corners fit no pose in the plane of motion"
 REPEATED = "the picture repeats the one before"
+#: Of a chunk: its first frame, its rows, what is seen in them, and in which of the rows.
+Viewed = tuple[int, Rows, Views, NDArray[np.intp]]
 _SPREAD = 40  # frames for each quantity that the constants are found from
 
 
@@ -76,7 +78,8 @@ def solved(work: Task, record: Record, gathered: Gathered, report: DecodeReport,
     views = _pick(record, work, seen[chosen])
     settled = settle(work.camera, board, work.rest_pose, views, level=work.level, exposure_s=exposure_s)
     lag = codec_lag_px(frames)
-    return _fit_all(work, record, report, settled, lag, exposure_s, reasons, timeline)
+    with closing(ahead(_viewed(record, work.camera.lens), 1)) as chunks:
+        return _fit_all(work, record, chunks, report, settled, lag, exposure_s, reasons, timeline)
 
 
 def _spread(features: NDArray[np.float32]) -> NDArray[np.intp]:
@@ -99,8 +102,8 @@ def _pick(record: Record, work: Task, frames: NDArray[np.int64]) -> Views:
     return Views(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in Views.__annotations__})
 
 
-def _viewed(record: Record, lens: Lens) -> Iterator[tuple[int, Rows, Views, NDArray[np.intp]]]:
-    """Yield (start, rows, views, where in the rows they are) over the whole record."""
+def _viewed(record: Record, lens: Lens) -> Iterator[Viewed]:
+    """Yield what is seen in each chunk of the record."""
     for start, rows in record.chunks():
         views, where, _ = views_of(record, lens, start, rows)
         yield start, rows, views, where
@@ -109,6 +112,7 @@ def _viewed(record: Record, lens: Lens) -> Iterator[tuple[int, Rows, Views, NDAr
 def _fit_all(
     work: Task,
     record: Record,
+    chunks: Iterator[Viewed],
     report: DecodeReport,
     settled: Settled,
     lag: tuple[float, float],
@@ -122,33 +126,32 @@ def _fit_all(
     time_s, rms_px, corners = np.empty(n), np.full(n, np.nan), np.zeros(n, np.int64)
     total, square, count = np.zeros((3, len(points_m), 2))
     row, guess = work.camera.lens.height / 2, None
-    with closing(ahead(_viewed(record, work.camera.lens), 1)) as chunks:
-        for start, rows, views, where in chunks:
-            passed = np.full(len(rows), np.nan)
-            if len(where):
-                guess = guess if guess is not None else free_start(views, settled.camera, work.board.corner_points_m())
-                at = start + where
-                begin = np.tile(guess, (len(where), 1))
-                fits = plane.fit_rays(views.at_once(line_s, exposure_s), views.px_per_ray, points_m, begin, views.used)
-                number = fits.used.sum(axis=1)
-                good = (fits.rms_px <= LARGEST_RESIDUAL * views.pitch_px) & (number >= FEWEST_CORNERS)
-                reasons[NO_FIT] += int((~good).sum())
-                rate = np.gradient(fits.vector, views.time_s, axis=0) if len(at) > 1 else np.zeros((1, 3))
-                vector, spread = without_lag(fits, rate * timeline.period_s, views.key, lag)
-                spread += settled.covariance(views, vector, rate)
-                state[at[good]] = vector[good]
-                sigma[at[good]] = np.sqrt(np.diagonal(spread[good], axis1=1, axis2=2))
-                rms_px[at[good]], corners[at[good]] = fits.rms_px[good], number[good]
-                guess = fits.vector[good][-1] if good.any() else guess
-                counts = (fits.used & good[:, None])[..., None]
-                total += np.where(counts, fits.residual_px, 0).sum(axis=0)
-                square += np.where(counts, fits.residual_px**2, 0).sum(axis=0)
-                count += counts.sum(axis=0)
-                passed[where] = views.middle
-            for k in range(len(rows)):  # a frame without the board is dated by where it was last
-                row = passed[k] if np.isfinite(passed[k]) else row
-                passed[k] = row
-            time_s[start : start + len(rows)] = work.start_s + rows["time_s"] + line_s * passed
+    for start, rows, views, where in chunks:
+        passed = np.full(len(rows), np.nan)
+        if len(where):
+            guess = guess if guess is not None else free_start(views, settled.camera, work.board.corner_points_m())
+            at = start + where
+            begin = np.tile(guess, (len(where), 1))
+            fits = plane.fit_rays(views.at_once(line_s, exposure_s), views.px_per_ray, points_m, begin, views.used)
+            number = fits.used.sum(axis=1)
+            good = (fits.rms_px <= LARGEST_RESIDUAL * views.pitch_px) & (number >= FEWEST_CORNERS)
+            reasons[NO_FIT] += int((~good).sum())
+            rate = np.gradient(fits.vector, views.time_s, axis=0) if len(at) > 1 else np.zeros((1, 3))
+            vector, spread = without_lag(fits, rate * timeline.period_s, views.key, lag)
+            spread += settled.covariance(views, vector, rate)
+            state[at[good]] = vector[good]
+            sigma[at[good]] = np.sqrt(np.diagonal(spread[good], axis1=1, axis2=2))
+            rms_px[at[good]], corners[at[good]] = fits.rms_px[good], number[good]
+            guess = fits.vector[good][-1] if good.any() else guess
+            counts = (fits.used & good[:, None])[..., None]
+            total += np.where(counts, fits.residual_px, 0).sum(axis=0)
+            square += np.where(counts, fits.residual_px**2, 0).sum(axis=0)
+            count += counts.sum(axis=0)
+            passed[where] = views.middle
+        for k in range(len(rows)):  # a frame without the board is dated by where it was last
+            row = passed[k] if np.isfinite(passed[k]) else row
+            passed[k] = row
+        time_s[start : start + len(rows)] = work.start_s + rows["time_s"] + line_s * passed
     mean = total / np.maximum(count, 1)
     never = count[:, 0].reshape(work.board.shape) == 0
     _refuse_a_smaller_board(work, record, never)

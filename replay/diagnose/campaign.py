@@ -37,7 +37,6 @@ class Campaign:
         self.tally = {"played": 0, "failed": 0}  # of runs, shared with campaigns made from this one
         self.steps: dict[str, float] = {}  # of derivatives by each unknown, as last felt well
         self.scatter: list[tuple[Floats, Floats]] | None = None
-        self.ruler = object()  # another one whenever differences begin to count otherwise
         self.how: Callable[..., Any] = _vector  # what is compared
 
     def only(self, names: Sequence[str]) -> Campaign:
@@ -119,7 +118,7 @@ class Campaign:
         From now on differences in these directions count as what they are beside what repeats differ by: with
         covariance 1 + J J' in each run, differences are multiplied by its inverse root.
         """
-        self.scatter, self.ruler = [], object()
+        self.scatter = []
         for part in self.slices():
             directions, size, _ = np.linalg.svd(slopes[part], full_matrices=False)
             self.scatter.append((directions, 1 / np.sqrt(1 + size**2) - 1))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from replay.diagnose.campaign import Campaign
 from replay.diagnose.contest import LITTLE, Contestant, finish
 from replay.diagnose.hypothesis import Unknown
-from replay.diagnose.search import clipped, descend, prior_cost, robust_cost
+from replay.diagnose.search import clipped, cost_at, descend
 
 Floats = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ def swapped(outlines: Campaign, one: Contestant, rounds: int, share: float) -> C
         fit = one.fit
         points = [clipped(fit.unknowns, fit.u + knock) for knock in _knocks(cell_by_cell(fit.unknowns), len(fit.u))]
         costs = [
-            robust_cost(residual) + prior_cost(fit.unknowns, u)
+            cost_at(fit.unknowns, u, residual)
             for residual, u in zip(outlines.residuals(fit.unknowns, points), points, strict=True)
         ]
         tried = [

@@ -14,10 +14,9 @@ from replay.diagnose.search import (
     LONGEST_STEP,
     Fit,
     clipped,
+    cost_at,
     descend,
     measured_slopes,
-    prior_cost,
-    robust_cost,
     weights,
 )
 
@@ -69,7 +68,7 @@ def looks(campaign: Campaign, known: Fit, names: Sequence[str]) -> list[Look]:
         for name, point in rows:
             unknowns = (*known.unknowns, *whats[name].unknowns)
             residual = campaign.residuals(unknowns, [point])[0]
-            found.append((name, point, residual, robust_cost(residual) + prior_cost(unknowns, point)))
+            found.append((name, point, residual, cost_at(unknowns, point, residual)))
         return found
 
     def placed(name: str, u: Floats, start: Sequence[float]) -> Floats:
@@ -160,8 +159,8 @@ def tried(campaign: Campaign, known: Fit, group: Sequence[Look], onto: Hypothesi
 def released(one: Contestant, free: tuple[Unknown, ...]) -> Contestant:
     """The same fit with the base's constants free, as far as their own priors let them."""
     fit, unknowns = one.fit, (*free, *one.hypothesis.unknowns)
-    cost = robust_cost(fit.residual) + prior_cost(unknowns, fit.u)
-    return Contestant(one.hypothesis, replace(fit, unknowns=unknowns, cost=cost, fresh=False, ended_by=None))
+    cost = cost_at(unknowns, fit.u, fit.residual)
+    return Contestant(one.hypothesis, replace(fit, unknowns=unknowns, cost=cost, fresh=False))
 
 
 def followed(campaign: Campaign, one: Contestant) -> Contestant:
@@ -195,22 +194,19 @@ def _making_room(known: Fit, unknowns: tuple[Unknown, ...], point: Floats, resid
 def seen_again(campaign: Campaign, fit: Fit) -> Fit:
     """The same fit, its differences and cost as the campaign counts them now."""
     residual = campaign.residuals(fit.unknowns, [fit.u])[0]
-    cost = robust_cost(residual) + prior_cost(fit.unknowns, fit.u)
-    return replace(fit, residual=residual, cost=cost, fresh=False, ended_by=None)
+    cost = cost_at(fit.unknowns, fit.u, residual)
+    return replace(fit, residual=residual, cost=cost, fresh=False)
 
 
-def among(campaign: Campaign, names: Sequence[str], fit: Fit) -> tuple[Campaign, Fit]:
-    """The campaign with some of its runs, and a fit as these show it."""
-    few, rows = campaign.among(names)
+def narrowed(fit: Fit, rows: NDArray[np.intp]) -> Fit:
+    """A fit as only some of its differences show it."""
     residual = fit.residual[rows]
-    cost = robust_cost(residual) + prior_cost(fit.unknowns, fit.u)
-    return few, replace(fit, residual=residual, slopes=fit.slopes[rows], cost=cost, ended_by=None)
+    cost = cost_at(fit.unknowns, fit.u, residual)
+    return replace(fit, residual=residual, slopes=fit.slopes[rows], cost=cost)
 
 
 def finish(campaign: Campaign, contestant: Contestant, rounds: int = 8, share: float = 0.0) -> Contestant:
     """The contestant's fit carried on from where it is, with slopes measured there, until a round gains little."""
     fit = contestant.fit
-    if fit.ended_by is campaign.ruler:
-        return contestant
     done = descend(campaign, fit.unknowns, fit.u, rounds=rounds, share=share)
     return Contestant(contestant.hypothesis, done)

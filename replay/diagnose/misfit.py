@@ -16,6 +16,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from model.parameters import StrawParameters
+from model.scheme import ORDER_BELOW
 from model.simulate import Prediction
 from model.simulate import run as simulate
 from replay.diagnose.instrument import Instrument
@@ -32,9 +33,9 @@ STEP_S = 2e-3
 #: Laws that make the water swing, or stick, carry what a step leaves out on to the next snap: with less accuracy a
 #: small change of a constant is lost in it, and the search with it.
 FINER_M = {"trapped_gas": 1e-7, "fluid_inertia": 1e-7, "dry_friction": 5e-7}
-#: Steps a second that a simulation may take at `TOLERANCE_M`, three times what the paper's livelier straw takes: with
-#: hardly any damping left one takes as long as fifty others, and no recording looks like it.
-LIVELIEST_PER_S, ORDER = 1500.0, 4
+#: Steps a second that a simulation may take at `TOLERANCE_M`, half as many again as the paper's livelier straw takes in
+#: its first three: with hardly any damping left a simulation takes as long as fifty others.
+LIVELIEST_PER_S = 1500.0
 #: Where the recording shows more snaps than the straw, the straw is given this much longer to snap.
 PATIENCE_S = 1.5
 #: The prediction's clock is bent as for the nearest snap from this long before it to this long after it, s.
@@ -82,11 +83,11 @@ def play(
     worn = straw.replace(cycle=float(run.cycle))
     ends = instrument.true_time(np.array([observed.start_s, observed.end_s]))
     start, end = float(min(ends[0], observed.start_s)), float(ends[1])
-    most_steps_per_s = LIVELIEST_PER_S * (TOLERANCE_M / tolerance_m) ** (1 / ORDER)
     for patience in (0.0, PATIENCE_S):
         grid = np.arange(start, end + patience + 2 * STEP_S, STEP_S)
         near = observed.rests.get(straw.form)
-        seen = simulate(worn, pressure, grid, run.initial_deployed, tolerance_m, near, most_steps_per_s)
+        most = most_steps_per_s(tolerance_m)
+        seen = simulate(worn, pressure, grid, run.initial_deployed, tolerance_m, near, most)
         told = instrument.camera_roll_rad
         true_s = crossings(grid, seen.phi_rad + told, observed.levels)
         if len(true_s) < len(observed.snaps_s):
@@ -94,6 +95,11 @@ def play(
         if len(true_s) >= len(observed.snaps_s):
             break
     return seen, instrument.stamped(true_s)
+
+
+def most_steps_per_s(tolerance_m: float) -> float:
+    """Steps a second that a simulation of this accuracy may take."""
+    return float(LIVELIEST_PER_S * (TOLERANCE_M / tolerance_m) ** (1 / (ORDER_BELOW + 1)))
 
 
 def misfit(

@@ -22,7 +22,7 @@ from replay.diagnose.hypothesis import Unknown, applied
 from replay.diagnose.judge import NOISE_LEAVES, unexplained
 from replay.diagnose.misfit import play
 from replay.diagnose.observation import Observation
-from replay.diagnose.search import Fit, descend, measured_slopes, prior_cost, robust_cost, weights
+from replay.diagnose.search import Fit, cost_at, descend, measured_slopes, weights
 from replay.diagnose.start import few_of
 from replay.diagnose.states import STATES, State, points
 
@@ -265,7 +265,7 @@ def _starts(
         first = np.append(residual, np.zeros(len(here.rows)))
         own = measured_slopes(here, unknowns, u, first, range(len(base), len(u)))
         every = np.hstack([np.concatenate([slopes, np.zeros((len(here.rows), len(base)))]), own])
-        cost = robust_cost(first) + prior_cost(unknowns, u)
+        cost = cost_at(unknowns, u, first)
         unit, wanted = unknowns[-1].scale, -_downhill(Fit(unknowns, u, first, every, cost, True))[0][len(base) :]
         # in units of what is wanted a large force is no further away than a small one
         larger = float(np.clip(np.max(np.abs(wanted)) / STEPS, 1.0, LARGEST))

@@ -38,7 +38,6 @@ class Fit:
     cost: float  # robust, with priors
     fresh: bool  # whether the slopes were measured here
     damping: float = DAMPING[0]  # with which the search would go on
-    ended_by: object = None  # the campaign's ruler by which there was nothing left to gain
 
     @property
     def values(self) -> dict[str, float]:
@@ -60,6 +59,11 @@ def weights(residual: Floats) -> Floats:
 def prior_cost(unknowns: Sequence[Unknown], u: Floats) -> float:
     """What the priors charge."""
     return float(sum(((x - k.mean) / k.sd) ** 2 for k, x in zip(unknowns, u, strict=True)))
+
+
+def cost_at(unknowns: Sequence[Unknown], u: Floats, residual: Floats) -> float:
+    """Robust misfit at u with what the priors charge."""
+    return robust_cost(residual) + prior_cost(unknowns, u)
 
 
 def clipped(unknowns: Sequence[Unknown], u: Floats) -> Floats:
@@ -121,7 +125,7 @@ def descend(
     u = clipped(unknowns, np.asarray(u, dtype=np.float64))
     if residual is None:
         residual = campaign.residuals(unknowns, [u])[0]
-    cost = robust_cost(residual) + prior_cost(unknowns, u)
+    cost = cost_at(unknowns, u, residual)
     fresh = slopes is None
     if slopes is None:
         slopes = measured_slopes(campaign, unknowns, u, residual, range(len(u)))
@@ -129,7 +133,6 @@ def descend(
     damping = np.array(DAMPING)
     if resumed is not None:
         fresh, damping = resumed.fresh, damping * (resumed.damping / DAMPING[0])
-    ended_by = None
     for _ in range(rounds):
         if campaign.stop():
             break
@@ -145,14 +148,14 @@ def descend(
 
         trials, predictions = zip(*(downhill(u, residual, d) for d in damping), strict=True)
         points, ends = list(trials), campaign.residuals(unknowns, trials)
-        costs = [robust_cost(r) + prior_cost(unknowns, t) for r, t in zip(ends, points, strict=True)]
+        costs = [cost_at(unknowns, t, r) for r, t in zip(ends, points, strict=True)]
         predicted = predictions[int(np.argmin(costs))]
         if cost - min(costs) < WELL * predicted:
             # valleys bend: from where a step has led, the same slopes lead back down to the valley's floor
             back = [downhill(t, r, d)[0] for t, r, d in zip(trials, ends, damping, strict=True)]
             ends += campaign.residuals(unknowns, back)
             points += back
-            costs = [robust_cost(r) + prior_cost(unknowns, t) for r, t in zip(ends, points, strict=True)]
+            costs = [cost_at(unknowns, t, r) for r, t in zip(ends, points, strict=True)]
         best = int(np.argmin(costs))
         gain = cost - costs[best]
         little = max(enough, share * cost, BEYOND_NOISE * (cost - len(residual)))
@@ -164,14 +167,13 @@ def descend(
             damping = damping * 16
         if gain < little and fresh and (gain > 0 or damping[0] > 10):
             slopes, fresh = (corrected, False) if gain > 0 else (slopes, fresh)
-            ended_by = campaign.ruler if share == 0 else None
             break
         if not fresh and (gain < WELL * predicted or gain < little):
             slopes = measured_slopes(campaign, unknowns, u, residual, range(len(u)))
             fresh = True
         elif gain > 0 or not fresh:
             slopes, fresh = corrected, False
-    return Fit(unknowns, u, residual, slopes, cost, fresh, float(damping[0]), ended_by)
+    return Fit(unknowns, u, residual, slopes, cost, fresh, float(damping[0]))
 
 
 def _step(unknowns: Sequence[Unknown], u: Floats, curvature: Floats, gradient: Floats, damping: float) -> Floats:

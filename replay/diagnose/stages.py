@@ -11,10 +11,10 @@ from replay.diagnose.campaign import Campaign
 from replay.diagnose.cells import cell_by_cell, swapped
 from replay.diagnose.contest import (
     Contestant,
-    among,
     finish,
     followed,
     looks,
+    narrowed,
     ranked,
     released,
     seen_again,
@@ -179,13 +179,11 @@ def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], thorough: boo
     singles = sorted(found.singles.values(), key=lambda c: c.cost)
     best = singles[0]
     outlined = unexplained(campaign, best.fit) > LOUD
-    few, where = [o.name for o in wide.observations], wide
+    few, rows = campaign.among([o.name for o in wide.observations])
+    where = wide if outlined else few
     two: list[Contestant] = []
     for one in [c for c in singles if thorough or c.cost < NEARLY * best.cost][: PARTNERS + thorough]:
-        if outlined:
-            at = finish(wide, one, rounds=ROUNDS, share=ROUGHLY).fit
-        else:
-            where, at = among(campaign, few, one.fit)
+        at = finish(wide, one, rounds=ROUNDS, share=ROUGHLY).fit if outlined else narrowed(one.fit, rows)
         two += _beside(where, at, one.hypothesis, [n for n in names if n not in one.hypothesis.causes], thorough)
     better: dict[str, Contestant] = {}
     for pair in sorted(two, key=lambda c: c.cost):  # either of a pair's causes may have been the first
@@ -196,7 +194,7 @@ def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], thorough: boo
     _seen_fully(found, two, PAIRS + 2 * thorough, outlined=outlined)
     first = sorted(found.pairs.values(), key=lambda c: c.cost)[:PAIRS]
     for pair in first:
-        if pair.cost < first[0].cost + CLOSE and not campaign.stop():
+        if outlined and pair.cost < first[0].cost + CLOSE and not campaign.stop():
             found.keep(finish(campaign, pair, rounds=ROUNDS))
     if first:
         pair = min(found.pairs.values(), key=lambda c: c.cost)

@@ -141,6 +141,13 @@ def test_cohesion_that_rises_fast_is_narrow_below_its_peak_and_as_wide_as_before
     assert force(below, even)[0] == pytest.approx(-4.0 * np.exp(-0.5 / 16))
 
 
+def test_cohesion_that_rises_fast_is_the_slope_of_its_energy_on_both_sides_of_its_peak() -> None:
+    term, k, step_m = TERMS["cohesion"], np.array([4.0, 0.2e-3, 0.0, 0.1e-3, 0.0, 0.25]), 1e-8
+    for open_m in (0.0, 0.06e-3, 0.1e-3, 0.25e-3):
+        up, down = (term.energy(frustum(-2.28e-3 + open_m + side * step_m), k) for side in (1, -1))
+        assert term.force(frustum(-2.28e-3 + open_m), k)[0] == pytest.approx(-(up - down) / (2 * step_m), rel=1e-5)
+
+
 def frustum(zeta_m: float, cycle: int = 0) -> Frustum:
     """An even frustum that stands still."""
     return Frustum(zeta_m, 0.05, 0.0, 0.0, -2.28e-3, 1.0, 1.0, 0.0, 0.0, 8e-3, 14e-3, float(cycle))
@@ -172,7 +179,7 @@ def balance(straw: StrawParameters, steady_pa: float, deployed: list[int], toler
     state = at_rest(c, q, 0.0, 0.0, 1e-4)
     qs, vs, inside = np.empty((len(time_s), 18)), np.empty((len(time_s), 18)), np.empty(len(time_s))
     status = integrate(
-        c, state, table, time_s, time_s[-1], tolerance_m, 0.02, 10_000, qs, vs, inside, np.zeros(4, np.int64)
+        c, state, table, time_s, time_s[-1], tolerance_m, 0.02, 6_000.0, qs, vs, inside, np.zeros(4, np.int64)
     )
     assert status == 0
     room, left, push = room_for(c), np.empty(18), np.empty(18)

@@ -47,4 +47,4 @@ def test_cells_that_snap_in_another_order_are_found_where_a_descent_stays_stuck(
         stuck = finish(outlines, exchanged, 40, 3e-3)
         free = swapped(outlines, exchanged, 40, 3e-3)
     assert stuck.cost > 10 * right
-    assert free.cost < 1.1 * right  # as good as the truth, which two runs need not tell from others
+    assert free.cost < 1.1 * right  # as good as the truth, two runs need not tell it from others

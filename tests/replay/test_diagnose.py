@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from model.parameters import StrawParameters, straw_from_toml
+from model.simulate import run as simulate
+from model.simulate import sampled
 from model.terms import CAUSES
 from replay.cli import main
 from replay.diagnose.campaign import Campaign
@@ -20,10 +22,11 @@ from replay.diagnose.hypothesis import MEASUREMENT, Unknown, applied, base_unkno
 from replay.diagnose.instrument import Instrument
 from replay.diagnose.judge import by_cause, surviving
 from replay.diagnose.library import causes, hypothesis
-from replay.diagnose.misfit import bend, misfit, whitened
+from replay.diagnose.misfit import FINE_M, ROUGH_M, TOLERANCE_M, bend, misfit, most_steps_per_s, whitened
 from replay.diagnose.observation import observe
 from replay.diagnose.search import Fit, descend
 from replay.diagnose.snaps import crossings, levels_of
+from replay.paper.runs import DEPLOYMENT
 from rig.protocol import load_protocol
 from tests.apparatus.campaign import NONE, campaign
 from tests.apparatus.campaign import write as write_run
@@ -247,6 +250,22 @@ def test_simulations_that_fail_are_counted_also_in_a_part_of_the_campaign(plain)
         part = whole.only([plain[0].name]).roughly()
         part.misfits(base_unknowns(BASE), [np.array([0, 0, 0, 0, 60.0, 0, 0])])  # walls too thick for two states
     assert whole.tally == {"played": 1, "failed": 1}
+
+
+@pytest.mark.parametrize("tolerance_m", [FINE_M, TOLERANCE_M, ROUGH_M])
+def test_the_papers_livelier_straw_is_played_within_the_steps_that_are_allowed(tolerance_m):
+    time_s = np.linspace(0, 3.0, 721)
+    table = sampled(DEPLOYMENT.pressure_pa, time_s)
+    taken = simulate(DEPLOYMENT.straw, table, time_s, DEPLOYMENT.deployed, tolerance_m).steps
+    assert 1.3 * taken < most_steps_per_s(tolerance_m) * 3.0
+
+
+def test_a_straw_that_nothing_damps_is_given_up_as_one_that_fails(plain):
+    undamped = BASE.replace(c_zeta_n_s_per_m=1e-2, c_phi_n_m_s_per_rad=1e-5)
+    with ThreadPoolExecutor() as pool:
+        few = Campaign(plain[:1], undamped, pool)
+        few.misfits((), [np.zeros(0)])
+    assert few.tally == {"played": 1, "failed": 1}
 
 
 def test_runs_of_two_specimens_or_one_run_twice_are_one_line(tmp_path, capsys):
