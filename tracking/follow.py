@@ -19,6 +19,7 @@ Rest = tuple[float, float, float]
 
 SEARCH_EVERY = 24  # frames between searches of the whole picture: at 0.1 s each they cost 4 ms a frame at most
 _NEAR_SEARCHES = 3  # searches around the last place right after a loss: a few ms each
+_AGAIN = 2  # whole searches right after one that found a grid but no board: OpenCV's now and then skips rows
 _PROVISIONAL = 3.0  # how much more the plane's fit may leave until ``settle`` knows how askew the board is glued
 _STEADY = 0.7  # of a square: so much motion from frame to frame, and a grid cannot slip, which takes 1.4
 _FACING = 0.8  # cosine between tip y and world Y: quarter turns of a board on the face give 0, the half turn -1
@@ -49,6 +50,7 @@ class Follower:
         self.phi_rad = rest_pose[2] if rest_pose else None  # when last taken up
         self.recent: list[tuple[float, Sighting]] = []  # (time_s, sighting), the last two
         self.lost = 0  # frames since the last sighting
+        self.again = 0  # whole searches that may follow at once
 
     def look(self, picture: Picture, time_s: float) -> Sighting | str:
         """Return the board in this picture, or the reason why it is not to be trusted."""
@@ -113,8 +115,10 @@ class Follower:
             right, bottom = np.ceil(high + reach).astype(int)
             region = np.ascontiguousarray(picture[top:bottom, left:right])
             grids = [grid + np.array((left, top)) for grid in find_boards(region)]
-        elif self.lost % SEARCH_EVERY == 0:
+        elif self.lost % SEARCH_EVERY == 0 or self.again:
             grids = list(find_boards(picture))
+            more = _AGAIN if self.lost % SEARCH_EVERY == 0 else self.again - 1
+            self.again = more if grids else 0
         else:
             return NOT_DUE
         outcome: str | None = None

@@ -6,12 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tracking.board import Board
 from tracking.camera import Camera
 from tracking.errors import TrackingError
 from tracking.pose import apply
 from tracking.settle import settle
+from tracking.synthetic import camera_looking_at
 from tracking.views import Views
 
 REST = (0.0221, 0.0, 1.53)
@@ -113,6 +115,21 @@ def test_a_board_that_does_not_move_tells_nothing_of_how_it_is_glued(setup, seen
     assert abs(blind.camera.board_turn_rad[0]) < 1e-3
     assert blind.turn_sigma_rad[0] == pytest.approx(0.02, rel=0.15)  # it says that it knows nothing
     assert blind.line_sigma_s == pytest.approx(4e-6, rel=0.05)
+
+
+def test_edges_along_the_pixels_rows_place_the_camera_less_well(setup, seen_by_opencv):
+    """An edge that stays in one row of pixels is misplaced as a whole, which no number of frames at rest averages."""
+    place, doubts = camera_looking_at((0.0251, 0, 0), 0.212, 0.0, np.radians(25)), []
+    for roll_rad in (0.0, np.radians(4)):
+        rolled = place.copy()
+        rolled[:3, :3] @= Rotation.from_euler("z", roll_rad).as_matrix()
+        camera = replace(setup, world_from_camera=rolled)
+        views = followed(seen_by_opencv, camera, folding(200), noise_px=0.005)
+        settled = settle(Camera(setup.lens, line_s=0.0), Board(), REST, views)
+        first = views.pick(np.array([0]))
+        spread = settled.covariance(first, np.array([REST]), np.zeros((1, 3)))
+        doubts.append(np.sqrt(spread[0, 2, 2]))
+    assert doubts[0] > 1.5 * doubts[1]
 
 
 def test_a_video_that_starts_in_motion_is_refused(setup, seen_by_opencv):

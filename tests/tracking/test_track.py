@@ -11,7 +11,7 @@ import pytest
 
 from tracking.board import Board
 from tracking.camera import Camera
-from tracking.corners import moved_by
+from tracking.corners import find_boards, moved_by
 from tracking.encode import VideoWriter
 from tracking.errors import TrackingError
 from tracking.follow import Follower, Sighting
@@ -138,6 +138,22 @@ def test_lost_frames_leave_a_gap_and_the_board_is_followed_across_it(small_clip,
     assert found.trace.valid.all()
     np.testing.assert_allclose(found.trace.time_s, np.delete(small_clip.time_s, (28, 29, 30)), rtol=1e-12)
     assert np.all(rms(errors(found, small_clip.motion)[0]) < (40, 20, 2))
+
+
+def test_a_search_that_skips_rows_of_the_board_is_made_again_at_once(small_clip, monkeypatch):
+    """As OpenCV's does in some states of the process, on a picture in which it finds the board in all others."""
+    searched = []
+
+    def skipping(picture):
+        searched.append(len(searched))
+        for grid in find_boards(picture):
+            yield grid if len(searched) > 1 else (grid[:, [0, 2, 4, 6]] + grid[:, [0, 1, 3, 5]]) / 2
+
+    monkeypatch.setattr("tracking.follow.find_boards", skipping)
+    found = track(small_clip.path, small_clip.camera, Board())
+    assert not found.trace.valid[0]
+    assert found.trace.valid[1:].all()
+    assert len(searched) == 2
 
 
 def test_a_prediction_one_square_off_is_refused_or_put_right(small_clip):

@@ -1,0 +1,85 @@
+"""Honesty of the track's sigmas over cameras and motions drawn by chance: python -m tests.benchmarks.tracking_sigmas.
+
+    python -m tests.benchmarks.tracking_sigmas --clips 16 --first 24
+
+Each clip has its own camera (place, roll, row time), board glued askew, rest pose and size of motion. Printed is the
+mean squared error over the claimed variance, by where the camera stands. What the codec and the pixels' raster leave
+in the corners (constants in tracking.noise and tracking.bundle) was tuned on clips 0 to 23.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tests.benchmarks.tracking_clips import BOARD, LENS, REST, blind, errors, painted, snaps
+from tracking.camera import Camera
+from tracking.synthetic import camera_looking_at
+from tracking.track import track
+
+#: Degrees of azimuth and elevation, least and most, either side of the plane of motion by chance.
+STANDS = {
+    "end-on, aside": ((15, 40), (-3, 3)),
+    "end-on, above": ((-3, 3), (15, 40)),
+    "side view": ((80, 100), (-8, 8)),
+    "aside and above": ((12, 30), (12, 30)),
+}
+
+
+def scene(clip: int) -> dict:
+    """Camera, rest pose, motion and row time of a clip."""
+    rng = np.random.default_rng(1000 + clip)
+    name = list(STANDS)[clip % len(STANDS)]
+    azimuth, elevation = (math.radians(rng.uniform(*span)) for span in STANDS[name])
+    side = -1 if name == "side view" else rng.choice((-1, 1))
+    target = rng.uniform((0.015, -0.002, -0.003), (0.026, 0.002, 0.003))
+    place = camera_looking_at(target, rng.uniform(0.17, 0.26), side * azimuth, elevation)
+    place[:3, :3] @= Rotation.from_euler("z", rng.uniform(-3, 3), degrees=True).as_matrix()
+    turn = tuple(rng.normal(0, 0.008, 2))
+    camera = Camera(LENS, place, mount="side" if name == "side view" else "face", board_turn_rad=turn)
+    rest = np.array(REST) + rng.uniform((-0.006, -0.002, -0.15), (0.001, 0.002, 0.15))
+    base, size = snaps(1000 + clip), rng.uniform(0.2, 1.0)
+
+    def motion(time_s):
+        return tuple(at + size * (np.asarray(p) - zero) for at, p, zero in zip(rest, base(time_s), REST, strict=True))
+
+    return {"name": name, "camera": camera, "rest": tuple(rest), "motion": motion, "line_s": rng.uniform(2.5e-6, 4e-6)}
+
+
+def main() -> None:
+    """Print mean squares in sigmas of each clip and of each kind."""
+    ask = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    ask.add_argument("--clips", type=int, default=16)
+    ask.add_argument("--first", type=int, default=24)
+    ask.add_argument("--seconds", type=float, default=2.5)
+    args = ask.parse_args()
+    squares: dict[str, list[np.ndarray]] = {name: [] for name in STANDS}
+    print(f"{'mean square in sigmas of':<28}{'X':>8}{'Z':>8}{'Phi':>8}")
+    with tempfile.TemporaryDirectory() as folder:
+        for clip in range(args.first, args.first + args.clips):
+            made = scene(clip)
+            camera, motion = made["camera"], made["motion"]
+            path = painted(Path(folder) / "clip.mp4", camera, motion, args.seconds, seed=clip, line_s=made["line_s"])
+            found = track(path, blind(camera), BOARD, rest_pose=made["rest"], record=Path(folder) / "record")
+            _, ratio = errors(found, motion)
+            found.record.remove()
+            path.unlink()
+            squares[made["name"]].append((ratio**2).mean(axis=0))
+            _say(f"{clip} {made['name']}", squares[made["name"]][-1])
+    for name, found in squares.items():
+        if found:
+            _say(f"all {name}", np.mean(found, axis=0))
+
+
+def _say(what: str, square: np.ndarray) -> None:
+    x, z, phi = square
+    print(f"{what:<28}{x:8.2f}{z:8.2f}{phi:8.2f}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
