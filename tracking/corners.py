@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tracking.board import Board
 from tracking.edges import measure_all
-from tracking.kernels import agreement, drift, fit_homography, locate_all
+from tracking.kernels import agreement, drift, farthest, fit_homography, locate_all
 from tracking.lens import Lens
 
 Floats = NDArray[np.float64]
@@ -39,14 +39,15 @@ class Sighting:
 
     ``grid`` (nx, ny, 2): corners in px in board order; ``used`` (nx, ny): which of them were seen; ``homography`` (9):
     board points in pitches to rays, as ``kernels.locate`` takes it; ``widths`` (2): half widths of the edges across x
-    and across y, px; ``contrast``: grey levels, positive when the square at -x, -y is dark; ``rms_px``: what the best
-    homography leaves, per coordinate.
+    and across y, px; ``pitch_px``: the smallest side of a square; ``contrast``: grey levels, positive when the square
+    at -x, -y is dark; ``rms_px``: what the best homography leaves, per coordinate.
     """
 
     grid: Floats
     used: Flags
     homography: Floats
     widths: Floats
+    pitch_px: float
     contrast: float
     rms_px: float
 
@@ -61,6 +62,7 @@ class Print:
         i, j = np.indices(board.shape)
         self._parity = np.where((i + j) % 2 == 0, 1.0, -1.0).ravel()  # corners side by side have light and dark swapped
         self._where, self._next = np.empty((n, 8)), np.empty((n, 8))
+        self._all = np.ones(n, np.bool_)
         self._pixels, self._explained, self._used = np.empty((n, 2)), np.empty(n), np.empty(n, np.bool_)
 
     def sharpen(
@@ -74,9 +76,9 @@ class Print:
         """
         H, packed, where = guess.copy(), self.lens.packed, self._where
         locate_all(H, packed, self.points, where)
-        if not np.isfinite(where).all():
+        if not math.isfinite(where.sum()):
             return "the board leaves the picture"
-        start = where[:, :2].copy()
+        start = where.copy()
         if widths is None:
             widths = np.full(2, 0.15 * self._approach(picture, H))
         widths, used, rms, moved, pitch = widths.copy(), self._used, -1.0, np.inf, 0.0
@@ -87,7 +89,7 @@ class Print:
             rms = self._fit(H)
             if rms < 0:
                 return "the corners fit no board"
-            moved = float(np.abs(self._next[used, :2] - where[used, :2]).max())
+            moved = float(farthest(self._next, where, used))
             where[:] = self._next
             if moved < _CONVERGED_PX:
                 break
@@ -95,7 +97,7 @@ class Print:
             return "the corners fit no board"
         if np.count_nonzero(used) < FEWEST_CORNERS:
             return "too few corners to trust"
-        shift = np.hypot(*(where[:, :2] - start).T).max()
+        shift = farthest(where, start, self._all)
         near = steady and shift < _NEAR * pitch
         contrast, lead = self._compare(picture, H, used, slips=not near)
         if abs(contrast) < _LEAST_CONTRAST:
@@ -106,7 +108,7 @@ class Print:
             return "the board cannot be told from one a square aside"
         shape = self.board.shape
         grid = np.where(used[:, None], self._pixels, where[:, :2]).reshape(*shape, 2)
-        return Sighting(grid, used.reshape(shape).copy(), H, widths, contrast, rms)
+        return Sighting(grid, used.reshape(shape).copy(), H, widths, pitch, contrast, rms)
 
     def _measure(self, picture: Picture, widths: Floats, stride: int) -> float:
         found = self._pixels, self._explained, self._used
@@ -144,9 +146,10 @@ class Print:
         rms = float(fit_homography(self.points, self._pixels, used, packed, H, self._next))
         if rms < 0:
             return rms
-        miss = self._pixels - self._next[:, :2]
-        length = np.sqrt((miss * miss).sum(axis=1))
-        fewer = used & (length < max(_OUTLIER * rms, _OUTLIER_PX))
+        limit_px = max(_OUTLIER * rms, _OUTLIER_PX)
+        if farthest(self._pixels, self._next, used) < limit_px:
+            return rms
+        fewer = used & (np.hypot(*(self._pixels - self._next[:, :2]).T) < limit_px)
         if np.count_nonzero(fewer) in (np.count_nonzero(used), *range(FEWEST_CORNERS)):
             return rms
         used[:] = fewer

@@ -100,10 +100,10 @@ class Follower:
 
     def _apart(self, guess: Floats, last: Sighting) -> float:
         """Return how far, in squares, the guess has the board's middle from where it was."""
-        lens, along = self.camera.lens, last.grid[1:] - last.grid[:-1]
+        lens = self.camera.lens
         (u, v, w), (u0, v0, w0) = guess[2::3].tolist(), last.homography[2::3].tolist()
         moved_px = math.hypot(lens.fx * (u / w - u0 / w0), lens.fy * (v / w - v0 / w0))
-        return moved_px / math.sqrt((along * along).sum(axis=-1).min())
+        return moved_px / last.pitch_px
 
     def _search(self, picture: Picture) -> Sighting | str | None:
         """Search around the last place, or now and then in the whole picture; None when nothing was found."""

@@ -169,6 +169,15 @@ def _fit_homography(
     return -1.0
 
 
+def _farthest(one: Floats, other: Floats, counts: NDArray[np.bool_]) -> float:
+    """Return the largest distance, px, between points (n, 2 or more) that count."""
+    most = 0.0
+    for k in range(len(one)):
+        if counts[k]:
+            most = max(most, math.hypot(one[k, 0] - other[k, 0], one[k, 1] - other[k, 1]))
+    return most
+
+
 def _read(picture: Picture, H: Floats, lens: Floats, x: float, y: float, at: Floats) -> float:
     """Return the grey level at a board point, mean of five pixels: noise averages out, blur stays away; -1 outside."""
     locate(H, lens, x, y, at)
@@ -280,6 +289,7 @@ undistort_all = _compile(_undistort_all)
 locate = _compile(_locate)
 locate_all = _compile(_locate_all)
 fit_homography = _compile(_fit_homography)
+farthest = _compile(_farthest)
 read = _compile(_read)
 agreement = _compile(_agreement)
 drift = _compile(_drift)

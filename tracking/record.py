@@ -144,11 +144,13 @@ class Record:
 
 
 def _sighting(row: Any) -> Sighting:
+    grid = row["grid"].astype(np.float64)
     return Sighting(
-        grid=row["grid"].astype(np.float64),
+        grid=grid,
         used=row["used"].copy(),
         homography=row["homography"].copy(),
         widths=row["widths"].astype(np.float64),
+        pitch_px=min(float(np.linalg.norm(np.diff(grid, axis=axis), axis=-1).min()) for axis in (0, 1)),
         contrast=float(row["contrast"]),
         rms_px=float(row["rms_px"]),
     )

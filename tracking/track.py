@@ -22,7 +22,7 @@ from tracking.solve import Gathered, solved
 from tracking.task import Task, Track
 from tracking.video import DecodeReport, Gap, Picture, ahead, frames_missing
 
-_STRIDE = 32  # pixels compared when looking for repeated pictures
+_STRIDE = 32  # rows between the pixels compared when looking for repeated pictures
 _SAME = 0.8  # of them: a copy keeps as many, and so do still scenes; the board's motion decides (see ``views``)
 
 
@@ -88,7 +88,7 @@ def _follow(
     pictures = ahead(timeline.frames(after_s))
     try:
         for frame in pictures:
-            sample = frame.luma[_STRIDE // 2 :: _STRIDE, :: _STRIDE // 2].copy()
+            sample = frame.luma[_STRIDE // 2 :: _STRIDE, :: 2 * _STRIDE].copy()
             repeats = last is not None and _same(sample, last)
             record.add(frame, frame.corrupt - corrupt, repeats, follower.look(frame.luma, frame.time_s))
             corrupt, last = frame.corrupt, sample
