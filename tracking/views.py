@@ -139,8 +139,7 @@ def _derivatives(rays: Floats, time_s: Floats, seen: Flags) -> tuple[Floats, Flo
     rate[:-1][joined] = rate[1:][joined] = (np.diff(rays, axis=0) / gap_s[:, None, None])[joined]
     doubt[:] = rate
     for reach, (first, second, third) in _STENCILS.items():
-        whole = np.array([joined[k - reach : k + reach].all() for k in range(reach, n - reach)], np.bool_)
-        at = np.flatnonzero(whole) + reach
+        at = np.flatnonzero(_runs(joined, 2 * reach)) + reach
         for found, weights, order in ((rate, first, 1), (bend, second, 2), (jerk, third, 3)):
             parts = sum(w * rays[at + k - reach] for k, w in enumerate(weights) if w) / period_s**order
             if found is rate:
@@ -149,13 +148,20 @@ def _derivatives(rays: Floats, time_s: Floats, seen: Flags) -> tuple[Floats, Flo
     return rate, bend, jerk, doubt
 
 
+def _runs(flags: Flags, length: int) -> Flags:
+    """Return where (n + 1 - length,) as many flags as this, from there on, are all set; empty where n is too small."""
+    if len(flags) < length:
+        return np.zeros(0, np.bool_)
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(flags, length).all(axis=1))
+
+
 def _jumps(pixels: Floats, time_s: Floats, seen: Flags) -> tuple[Floats, Floats]:
     """Return how far (f,) the corners are ahead of the quintic through three frames on either side, and their speed."""
     n = len(time_s)
     jump, speed = np.full((2, n), np.nan)
     if n > 6:
         even = np.diff(time_s) < _NEIGHBOUR_PERIODS * np.median(np.diff(time_s))
-        whole = np.array([seen[k : k + 7].all() and even[k : k + 6].all() for k in range(n - 6)])
+        whole = _runs(seen, 7) & _runs(even, 6)
         parts = sum(w * pixels[k : n - 6 + k] for k, w in enumerate(_QUINTIC))
         motion = (pixels[4:-2] - pixels[2:-4]) / 2
         length = np.sqrt((motion**2).mean(axis=(1, 2)))
