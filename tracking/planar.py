@@ -34,6 +34,7 @@ def _fit_planar(
 ) -> None:
     """Fit poses (f, 3) of the tip, in place, to rays (f, n, 2) of tip-frame points (n, 3), frame by frame.
 
+    A start of NaN, but for the first: where the last frame that could be fitted ended.
     Gauss-Newton on pixels: ``px_per_ray`` (f, n, 2, 2) is the lens's slope at each ray, as residuals are far smaller
     than the lens's curvature. ``to_camera``: 4x4 from the world. ``used`` (f, n) loses the outliers. Fills
     ``covariance`` (f, 3, 3) = s^2 (J^T J)^-1 with s^2 the residuals' own variance, ``rms_px`` (f), NaN where there is
@@ -43,7 +44,12 @@ def _fit_planar(
     frames, n, cam = rays.shape[0], rays.shape[1], to_camera
     rows, length, J = np.empty((2, 3)), np.empty(n), np.empty((n, 2, 3))
     inverse, along = np.empty((3, 3)), np.empty((modes.shape[1], 2, 3))
+    start = np.empty(3)
     for f in range(frames):
+        if f == 0:
+            start[:] = poses[0]
+        elif not math.isfinite(poses[f, 0]):
+            poses[f] = start
         rms_px[f] = math.nan
         kept = 0
         for k in range(n):
@@ -138,6 +144,7 @@ def _fit_planar(
                             for j in range(3):
                                 shared[f, i, j] += rows[0, i] * rows[0, j]
                 rms_px[f] = math.sqrt(square / (2 * kept))
+                start[:] = poses[f]
                 break
 
 

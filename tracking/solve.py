@@ -131,7 +131,8 @@ def _fit_all(
         if len(where):
             guess = guess if guess is not None else free_start(views, settled.camera, work.board.corner_points_m())
             at = start + where
-            begin = np.tile(guess, (len(where), 1))
+            begin = np.full((len(where), 3), np.nan)
+            begin[0] = guess
             fits = plane.fit_rays(views.at_once(line_s, exposure_s), views.px_per_ray, points_m, begin, views.used)
             number = fits.used.sum(axis=1)
             good = (fits.rms_px <= LARGEST_RESIDUAL * views.pitch_px) & (number >= FEWEST_CORNERS)

@@ -93,7 +93,7 @@ def main() -> int:
     frames = int(sys.argv[1]) if len(sys.argv) > 1 else 10_000
     each = math.ceil(frames / len(CASES))
     total = wrong = 0
-    print(f"{'case':<36}{'frames':>7}{'valid':>7}{'wrong':>6}   largest error (um, um, mrad)  slowest")
+    print(f"{'case':<36}{'frames':>7}{'valid':>7}{'wrong':>6}   largest error (um, um, mrad)  tracked in")
     with tempfile.TemporaryDirectory() as folder:
         for seed, (name, (camera, how)) in enumerate(CASES.items()):
             motion = snaps(seed)

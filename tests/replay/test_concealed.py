@@ -27,7 +27,7 @@ def diagnosed(cause: Cause | None, seed: int, library: tuple[str, ...] | None = 
 
 def test_a_crease_that_hardens_is_named_and_improves_runs_it_did_not_fit() -> None:
     rivals = ("crease_stiffness", "tip_offset", "length_scale", "gauge_gain")
-    findings = diagnosed(Cause("crease_stiffness", 400.0, "hardening hinge"), 21, rivals)
+    findings = diagnosed(Cause("crease_stiffness", 400.0, "hardening hinge"), 21, rivals, runs=3)
     assert findings.verdict == "missing_physics"
     assert findings.causes == ["crease_stiffness"]
     assert findings.held is not None
@@ -48,4 +48,7 @@ def test_a_magnet_that_no_library_holds_is_not_given_another_name() -> None:
 
 
 def test_another_specimen_s_damping_and_geometry_are_not_called_missing_physics() -> None:
-    assert diagnosed(None, seed=23).verdict == "complete"
+    findings = diagnosed(None, seed=23)
+    assert findings.verdict == "complete"
+    assert findings.causes == []
+    assert "cohesion" in findings.smallest

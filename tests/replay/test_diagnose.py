@@ -226,15 +226,6 @@ def test_a_concealed_late_clock_is_named_measured_and_improves_runs_it_did_not_f
     straw_from_toml(findings.as_json()["straw"])
 
 
-def test_nothing_missing_is_said_where_nothing_is(plain):
-    with ThreadPoolExecutor() as pool:
-        found = inquire(plain, BASE, library=("clock_offset", "cohesion", "gauge_gain"), executor=pool)
-        findings = conclude(found)
-    assert findings.verdict == "complete"
-    assert findings.causes == []
-    assert "cohesion" in findings.smallest
-
-
 def test_an_inquiry_that_is_stopped_settles_nothing_and_holds_nothing_out(plain):
     with ThreadPoolExecutor() as pool:
         findings = conclude(inquire(plain, BASE, executor=pool, stop=lambda: True))

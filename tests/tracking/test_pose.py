@@ -28,6 +28,18 @@ def test_a_planted_tip_pose_is_found_again(setup, seen_by_opencv, pose):
     assert found.rms_px < 1e-6
 
 
+def test_frames_without_a_start_go_on_from_the_last_that_was_fitted(setup, seen_by_opencv):
+    truth = np.array([(0.0221 - 0.001 * k, 0.0003 * k, 1.53 + 0.02 * k) for k in range(6)])
+    rays, slopes = setup.lens.rays_with_slopes(np.concatenate([seen_by_opencv(setup, *pose) for pose in truth]))
+    used = np.ones((6, 49), bool)
+    used[2] = False
+    start = np.full((6, 3), np.nan)
+    start[0] = START
+    found = plane(setup).fit_rays(rays.reshape(6, 49, 2), slopes.reshape(6, 49, 2, 2), POINTS, start, used)
+    np.testing.assert_array_equal(np.isfinite(found.rms_px), used.any(axis=1))
+    np.testing.assert_allclose(np.delete(found.vector, 2, axis=0), np.delete(truth, 2, axis=0), atol=1e-8)
+
+
 def test_sigma_is_the_spread_of_the_error_under_independent_noise(setup, seen_by_opencv):
     rng, pose = np.random.default_rng(4), np.array((0.015, -0.002, 1.7))
     exact, where = seen_by_opencv(setup, *pose), plane(setup)
