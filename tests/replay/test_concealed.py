@@ -26,7 +26,7 @@ def diagnosed(cause: Cause | None, seed: int, library: tuple[str, ...] | None = 
 
 
 def test_a_crease_that_hardens_is_named_and_improves_runs_it_did_not_fit() -> None:
-    rivals = ("crease_stiffness", "tip_offset", "length_scale", "gauge_gain")
+    rivals = ("crease_stiffness", "tip_offset", "gauge_gain")
     findings = diagnosed(Cause("crease_stiffness", 400.0, "hardening hinge"), 21, rivals, runs=3)
     assert findings.verdict == "missing_physics"
     assert findings.causes == ["crease_stiffness"]
