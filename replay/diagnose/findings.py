@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 
 #: A hypothesis this probable is named alone; less, and the set that survives is named.
 NAMED_ALONE = 0.8
-#: Nothing is called missing when that is more probable than not.
+#: Nothing is called missing, or the cause unknown, when that is more probable than not.
 MORE_THAN_NOT = 0.5
 
 
@@ -139,7 +139,7 @@ def conclude(found: Inquiry, notes: Sequence[str] = (), told: Told = silent, *, 
 def _verdict(probability: dict[str, float] | Any, top: str, names: Sequence[str]) -> tuple[str, list[str]]:
     if top == "complete" and probability[top] > MORE_THAN_NOT:
         return "complete", []
-    if top == "unknown":
+    if top == "unknown" and probability[top] > MORE_THAN_NOT:
         return "unknown_physics", ["unknown"]
     marginal = by_cause(probability)
     certain = [cause for cause, p in marginal.items() if p >= NAMED_ALONE]
@@ -148,7 +148,7 @@ def _verdict(probability: dict[str, float] | Any, top: str, names: Sequence[str]
         return ("measurement_fault" if set(causes) <= set(MEASUREMENT) else "missing_physics"), causes
     if certain:  # one cause is sure, only what stands beside it is not
         return ("measurement_fault" if set(certain) <= set(MEASUREMENT) else "missing_physics"), certain
-    told = [cause for name in names if name != "complete" for cause in name.split("+")]
+    told = [cause for name in names if name not in ("complete", "unknown") for cause in name.split("+")]
     return "ambiguous", sorted(set(told), key=lambda c: -marginal.get(c, 0.0))
 
 
@@ -165,7 +165,8 @@ def _says(verdict: str, causes: Sequence[str], probability: Any, found: Inquiry)
         return f"Something is missing that no hypothesis in the library explains in these {runs} runs; none is named."
     sure = f"(probability {sum(p for n, p in probability.items() if set(causes) & set(n.split('+'))):.2f})"
     if verdict == "ambiguous":
-        among = [*words, *(["nothing missing"] if probability["complete"] > 1 - COVERED else [])]
+        others = {"complete": "nothing missing", "unknown": "something no hypothesis holds"}
+        among = [*words, *(text for name, text in others.items() if probability[name] > 1 - COVERED)]
         return f"These runs cannot tell {' from '.join(among)} {sure}; the next experiment below would."
     what = "The recording is at fault" if verdict == "measurement_fault" else "The model leaves out"
     return f"{what}{':' if verdict == 'measurement_fault' else ''} {' and '.join(words)} {sure}."
