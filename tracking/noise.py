@@ -15,7 +15,7 @@ Flags = NDArray[np.bool_]
 _SMEARED_PX = 1.5  # a frame: edges that move so fast are widened for certain
 _FEWEST_SMEARED = 4
 _MOST_EXPOSURE = 1.0  # of the frame's period
-# Of clips painted at 60 Mbit/s, H.264 (clips 0 to 23 of tests.benchmarks.tracking_sigmas):
+# Of 24 clips painted at 60 Mbit/s, H.264, as tests.benchmarks.tracking_sigmas draws them:
 _USUAL_LAG_PX = 0.012
 _USUAL_WEIGHT = 4.0  # in keyframes: what the usual value counts
 _SCATTER_PX = 0.007  # of the lag about its mean
