@@ -12,6 +12,8 @@ from tracking.board import Board
 from tracking.camera import Camera
 from tracking.errors import TrackingError
 from tracking.follow import Rest
+from tracking.lens import Lens
+from tracking.planar import LEAST_SIGMA_PX, MEDIAN_OF_RAYLEIGH
 from tracking.pose import Plane, apply, free_pose
 from tracking.views import Views
 
@@ -22,8 +24,9 @@ _LINE_S = 4e-6  # a row takes at most the frame's 4.17 ms / 1080 at 240 frames/s
 _ASIDE_M = 0.01  # how far the board's centre may lie beside the plane of motion
 _ROUNDS = 8
 _FIXED, _FREE = 1e-12, 1e3
+# Of painted clips (see tests.benchmarks.tracking_sigmas and tracking_accuracy):
 _RASTER_PX = 0.01  # error of a whole edge that lies along the pixels' raster
-_EDGE = 5.0  # squares along which an edge places a corner
+_EDGE = 5.0  # squares along which an edge must cross no row for that
 _ALIKE_S = 0.1  # what the codec and the pixels do to the corners is alike for about so long
 # The constants: the camera's turn about the world's X, Y, Z at the board (rad), its shift along them (m), the board's
 # turn about the tip's x and z (rad), the shutter's time from row to row (s).
@@ -44,7 +47,6 @@ class Bundle:
     ) -> None:
         assert camera.world_from_camera is not None
         self.camera, self.points, self.rest, self.views = camera, board.corner_points_m(), rest, views
-        self.shape = board.shape
         self.exposure_s, self.place = exposure_s, camera.world_from_camera
         self.centre = np.array((rest[0], 0.0, rest[1])) if rest else np.zeros(3)
         start_turn, line = np.array(camera.board_turn_rad), camera.line_s
@@ -58,7 +60,9 @@ class Bundle:
         self.theta, self.spread = self.start, np.diag(self.prior**2)
         # Rest frame: x and z known, phi too unless the level says it.
         self.held = np.zeros((len(views.time_s), 3), np.bool_)
+        self.raster = np.zeros((len(self.points), 2, 0))  # px, see ``_raster_px``
         if rest:
+            self.raster = _raster_px(camera.lens, views.rays[0], board.shape)
             self.held[0] = (True, True, not level)
 
     def camera_at(self, theta: Floats) -> Camera:
@@ -82,9 +86,9 @@ class Bundle:
         for _ in range(_ROUNDS):
             miss = self._misses(self.views, self.theta, poses)
             length = np.linalg.norm(miss, axis=-1)
-            sigma = np.full((len(poses), 1), max(float(np.median(length[used])) / 1.1774, 1e-4))
+            sigma = np.full((len(poses), 1), _sigma_px(length[used]))
             if self.rest:  # the mean of many frames
-                sigma[0] = min(sigma[0, 0], max(float(np.median(length[0, used[0]])) / 1.1774, 1e-4))
+                sigma[0] = min(sigma[0, 0], _sigma_px(length[0, used[0]]))
             weight = (used & (length < 6 * sigma)) / (sigma**2 + doubt_px[:, None] ** 2)
             by_theta, by_pose = self._slopes(self.views, self.theta, poses, miss)
             by_pose = np.where(self.held[:, None, :], 0.0, by_pose)
@@ -121,29 +125,8 @@ class Bundle:
 
     def _raster(self, weight: Floats, by_theta: Floats) -> Floats:
         """Return the covariance (9, 9) of the rest frame's score: what it alone fixes has nothing to disagree with."""
-        if not self.rest:
-            return np.zeros((9, 9))
-        modes = self._raster_modes() * _RASTER_PX
-        along = np.einsum("n,ncm,nci->mi", weight[0], modes, by_theta[0].reshape(-1, 2, 9))
+        along = np.einsum("n,ncm,nci->mi", weight[0], self.raster, by_theta[0].reshape(-1, 2, 9))
         return np.asarray(along.T @ along)
-
-    def _raster_modes(self) -> Floats:
-        """Return how the rest frame's corners err by pixels and the codec's blocks, (n, 2, m), largest 1.
-
-        An edge that lies along the pixels' rows is misplaced as a whole, another one from pixel to pixel anew.
-        """
-        rays = self.views.rays[0]
-        pixels = self.camera.lens.project(np.column_stack((rays, np.ones(len(rays))))).reshape(*self.shape, 2)
-        lines, modes = np.indices(self.shape), []
-        for k in (0, 1):
-            steps = np.abs(np.gradient(pixels[..., k]))  # along the board's columns, along its rows
-            edges = int(np.argmin(np.mean(steps, axis=(1, 2))))
-            flat = np.sinc(_EDGE * steps[edges])
-            for line in range(self.shape[1 - edges]):
-                mode = np.zeros((*self.shape, 2))
-                mode[..., k] = flat * (lines[1 - edges] == line)
-                modes.append(mode.reshape(-1, 2))
-        return np.stack(modes, axis=-1)
 
     def response(self, views: Views, poses: Floats) -> Floats:
         """Return by how much poses (f, 3) change with each constant, (f, 3, 9), at the constants found."""
@@ -199,6 +182,29 @@ class Bundle:
         if self.rest:
             first[0] = np.where(self.held[0], self.rest, first[0])
         return first
+
+
+def _sigma_px(length_px: Floats) -> float:
+    """Standard deviation per coordinate of residuals of these lengths, by their median."""
+    return max(float(np.median(length_px)) / MEDIAN_OF_RAYLEIGH, LEAST_SIGMA_PX)
+
+
+def _raster_px(lens: Lens, rays: Floats, shape: tuple[int, int]) -> Floats:
+    """Return what pixels and the codec's blocks do to the corners seen along rays (n, 2): independent modes, (n, 2, m).
+
+    An edge that lies along the pixels' rows is misplaced as a whole, another one from pixel to pixel anew.
+    """
+    pixels = lens.project(np.column_stack((rays, np.ones(len(rays))))).reshape(*shape, 2)
+    lines, modes = np.indices(shape), []
+    for k in (0, 1):
+        steps = np.abs(np.gradient(pixels[..., k]))  # along the board's columns, along its rows
+        edges = int(np.argmin(np.mean(steps, axis=(1, 2))))
+        flat = np.sinc(_EDGE * steps[edges])
+        for line in range(shape[1 - edges]):
+            mode = np.zeros((*shape, 2))
+            mode[..., k] = flat * (lines[1 - edges] == line)
+            modes.append(mode.reshape(-1, 2))
+    return _RASTER_PX * np.stack(modes, axis=-1)
 
 
 def _eliminated(weighted: Floats, by_theta: Floats, by_pose: Floats) -> tuple[Floats, Floats]:

@@ -150,7 +150,7 @@ class Print:
         if farthest(self._pixels, self._next, used) < limit_px:
             return rms
         fewer = used & (np.hypot(*(self._pixels - self._next[:, :2]).T) < limit_px)
-        if np.count_nonzero(fewer) in (np.count_nonzero(used), *range(FEWEST_CORNERS)):
+        if np.count_nonzero(fewer) < FEWEST_CORNERS:
             return rms
         used[:] = fewer
         return float(fit_homography(self.points, self._pixels, used, packed, H, self._next))

@@ -17,9 +17,9 @@ Floats = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 Rest = tuple[float, float, float]
 
-SEARCH_EVERY = 24  # frames between searches of the whole picture: at 0.1 s each they cost 4 ms a frame at most
+SEARCH_EVERY = 24  # frames between searches of the whole picture: at 0.1 s each they cost 4 ms a frame
 _NEAR_SEARCHES = 3  # searches around the last place right after a loss: a few ms each
-_AGAIN = 2  # whole searches right after one that found a grid but no board: OpenCV's now and then skips rows
+_AGAIN = 2  # searches right after one that found a grid but no board (OpenCV's may skip rows): 12 ms a frame at most
 _PROVISIONAL = 3.0  # how much more the plane's fit may leave until ``settle`` knows how askew the board is glued
 _STEADY = 0.7  # of a square: so much motion from frame to frame, and a grid cannot slip, which takes 1.4
 _FACING = 0.8  # cosine between tip y and world Y: quarter turns of a board on the face give 0, the half turn -1
@@ -80,7 +80,7 @@ class Follower:
         if self.lost:
             self.recent = []  # a velocity across a hole says nothing
         self.recent = [*self.recent[-1:], (time_s, sighting)]
-        self.lost, self.sign = 0, float(np.sign(sighting.contrast))
+        self.lost, self.again, self.sign = 0, 0, float(np.sign(sighting.contrast))
 
     def take_over(self, first: Sighting, recent: list[tuple[float, Sighting]], lost: int) -> None:
         """Go on after frames that another follower has looked at: its first and last sightings, and how long ago."""
@@ -117,8 +117,7 @@ class Follower:
             grids = [grid + np.array((left, top)) for grid in find_boards(region)]
         elif self.lost % SEARCH_EVERY == 0 or self.again:
             grids = list(find_boards(picture))
-            more = _AGAIN if self.lost % SEARCH_EVERY == 0 else self.again - 1
-            self.again = more if grids else 0
+            self.again = (_AGAIN if self.lost % SEARCH_EVERY == 0 else self.again - 1) if grids else 0
         else:
             return NOT_DUE
         outcome: str | None = None
@@ -183,8 +182,7 @@ class Follower:
         if facing < _FACING:
             return None
         pose = self.plane.fit(seen.grid.reshape(-1, 2), self.points_m, start, seen.used.ravel())
-        pitch_px = float(np.linalg.norm(np.diff(seen.grid, axis=0), axis=-1).min())
-        good = pose is not None and pose.rms_px < _PROVISIONAL * LARGEST_RESIDUAL * pitch_px
+        good = pose is not None and pose.rms_px < _PROVISIONAL * LARGEST_RESIDUAL * seen.pitch_px
         return pose.phi_rad if pose and good else None
 
 

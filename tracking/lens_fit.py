@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tracking.errors import TrackingError
 from tracking.lens import Lens
+from tracking.planar import MEDIAN_OF_RAYLEIGH
 from tracking.pose import apply, free_pose
 
 Floats = NDArray[np.float64]
@@ -138,7 +139,7 @@ def _normal(
     pictures = [lens.project_with_jacobian(points) for points in seen]
     misses = [view.pixels - guess for view, (guess, _) in zip(views, pictures, strict=True)]
     length = np.concatenate([np.linalg.norm(miss, axis=1) for miss in misses])
-    sigma = max(float(np.nanmedian(length)) / 1.1774, 1e-3)
+    sigma = max(float(np.nanmedian(length)) / MEDIAN_OF_RAYLEIGH, 1e-3)
     weights = [np.asarray(np.linalg.norm(m, axis=1) < _OUTLIER_SIGMA * sigma, dtype=np.float64) for m in misses]
     prior = np.concatenate((np.zeros(4), np.full(n - 4, sigma**2 / _BEND_PRIOR**2)))
     normal, right, blocks = np.diag(prior), -prior * numbers, []

@@ -15,7 +15,7 @@ Flags = NDArray[np.bool_]
 _SMEARED_PX = 1.5  # a frame: edges that move so fast are widened for certain
 _FEWEST_SMEARED = 4
 _MOST_EXPOSURE = 1.0  # of the frame's period
-# Of 24 clips painted at 60 Mbit/s, H.264, as tests.benchmarks.tracking_sigmas draws them:
+# Of painted clips at 60 Mbit/s, H.264, in three views; the last line of 24 as tests.benchmarks.tracking_sigmas draws:
 _USUAL_LAG_PX = 0.012
 _USUAL_WEIGHT = 4.0  # in keyframes: what the usual value counts
 _SCATTER_PX = 0.007  # of the lag about its mean

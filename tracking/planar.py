@@ -15,8 +15,8 @@ Flags = NDArray[np.bool_]
 _STEPS = 12
 _ROUNDS = 6  # of dropping outliers: a finger over some corners takes two or three
 _OUTLIER_SIGMA = 4.0  # a good corner of 49 is dropped once in 60 frames: residual lengths are Rayleigh, exp(-4^2 / 2)
-_MEDIAN_OF_RAYLEIGH = 1.1774
-_LEAST_SIGMA_PX = 1e-4
+MEDIAN_OF_RAYLEIGH = 1.1774
+LEAST_SIGMA_PX = 1e-4
 
 
 def _fit_planar(
@@ -113,7 +113,7 @@ def _fit_planar(
                 if used[f, k]:
                     length[count] = math.hypot(residual_px[f, k, 0], residual_px[f, k, 1])
                     count += 1
-            most = _OUTLIER_SIGMA * max(np.median(length[:count]) / _MEDIAN_OF_RAYLEIGH, _LEAST_SIGMA_PX)
+            most = _OUTLIER_SIGMA * max(np.median(length[:count]) / MEDIAN_OF_RAYLEIGH, LEAST_SIGMA_PX)
             dropped = 0
             for k in range(n):
                 if used[f, k] and math.hypot(residual_px[f, k, 0], residual_px[f, k, 1]) > most:

@@ -148,7 +148,7 @@ def _verdict(probability: dict[str, float] | Any, top: str, names: Sequence[str]
         return ("measurement_fault" if set(causes) <= set(MEASUREMENT) else "missing_physics"), causes
     if certain:  # one cause is sure, only what stands beside it is not
         return ("measurement_fault" if set(certain) <= set(MEASUREMENT) else "missing_physics"), certain
-    told = [cause for name in names if name not in ("complete", "unknown") for cause in name.split("+")]
+    told = [cause for name in names if name != "complete" for cause in name.split("+")]
     return "ambiguous", sorted(set(told), key=lambda c: -marginal.get(c, 0.0))
 
 
@@ -167,7 +167,8 @@ def _says(verdict: str, causes: Sequence[str], probability: Any, found: Inquiry)
     if verdict == "ambiguous":
         others = {"complete": "nothing missing", "unknown": "something no hypothesis holds"}
         among = [*words, *(text for name, text in others.items() if probability[name] > 1 - COVERED)]
-        return f"These runs cannot tell {' from '.join(among)} {sure}; the next experiment below would."
+        told = f"{' from '.join(among)} {sure if causes else ''}".rstrip()
+        return f"These runs cannot tell {told}; the next experiment below would."
     what = "The recording is at fault" if verdict == "measurement_fault" else "The model leaves out"
     return f"{what}{':' if verdict == 'measurement_fault' else ''} {' and '.join(words)} {sure}."
 

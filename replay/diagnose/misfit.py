@@ -34,7 +34,7 @@ STEP_S = 2e-3
 #: small change of a constant is lost in it, and the search with it.
 FINER_M = {"trapped_gas": 1e-7, "fluid_inertia": 1e-7, "dry_friction": 5e-7}
 #: Steps a second that a simulation may take at `TOLERANCE_M`, half as many again as the paper's livelier straw takes in
-#: its first three: with hardly any damping left a simulation takes as long as fifty others.
+#: its first three: a straw that nothing damps rings on, and one simulation takes as long as many.
 LIVELIEST_PER_S = 1500.0
 #: Where the recording shows more snaps than the straw, the straw is given this much longer to snap.
 PATIENCE_S = 1.5
@@ -83,10 +83,10 @@ def play(
     worn = straw.replace(cycle=float(run.cycle))
     ends = instrument.true_time(np.array([observed.start_s, observed.end_s]))
     start, end = float(min(ends[0], observed.start_s)), float(ends[1])
+    most = most_steps_per_s(tolerance_m)
     for patience in (0.0, PATIENCE_S):
         grid = np.arange(start, end + patience + 2 * STEP_S, STEP_S)
         near = observed.rests.get(straw.form)
-        most = most_steps_per_s(tolerance_m)
         seen = simulate(worn, pressure, grid, run.initial_deployed, tolerance_m, near, most)
         told = instrument.camera_roll_rad
         true_s = crossings(grid, seen.phi_rad + told, observed.levels)

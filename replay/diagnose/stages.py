@@ -193,8 +193,8 @@ def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], thorough: boo
         two = [finish(wide, pair, rounds=ROUNDS, share=ROUGHLY) for pair in two[:PAIRS]]
     _seen_fully(found, two, PAIRS + 2 * thorough, outlined=outlined)
     first = sorted(found.pairs.values(), key=lambda c: c.cost)[:PAIRS]
-    for pair in first:
-        if outlined and pair.cost < first[0].cost + CLOSE and not campaign.stop():
+    for pair in first if outlined else ():  # from nearby they were carried to their end at once
+        if pair.cost < first[0].cost + CLOSE and not campaign.stop():
             found.keep(finish(campaign, pair, rounds=ROUNDS))
     if first:
         pair = min(found.pairs.values(), key=lambda c: c.cost)

@@ -16,7 +16,7 @@ from model.kinematics import chain_of, motion_of
 from model.load import no_load, project
 from model.parameters import StrawParameters, straw_from_toml
 from model.rest import rest_state
-from model.simulate import simulate
+from model.simulate import MOST_STEPS_PER_S, simulate
 from model.straw import forces_left, kinetic_energy_at, potential_energy_at, pressure_at, room_for
 from model.term import Frustum, Term
 from model.terms import CAUSES, COLUMNS, TERMS
@@ -179,7 +179,7 @@ def balance(straw: StrawParameters, steady_pa: float, deployed: list[int], toler
     state = at_rest(c, q, 0.0, 0.0, 1e-4)
     qs, vs, inside = np.empty((len(time_s), 18)), np.empty((len(time_s), 18)), np.empty(len(time_s))
     status = integrate(
-        c, state, table, time_s, time_s[-1], tolerance_m, 0.02, 6_000.0, qs, vs, inside, np.zeros(4, np.int64)
+        c, state, table, time_s, time_s[-1], tolerance_m, 0.02, MOST_STEPS_PER_S, qs, vs, inside, np.zeros(4, np.int64)
     )
     assert status == 0
     room, left, push = room_for(c), np.empty(18), np.empty(18)
