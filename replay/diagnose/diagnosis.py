@@ -10,6 +10,7 @@ from replay.diagnose.campaign import Campaign
 from replay.diagnose.hypothesis import base_unknowns
 from replay.diagnose.inquiry import Inquiry, Told, allow_repeats
 from replay.diagnose.judge import unexplained
+from replay.diagnose.knocks import deep
 from replay.diagnose.library import causes
 from replay.diagnose.observation import Observation
 from replay.diagnose.search import descend
@@ -17,7 +18,11 @@ from replay.diagnose.stages import (
     EXPLAINED,
     FINISHED,
     HOPELESS,
+    LOUD,
+    NEARBY,
+    ROUGHLY,
     ROUNDS,
+    TRIED_NEARBY,
     by_outlines,
     finish_best,
     from_nearby,
@@ -65,20 +70,22 @@ def inquire(
             f"run {unplayed[0]}: the straw cannot be played from where this run starts, whatever its constants; "
             "check initial_deployed and the straw, or leave the run out"
         )
-    loud = unexplained(campaign, null) > EXPLAINED
+    wide = campaign.only(few_of(observations)).roughly()
+    left = unexplained(campaign, null)
+    known = descend(wide, base, start, rounds=ROUNDS, share=ROUGHLY) if left > EXPLAINED else null
+    loud = left > LOUD or (left > EXPLAINED and not deep(known))  # else outlines show nothing that the base does not
     if not loud:
         null = descend(campaign, base, null.u, rounds=ROUNDS)
     allow_repeats(campaign, null)
     null = descend(campaign, base, null.u, rounds=4 if loud else ROUNDS)
     found = Inquiry(campaign, null)
     told("looking at every cause", 1, total)
-    wide = campaign.only(few_of(observations)).roughly()
     done: dict[str, float] = {}  # costs of those carried to their end
     if loud:
-        by_outlines(found, wide, start, names, thorough, told)
+        by_outlines(found, wide, known, start, names, thorough, told)
         finish_best(found, 1, done)
     if thorough or not loud or unexplained(campaign, found.contestants[0].fit) > EXPLAINED:
-        from_nearby(found, names, thorough, told)
+        from_nearby(found, names, TRIED_NEARBY if not loud else NEARBY // 2, thorough, told)
     if stop():
         return found
     told("finishing the best", len(names) + 2, total)

@@ -22,6 +22,18 @@ def _shape(target: str, start: float, low: float, high: float) -> Unknown:
     return Unknown(target, 1.0, start, "log", low=np.log(low / start), high=np.log(high / start), sd=1.0)
 
 
+def _one_weak(cells: int, units: float) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(-units if c == n else 0.0 for c in range(cells)) for n in range(cells))
+
+
+def _weak_beside_strong(cells: int, units: float) -> tuple[tuple[float, ...], ...]:
+    """Starts for every two cells: which of two snaps first no descent changes, as both paths there lead uphill."""
+    return tuple(
+        tuple(units * ((c == strong) - (c == weak)) for c in range(cells))
+        for weak, strong in itertools.permutations(range(cells), 2)
+    )
+
+
 def causes(cells: int) -> dict[str, tuple[tuple[Unknown, ...], tuple[tuple[float, ...], ...]]]:
     """Unknowns and starts, small effects first, of every single cause of the contract; one unit is well seen."""
     t = "term."
@@ -75,7 +87,7 @@ def causes(cells: int) -> dict[str, tuple[tuple[Unknown, ...], tuple[tuple[float
                 Unknown(f"{t}frustum_spread.E_relative.{cell}", 0.03, sd=2.0, low=-3.2, high=3.2)  # within 37 %
                 for cell in range(1, cells + 1)
             ),
-            tuple(tuple(-1.0 if c == n else 0.0 for c in range(cells)) for n in range(min(cells, 6))),
+            _one_weak(cells, 1.0) + _weak_beside_strong(cells, 3.6),
         ),
         "intrinsic_curvature": (
             (

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from replay.diagnose.campaign import Campaign
-from replay.diagnose.cells import cell_by_cell, swapped
 from replay.diagnose.contest import (
     Contestant,
     finish,
@@ -24,6 +23,7 @@ from replay.diagnose.contest import (
 from replay.diagnose.hypothesis import Hypothesis, dragged, held
 from replay.diagnose.inquiry import Inquiry, Told, allow_repeats
 from replay.diagnose.judge import unexplained
+from replay.diagnose.knocks import knocked
 from replay.diagnose.search import Fit, descend
 
 Floats = NDArray[np.float64]
@@ -48,6 +48,8 @@ CLOSE = 1000.0
 #: Causes tried from near the base, and followed; tried by outlines and followed, carried on, and from there by all that
 #: is seen.
 TRIED_NEARBY, NEARBY, FOLLOWED, CARRIED_ON, SEEN_FULLY = 10, 6, 10, 6, 4
+#: Of these, how many are carried on in outlines of all runs first, and knocked out of valleys.
+KNOCKED = 2
 #: Causes that are tried once more from the winner's constants.
 RIVALS = 9
 #: Whose outlines fit this many times worse than the best's is not carried on.
@@ -58,15 +60,14 @@ FINISHED, PARTNERS, SECONDS, NEAR_SECONDS, PAIRS = 3, 2, 9, 6, 3
 
 
 def by_outlines(
-    found: Inquiry, wide: Campaign, start: Floats, names: Sequence[str], thorough: bool, told: Told
+    found: Inquiry, wide: Campaign, known: Fit, start: Floats, names: Sequence[str], thorough: bool, told: Told
 ) -> None:
     """Fit every cause to outlines of a few runs, the best further, and the best of these to all that is seen.
 
-    Where the base has given way to what is missing, the way back is long: then elasticity and geometry are held to what
-    is given while causes are tried.
+    ``known`` is the base's fit to these outlines, from ``start``. Where the base has given way to what is missing, the
+    way back is long: then elasticity and geometry are held to what is given while causes are tried.
     """
     free = found.null.unknowns
-    known = descend(wide, free, start, rounds=ROUNDS, share=ROUGHLY)
     if dragged(free, known.u):
         known = descend(wide, held(free), start, rounds=ROUNDS, share=ROUGHLY)
     told("looking at every cause", 1, len(names) + 5)
@@ -87,15 +88,14 @@ def by_outlines(
     _seen_fully(found, further, SEEN_FULLY * (1 + thorough))
 
 
-def from_nearby(found: Inquiry, names: Sequence[str], thorough: bool, told: Told) -> None:
-    """Fit to all that is seen the causes that promise most by linear reckoning at the base's optimum."""
+def from_nearby(found: Inquiry, names: Sequence[str], most: int, thorough: bool, told: Told) -> None:
+    """Fit to all that is seen the ``most`` causes that promise most by linear reckoning at the base's optimum."""
     campaign, null = found.campaign, found.null
     near = ranked(looks(campaign, null, names), null)
     for group in near:
         found.keep(unfitted(campaign, null, min(group, key=lambda look: look.cost)))
-    quiet = unexplained(campaign, null) < EXPLAINED
     first = []
-    for group in near if thorough else near[: TRIED_NEARBY if quiet else NEARBY // 2]:
+    for group in near if thorough else near[:most]:
         if campaign.stop():
             return
         told(group[0].name, len(names), len(names) + 5)
@@ -112,8 +112,8 @@ def _seen_fully(found: Inquiry, fitted: Sequence[Contestant], most: int, *, outl
     for k, one in enumerate(sorted(fitted, key=lambda c: c.cost)[:most]):
         if campaign.stop():
             return
-        if outlined and k == 0 and cell_by_cell(one.fit.unknowns):
-            one = swapped(campaign.roughly(), one, ROUNDS, ROUGHLY)
+        if outlined and k < KNOCKED:
+            one = knocked(campaign.roughly(), one, ROUNDS, ROUGHLY)
         # from nearby all will be close, so they are carried to their end at once
         found.keep(finish(campaign, one, rounds=4 if outlined else ROUNDS))
 

@@ -49,25 +49,32 @@ def base_start(campaign: Campaign, unknowns: tuple[Unknown, ...]) -> Floats:
     """
     few = campaign.only(most_telling(campaign.observations)).roughly()
 
-    def moved(u: Floats, **values: float) -> Floats:
-        out = u.copy()
-        for k, unknown in enumerate(unknowns):
-            if (name := unknown.target.split(".")[1]) in values:
-                out[k] = np.log(values[name] / unknown.start) / unknown.scale
-        return out
-
     own = np.zeros(len(unknowns))
-    radii = [own, *(moved(own, r_ch_m=r) for r in R_CH)]
+    radii = [own, *(_moved(unknowns, own, r_ch_m=r) for r in R_CH)]
     u = radii[int(np.argmin(_lengths_look(few, unknowns, radii)))]
     still = campaign.only([o.name for o in campaign.observations if len(o.snaps_s) == 0])
     if still.observations:
         u = descend(still, unknowns, u, rounds=4, enough=20.0).u
-    points = [own, u, *(moved(u, c_zeta_n_s_per_m=a, c_phi_n_m_s_per_rad=b) for a in C_ZETA for b in C_PHI)]
+    points = [own, u, *dampings(unknowns, u)]
     looks = rough(few, unknowns, points)
     best = np.argsort(looks, kind="stable")[:FOLLOWED]
     ends = [descend(few, unknowns, points[k], rounds=3, share=0.01, enough=20.0) for k in best]
     u = min(ends, key=lambda fit: fit.cost).u
     return descend(campaign.roughly(), unknowns, u, rounds=8, enough=5.0).u
+
+
+def dampings(unknowns: Sequence[Unknown], u: Floats) -> list[Floats]:
+    """Points at u with each damping of a grid."""
+    return [_moved(unknowns, u, c_zeta_n_s_per_m=a, c_phi_n_m_s_per_rad=b) for a in C_ZETA for b in C_PHI]
+
+
+def _moved(unknowns: Sequence[Unknown], u: Floats, **values: float) -> Floats:
+    """u with some of the straw's constants, SI, by name."""
+    out = u.copy()
+    for k, unknown in enumerate(unknowns):
+        if (name := unknown.target.split(".")[1]) in values:
+            out[k] = np.log(values[name] / unknown.start) / unknown.scale
+    return out
 
 
 def rough(campaign: Campaign, unknowns: tuple[Unknown, ...], points: list[Floats]) -> list[float]:

@@ -1,4 +1,4 @@
-"""Cells that differ: a search that cannot swap which of two snaps first stays stuck, one that knocks them does not."""
+"""Valleys that are not the deepest: a descent stays stuck in them, a fit that is knocked about does not."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import numpy as np
 
 from model.parameters import StrawParameters
 from replay.diagnose.campaign import Campaign
-from replay.diagnose.cells import cell_by_cell, swapped
 from replay.diagnose.contest import Contestant, finish
 from replay.diagnose.hypothesis import base_unknowns
+from replay.diagnose.knocks import cell_by_cell, knocked
 from replay.diagnose.library import hypothesis
 from replay.diagnose.observation import observe
 from replay.diagnose.search import descend
@@ -21,7 +21,7 @@ BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_ra
 DRAW, SIZE = 1, 0.18
 
 
-def test_only_constants_of_single_cells_are_knocked() -> None:
+def test_cells_are_told_from_constants_that_all_cells_share() -> None:
     unknowns = (*base_unknowns(BASE), *hypothesis(["frustum_spread"], 9).unknowns)
     assert cell_by_cell(unknowns) == list(range(len(unknowns) - 9, len(unknowns)))
     assert not cell_by_cell(hypothesis(["intrinsic_curvature"], 9).unknowns)
@@ -45,6 +45,23 @@ def test_cells_that_snap_in_another_order_are_found_where_a_descent_stays_stuck(
         u[[second, fourth]] = u[[fourth, second]]
         exchanged = Contestant(spread, descend(outlines, unknowns, u, rounds=0))
         stuck = finish(outlines, exchanged, 40, 3e-3)
-        free = swapped(outlines, exchanged, 40, 3e-3)
+        free = knocked(outlines, exchanged, 40, 3e-3)
     assert stuck.cost > 10 * right
     assert free.cost < 1.1 * right  # as good as the truth, two runs need not tell it from others
+
+
+def test_damping_that_is_far_too_small_is_found_where_a_descent_stays_stuck() -> None:
+    observations = [observe(run) for run in campaign((), 3, ("fold-25kPa", "deploy-35kPa-1"), NONE)]
+    for one in observations:
+        one.rest_of(BASE)
+    unknowns = base_unknowns(BASE)
+    u = np.zeros(len(unknowns))
+    with ThreadPoolExecutor() as pool:
+        right = descend(Campaign(observations, BASE, pool).roughly(), unknowns, u, rounds=0).cost
+        outlines = Campaign(observations, BASE, pool).roughly()  # that knows no steps from where all is well
+        u[1:3] = -4.0  # damping by e^-4
+        ringing = Contestant(hypothesis([], 9), descend(outlines, unknowns, u, rounds=0))
+        stuck = finish(outlines, ringing, 40, 3e-3)
+        free = knocked(outlines, ringing, 40, 3e-3)
+    assert stuck.cost > 10 * right
+    assert free.cost < 1.1 * right
