@@ -45,11 +45,14 @@ NEARLY = 1.3
 STARTS = 4
 #: A rival this much behind is not close, whatever more fitting would bring.
 CLOSE = 1000.0
+#: Beyond this many causes, one that by linear reckoning leaves this many times what the best leaves once it is tried is
+#: not tried itself; one that is tried and leaves as much is not followed.
+FOREMOST, FAR = 5, 4.0
 #: Causes tried from near the base, and followed; tried by outlines and followed, carried on, and from there by all that
 #: is seen.
 TRIED_NEARBY, NEARBY, FOLLOWED, CARRIED_ON, SEEN_FULLY = 10, 6, 10, 6, 4
-#: Of these, how many are carried on in outlines of all runs first, and knocked out of valleys.
-KNOCKED = 2
+#: Of these, how many are carried on in outlines of all runs first, and knocked out of valleys: a minute of CPU each.
+KNOCKED = 1
 #: Causes that are tried once more from the winner's constants.
 RIVALS = 9
 #: Whose outlines fit this many times worse than the best's is not carried on.
@@ -72,14 +75,20 @@ def by_outlines(
         known = descend(wide, held(free), start, rounds=ROUNDS, share=ROUGHLY)
     told("looking at every cause", 1, len(names) + 5)
     first: list[Contestant] = []
+    best = np.inf
     for k, group in enumerate(ranked(looks(wide, known, names), known)):
         if wide.stop():
             return
         told(group[0].name, k + 2, len(names) + 5)
-        first.append(released(tried(wide, known, group[: STARTS + 3 * thorough]), free))
+        if not thorough and k >= FOREMOST and min(look.promise for look in group) > FAR * best:
+            one = unfitted(wide, known, group[0])
+        else:
+            one = tried(wide, known, group[: STARTS + 3 * thorough])
+        best = min(best, one.cost)
+        first.append(released(one, free))
     first.sort(key=lambda c: c.cost)
-    most = len(first) if thorough else FOLLOWED
-    entered = [followed(wide, one) if k < most else one for k, one in enumerate(first)]
+    near = [thorough or (k < FOLLOWED and one.cost < FAR * best) for k, one in enumerate(first)]
+    entered = [followed(wide, one) if close else one for one, close in zip(first, near, strict=True)]
     entered.sort(key=lambda c: c.cost)
     hopeful = [c for c in entered if c.cost < HOPEFUL * entered[0].cost][: CARRIED_ON * (1 + thorough)]
     further = [finish(wide, c, rounds=ROUNDS, share=ROUGHLY) for c in hopeful]
