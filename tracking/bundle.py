@@ -84,13 +84,13 @@ class Bundle:
         # The row time times what the motion's rate is not known by: rolling shutter cannot be told better than that.
         doubt_px = _LINE_S * np.sqrt((self.views.rows**2).mean(axis=1)) * self.views.doubt
         for _ in range(_ROUNDS):
-            miss = self._misses(self.views, self.theta, poses)
+            miss = self._misses(self.views, self.theta, poses, self.points)
             length = np.linalg.norm(miss, axis=-1)
             sigma = np.full((len(poses), 1), _sigma_px(length[used]))
             if self.rest:  # the mean of many frames
                 sigma[0] = min(sigma[0, 0], _sigma_px(length[0, used[0]]))
             weight = (used & (length < 6 * sigma)) / (sigma**2 + doubt_px[:, None] ** 2)
-            by_theta, by_pose = self._slopes(self.views, self.theta, poses, miss)
+            by_theta, by_pose = self._slopes(self.views, self.theta, poses, miss, self.points)
             by_pose = np.where(self.held[:, None, :], 0.0, by_pose)
             weights = np.repeat(weight, 2, axis=1)[..., None]
             A, B = _eliminated(weights * by_pose, by_theta, by_pose)
@@ -129,30 +129,36 @@ class Bundle:
         return np.asarray(along.T @ along)
 
     def response(self, views: Views, poses: Floats) -> Floats:
-        """Return by how much poses (f, 3) change with each constant, (f, 3, 9), at the constants found."""
-        miss = self._misses(views, self.theta, poses)
-        by_theta, by_pose = self._slopes(views, self.theta, poses, miss)
+        """Return by how much poses (f, 3) change with each constant, (f, 3, 9), at the constants found.
+
+        Every other corner tells: the board is rigid.
+        """
+        views, points = views.thinned(2), self.points[::2]
+        miss = self._misses(views, self.theta, poses, points)
+        by_theta, by_pose = self._slopes(views, self.theta, poses, miss, points)
         A, B = _eliminated(np.repeat(views.used, 2, axis=1)[..., None] * by_pose, by_theta, by_pose)
         return np.asarray(-np.linalg.solve(A, B))
 
-    def _slopes(self, views: Views, theta: Floats, poses: Floats, miss: Floats) -> tuple[Floats, Floats]:
+    def _slopes(
+        self, views: Views, theta: Floats, poses: Floats, miss: Floats, points: Floats
+    ) -> tuple[Floats, Floats]:
         """Return d residual by the constants (f, 2n, 9) and by the poses (f, 2n, 3)."""
         rays = views.at_once(float(theta[LINE]), self.exposure_s)
         others = [rays] * LINE + [None]  # they change with the row time alone
         by_theta = [
-            (self._misses(views, theta + h * e, poses, known) - miss) / h
+            (self._misses(views, theta + h * e, poses, points, known) - miss) / h
             for h, e, known in zip(_STEP, np.eye(9), others, strict=True)
         ]
-        by_pose = [(self._misses(views, theta, poses + 1e-6 * e, rays) - miss) / 1e-6 for e in np.eye(3)]
+        by_pose = [(self._misses(views, theta, poses + 1e-6 * e, points, rays) - miss) / 1e-6 for e in np.eye(3)]
         shape = len(poses), -1
         return np.stack(by_theta, axis=-1).reshape(*shape, 9), np.stack(by_pose, axis=-1).reshape(*shape, 3)
 
-    def _misses(self, views: Views, theta: Floats, poses: Floats, rays: Floats | None = None) -> Floats:
-        """Return the residuals (f, n, 2) in px; ``rays`` as ``at_once`` has them, if known."""
+    def _misses(self, views: Views, theta: Floats, poses: Floats, points: Floats, rays: Floats | None = None) -> Floats:
+        """Return the residuals (f, n, 2), px, of points (n, 3) of the board; ``rays`` as ``at_once`` has them."""
         camera = self.camera_at(theta)
         assert camera.world_from_camera is not None
         to_camera = np.linalg.inv(camera.world_from_camera)
-        points = apply(camera.tip_from_board, self.points)
+        points = apply(camera.tip_from_board, points)
         sin, cos = np.sin(poses[:, 2:]), np.cos(poses[:, 2:])
         world = np.stack(
             (

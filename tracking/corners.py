@@ -22,7 +22,8 @@ Flags = NDArray[np.bool_]
 
 FEWEST_CORNERS = 16  # of a board that is covered, glared out or cut off by the picture's edge
 LARGEST_RESIDUAL = 0.05  # of the pitch: 1 px at 20 px a square, ten times what motion blur was seen to do
-_CONVERGED_PX = 0.1  # the next step would be this squared, over the width of an edge
+_CONVERGED_PX = 0.15  # what is left is a hundredth of that, a fifth where edges are as sharp as pixels
+_UNSETTLED_PX = 0.5
 _STEPS = 6
 _OUTLIER, _OUTLIER_PX = 4.5, 0.1  # times the rms per coordinate, but at least that much: a corner that is not used
 _LEAST_CONTRAST = 15.0  # grey levels between the colours' medians: below it there is no print to see
@@ -93,7 +94,7 @@ class Print:
             where[:] = self._next
             if moved < _CONVERGED_PX:
                 break
-        if moved >= 5 * _CONVERGED_PX or rms > LARGEST_RESIDUAL * pitch:
+        if moved >= _UNSETTLED_PX or rms > LARGEST_RESIDUAL * pitch:
             return "the corners fit no board"
         if np.count_nonzero(used) < FEWEST_CORNERS:
             return "too few corners to trust"

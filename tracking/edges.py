@@ -23,7 +23,17 @@ _RASTER_WIDTH_PX = 1.5
 _MOST_WIDTH = 0.42  # of the pitch
 
 
-def _measure(picture: Picture, at: Floats, wide_x: float, wide_y: float, stride: int, out: Floats) -> None:
+def _measure(
+    picture: Picture,
+    at: Floats,
+    wide_x: float,
+    wide_y: float,
+    gain_x: float,
+    gain_y: float,
+    stride: int,
+    near: Floats,
+    out: Floats,
+) -> None:
     """Measure one corner near ``at`` (as ``locate`` gives it): one Gauss-Newton step of a picture of a corner.
 
     The model is m + c s(a) s(b): a, b are the distances to the two edges, s the smooth step (3 t - t^3) / 2 over the
@@ -31,6 +41,8 @@ def _measure(picture: Picture, at: Floats, wide_x: float, wide_y: float, stride:
     corner however blurred, so that a wrong width costs precision but never shifts the result; and it is compared where
     the pixels are, so that nothing is interpolated. ``out`` (8): du, dv, c, the share of the window's variance
     explained, and what Gauss-Newton steps of both widths need: gradient x, curvature x, gradient y, curvature y.
+    ``gain_x``, ``gain_y``: by how much the step is too long across each edge. ``near`` (3, m): room for the pixels near
+    the edges.
     """
     for k in range(8):
         out[k] = 0.0
@@ -46,7 +58,8 @@ def _measure(picture: Picture, at: Floats, wide_x: float, wide_y: float, stride:
     far_x, far_y = abs(area) / math.hypot(bx, by), abs(area) / math.hypot(ax, ay)
     wx, wy = wide_x / far_x, wide_y / far_y  # in pitches
     xu, xv, yu, yv = by / area, -bx / area, -ay / area, ax / area
-    n = light = dark = 0.0  # pixels, and sums of grey, away from the edges: by far the most of them
+    m = 0
+    light = dark = 0.0  # pixels, and sums of grey, away from the edges: by far the most of them
     n_light = n_dark = 0.0
     s_t = s_tt = s_u = s_v = s_tu = s_tv = s_uu = s_uv = s_vv = s_i = s_it = s_iu = s_iv = s_ii = 0.0
     x_1 = x_t = x_i = x_x = y_1 = y_t = y_i = y_y = 0.0
@@ -67,36 +80,39 @@ def _measure(picture: Picture, at: Floats, wide_x: float, wide_y: float, stride:
                     dark += grey
                     n_dark += 1
                 continue
-            p, q = min(max(x / wx, -1.0), 1.0), min(max(y / wy, -1.0), 1.0)
-            s, r = p * (3 - p * p) / 2, q * (3 - q * q) / 2
-            s_by, r_by = 1.5 * (1 - p * p) / wx, 1.5 * (1 - q * q) / wy
-            t = s * r
-            # the corner moves, the pixels stay: dT/du = -dT/dx dx/du - ...
-            t_u, t_v = -(s_by * r * xu + s * r_by * yu), -(s_by * r * xv + s * r_by * yv)
-            n += 1
-            s_t += t
-            s_tt += t * t
-            s_u += t_u
-            s_v += t_v
-            s_tu += t * t_u
-            s_tv += t * t_v
-            s_uu += t_u * t_u
-            s_uv += t_u * t_v
-            s_vv += t_v * t_v
-            s_i += grey
-            s_it += grey * t
-            s_iu += grey * t_u
-            s_iv += grey * t_v
-            t_x, t_y = -s_by * p * r, -r_by * q * s  # by wx and by wy, in pitches
-            x_1 += t_x
-            x_t += t_x * t
-            x_i += t_x * grey
-            x_x += t_x * t_x
-            y_1 += t_y
-            y_t += t_y * t
-            y_i += t_y * grey
-            y_y += t_y * t_y
-    n += n_light + n_dark
+            near[0, m], near[1, m], near[2, m] = x, y, grey
+            m += 1
+    for k in range(m):  # apart from the branches above, so that several are reckoned at a time
+        grey = near[2, k]
+        p, q = min(max(near[0, k] / wx, -1.0), 1.0), min(max(near[1, k] / wy, -1.0), 1.0)
+        s, r = p * (3 - p * p) / 2, q * (3 - q * q) / 2
+        s_by, r_by = 1.5 * (1 - p * p) / wx, 1.5 * (1 - q * q) / wy
+        t = s * r
+        # the corner moves, the pixels stay: dT/du = -dT/dx dx/du - ...
+        t_u, t_v = -(s_by * r * xu + s * r_by * yu), -(s_by * r * xv + s * r_by * yv)
+        s_t += t
+        s_tt += t * t
+        s_u += t_u
+        s_v += t_v
+        s_tu += t * t_u
+        s_tv += t * t_v
+        s_uu += t_u * t_u
+        s_uv += t_u * t_v
+        s_vv += t_v * t_v
+        s_i += grey
+        s_it += grey * t
+        s_iu += grey * t_u
+        s_iv += grey * t_v
+        t_x, t_y = -s_by * p * r, -r_by * q * s  # by wx and by wy, in pitches
+        x_1 += t_x
+        x_t += t_x * t
+        x_i += t_x * grey
+        x_x += t_x * t_x
+        y_1 += t_y
+        y_t += t_y * t
+        y_i += t_y * grey
+        y_y += t_y * t_y
+    n = m + n_light + n_dark
     s_i += light + dark
     s_it += light - dark
     s_t += n_light - n_dark
@@ -117,7 +133,8 @@ def _measure(picture: Picture, at: Floats, wide_x: float, wide_y: float, stride:
     c = (v_it - cu * v_tu - cv * v_tv) / v_tt
     if c == 0:
         return
-    out[0], out[1], out[2] = cu / c, cv / c, c
+    x, y = (xu * cu + xv * cv) / (c * gain_x), (yu * cu + yv * cv) / (c * gain_y)
+    out[0], out[1], out[2] = ax * x + bx * y, ay * x + by * y, c
     out[3] = (c * v_it + cu * v_iu + cv * v_iv) / total
     mean = (s_i - c * s_t) / n
     out[4], out[5] = (x_i - mean * x_1 - c * x_t) * c / far_x, x_x * c * c / (far_x * far_x)
@@ -143,10 +160,16 @@ def _measure_all(
     """
     count, out, step = len(where), np.empty(8), np.zeros(4)
     wide_x, wide_y = max(widths[0], _RASTER_WIDTH_PX), max(widths[1], _RASTER_WIDTH_PX)
+    # An edge narrower than the model's changes faster: the integral of both slopes over that of the model's squared.
+    gain_x, gain_y = 1.25 - 0.25 * (widths[0] / wide_x) ** 2, 1.25 - 0.25 * (widths[1] / wide_y) ** 2
     contrast, clear = np.empty(count), np.empty(count)
-    n, pitch = 0, 1e9
+    n, pitch, most = 0, 1e9, 0.0
     for k in range(count):
-        measure(picture, where[k], wide_x, wide_y, stride, out)
+        reach_u, reach_v = abs(where[k, 2]) + abs(where[k, 4]), abs(where[k, 3]) + abs(where[k, 5])
+        most = max(most, (2 * _WINDOW * reach_u + 1) * (2 * _WINDOW * reach_v + 1))
+    near = np.empty((3, math.ceil(min(most, picture.size))))
+    for k in range(count):
+        measure(picture, where[k], wide_x, wide_y, gain_x, gain_y, stride, near, out)
         pixels[k, 0], pixels[k, 1] = where[k, 0] + out[0], where[k, 1] + out[1]
         contrast[k], explained[k] = out[2] * parity[k], out[3]
         pitch = min(pitch, math.hypot(where[k, 2], where[k, 3]), math.hypot(where[k, 4], where[k, 5]))

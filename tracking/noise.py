@@ -15,12 +15,12 @@ Flags = NDArray[np.bool_]
 _SMEARED_PX = 1.5  # a frame: edges that move so fast are widened for certain
 _FEWEST_SMEARED = 4
 _MOST_EXPOSURE = 1.0  # of the frame's period
-# Of painted clips at 60 Mbit/s, H.264, in three views; the last line of 24 as tests.benchmarks.tracking_sigmas draws:
+# Of 24 clips painted at 60 Mbit/s, H.264, as tests.benchmarks.tracking_sigmas draws them:
 _USUAL_LAG_PX = 0.012
 _USUAL_WEIGHT = 4.0  # in keyframes: what the usual value counts
-_SCATTER_PX = 0.007  # of the lag about its mean
+_SCATTER_PX = 0.010  # of the lag about its mean
 _SLOW_PX, _FAST_PX = 0.015, 0.6  # a frame: the lag grows with the motion, until so much changes that all is coded anew
-_CALM_PX, _BUSY_PX, _BUSY_AT_PX = 0.0055, 0.024, 0.5  # what varies over the board: at rest, moving, and from what speed
+_CALM_PX, _BUSY_PX, _HALF_BUSY_PX = 0.0030, 0.020, 0.2  # what varies over the board: at rest, moving; half way there
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,8 @@ def codec_lag_px(frames: Frames) -> tuple[float, float]:
 
     A predicted picture lags: what the quantiser drops of the change since the last one is missing, the same way for
     all corners that move the same way, so no residual of a single frame shows it. A keyframe is free of it; there the
-    corners jump ahead. Without such jumps nothing is corrected, but the usual lag is in sigma.
+    corners jump ahead; few jumps are weighed with the usual lag. Without any nothing is corrected, but the usual lag is
+    in sigma.
     """
     share = np.where(np.isfinite(frames.jump_px), lag_share(frames.speed_px), 0.0)
     seen = share > 0.3
@@ -68,7 +69,7 @@ def codec_lag_px(frames: Frames) -> tuple[float, float]:
     count, lag_px = int(np.count_nonzero(keys)), 0.0
     if count and others.any():  # medians: where the motion itself is no quintic, jumps are a hundred times larger
         ahead_px = float(np.median((frames.jump_px[keys] - np.median(frames.jump_px[others])) / share[keys]))
-        lag_px = max(ahead_px, 0.0) * count / (count + _USUAL_WEIGHT)
+        lag_px = (max(ahead_px, 0.0) * count + _USUAL_LAG_PX * _USUAL_WEIGHT) / (count + _USUAL_WEIGHT)
     unknown_px = _USUAL_LAG_PX * _USUAL_WEIGHT / (count + _USUAL_WEIGHT)
     return lag_px, float(np.hypot(unknown_px, _SCATTER_PX))
 
@@ -87,7 +88,7 @@ def without_lag(poses: Poses, rate: Floats, key: Flags, lag: tuple[float, float]
     along = rate / np.maximum(speed_px, 1e-9)[:, None]
     ahead_px = lag[0] * lag_share(speed_px) * ~key
     late_px = lag[1] * speed_px / (speed_px + _SLOW_PX)
-    smooth_px = _CALM_PX + (_BUSY_PX - _CALM_PX) * np.minimum(speed_px / _BUSY_AT_PX, 1.0)
+    smooth_px = _CALM_PX + (_BUSY_PX - _CALM_PX) * speed_px / (speed_px + _HALF_BUSY_PX)
     late = np.einsum("fi,fj->fij", along, along) * late_px[:, None, None] ** 2
     spread = poses.covariance + late + poses.shared * smooth_px[:, None, None] ** 2
     return poses.vector + along * ahead_px[:, None], np.asarray(spread)

@@ -22,6 +22,7 @@ from tracking.solve import Gathered, solved
 from tracking.task import Task, Track
 from tracking.video import DecodeReport, Gap, Picture, ahead, frames_missing
 
+_AHEAD = 24  # pictures decoded while the board is searched for, which takes 0.1 s: 75 MB of 1080p
 _STRIDE = 32  # rows between the pixels compared when looking for repeated pictures
 _SAME = 0.8  # of them: a copy keeps as many, and so do still scenes; the board's motion decides (see ``views``)
 
@@ -85,7 +86,7 @@ def _follow(
     if ends := record.ends():
         follower.take_over(*ends)
     corrupt, last = 0, None
-    pictures = ahead(timeline.frames(after_s))
+    pictures = ahead(timeline.frames(after_s), _AHEAD)
     try:
         for frame in pictures:
             sample = frame.luma[_STRIDE // 2 :: _STRIDE, :: 2 * _STRIDE].copy()

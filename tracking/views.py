@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,6 +70,11 @@ class Views:
         late_s, blur = line_s * self.rows[..., None], exposure_s**2 / 24
         rate = self.rate - blur * self.jerk
         return self.rays - late_s * rate + (late_s**2 / 2 - blur) * self.bend
+
+    def thinned(self, every: int) -> Views:
+        """Return the views with only some of their corners."""
+        names = ("rays", "px_per_ray", "used", "rows", "rate", "bend", "jerk")
+        return dataclasses.replace(self, **{name: getattr(self, name)[:, ::every] for name in names})
 
     def pick(self, which: NDArray[np.intp]) -> Views:
         """Return some of the frames."""
