@@ -70,6 +70,7 @@ def codec_lag_px(frames: Frames) -> tuple[float, float]:
     if count and others.any():  # medians: where the motion itself is no quintic, jumps are a hundred times larger
         ahead_px = float(np.median((frames.jump_px[keys] - np.median(frames.jump_px[others])) / share[keys]))
         lag_px = (max(ahead_px, 0.0) * count + _USUAL_LAG_PX * _USUAL_WEIGHT) / (count + _USUAL_WEIGHT)
+    # the usual lag is taken to be as uncertain as it is large
     unknown_px = _USUAL_LAG_PX * _USUAL_WEIGHT / (count + _USUAL_WEIGHT)
     return lag_px, float(np.hypot(unknown_px, _SCATTER_PX))
 

@@ -51,7 +51,7 @@ FOREMOST, FAR = 5, 4.0
 #: Causes tried from near the base, and followed; tried by outlines and followed, carried on, and from there by all that
 #: is seen.
 TRIED_NEARBY, NEARBY, FOLLOWED, CARRIED_ON, SEEN_FULLY = 10, 6, 10, 6, 4
-#: Of these, how many are carried on in outlines of all runs first, and knocked out of valleys: a minute of CPU each.
+#: Of these, how many are carried on in outlines of all runs first, and knocked out of valleys: half a minute of CPU.
 KNOCKED = 1
 #: Causes that are tried once more from the winner's constants.
 RIVALS = 9
