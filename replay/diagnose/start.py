@@ -72,7 +72,8 @@ def _moved(unknowns: Sequence[Unknown], u: Floats, **values: float) -> Floats:
     """u with some of the straw's constants, SI, by name."""
     out = u.copy()
     for k, unknown in enumerate(unknowns):
-        if (name := unknown.target.split(".")[1]) in values:
+        kind, _, name = unknown.target.partition(".")
+        if kind == "straw" and name in values:
             out[k] = np.log(values[name] / unknown.start) / unknown.scale
     return out
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
+import traceback
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from dataclasses import replace
 from pathlib import Path
@@ -85,8 +86,13 @@ def main() -> None:
         told = {row["name"]: row for row in map(json.loads, path.read_text().splitlines())}
     todo = [] if args.score else [case for case in cases if case.name not in told]
     with ProcessPoolExecutor(2) as pool, path.open("a") as out:
-        for job in as_completed([pool.submit(diagnosed, case, args.ablate, args.camera) for case in todo]):
-            row = job.result()
+        jobs = {pool.submit(diagnosed, case, args.ablate, args.camera): case.name for case in todo}
+        for job in as_completed(jobs):
+            try:
+                row = job.result()
+            except Exception:  # one case must not take the hours of the others with it; it is asked again next time
+                print(f"{jobs[job]}: {traceback.format_exc()}", flush=True)
+                continue
             told[str(row["name"])] = row
             out.write(json.dumps(row) + "\n")
             out.flush()

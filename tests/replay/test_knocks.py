@@ -5,15 +5,17 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+import pytest
 
 from model.parameters import StrawParameters
 from replay.diagnose.campaign import Campaign
 from replay.diagnose.contest import Contestant, finish
 from replay.diagnose.hypothesis import base_unknowns
 from replay.diagnose.knocks import cell_by_cell, knocked
-from replay.diagnose.library import hypothesis
+from replay.diagnose.library import causes, hypothesis
 from replay.diagnose.observation import observe
 from replay.diagnose.search import descend
+from replay.diagnose.start import dampings
 from tests.apparatus.campaign import NONE, campaign
 from tests.apparatus.effects import Cause
 
@@ -25,6 +27,16 @@ def test_cells_are_told_from_constants_that_all_cells_share() -> None:
     unknowns = (*base_unknowns(BASE), *hypothesis(["frustum_spread"], 9).unknowns)
     assert cell_by_cell(unknowns) == list(range(len(unknowns) - 9, len(unknowns)))
     assert not cell_by_cell(hypothesis(["intrinsic_curvature"], 9).unknowns)
+
+
+@pytest.mark.parametrize("cause", causes(9))
+def test_every_cause_can_be_knocked_by_dampings(cause) -> None:
+    unknowns = (*base_unknowns(BASE), *hypothesis([cause], 9).unknowns)
+    points = np.array(dampings(unknowns, np.zeros(len(unknowns))))
+    assert len(np.unique(points, axis=0)) == len(points) > 1
+    assert list(np.flatnonzero(np.ptp(points, axis=0))) == [
+        k for k, one in enumerate(unknowns) if one.target in ("straw.c_zeta_n_s_per_m", "straw.c_phi_n_m_s_per_rad")
+    ]
 
 
 def test_cells_that_snap_in_another_order_are_found_where_a_descent_stays_stuck() -> None:
