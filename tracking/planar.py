@@ -29,6 +29,7 @@ def _fit_planar(
     poses: Floats,
     covariance: Floats,
     shared: Floats,
+    shift: Floats,
     rms_px: Floats,
     residual_px: Floats,
 ) -> None:
@@ -39,7 +40,8 @@ def _fit_planar(
     than the lens's curvature. ``to_camera``: 4x4 from the world. ``used`` (f, n) loses the outliers. Fills
     ``covariance`` (f, 3, 3) = s^2 (J^T J)^-1 with s^2 the residuals' own variance, ``rms_px`` (f), NaN where there is
     no fit, and ``residual_px`` (f, n, 2). Residuals do not show errors that the corners share: ``shared`` (f, 3, 3) is
-    what errors of 1 px that vary over the board as ``modes`` (n, m) would do to the pose.
+    what errors of 1 px that vary over the board as ``modes`` (n, m) would do to the pose. ``shift`` (f, 2, 3): by how
+    much the mean of the corners moves with the pose, px.
     """
     frames, n, cam = rays.shape[0], rays.shape[1], to_camera
     rows, length, J = np.empty((2, 3)), np.empty(n), np.empty((n, 2, 3))
@@ -129,8 +131,10 @@ def _fit_planar(
                 inverse /= determinant
                 covariance[f] = variance * inverse
                 along[:] = 0.0
+                shift[f] = 0.0
                 for k in range(n):
                     if used[f, k]:
+                        shift[f] += J[k] / kept
                         for m in range(modes.shape[1]):
                             along[m] += modes[k, m] * J[k]
                 shared[f] = 0.0

@@ -44,12 +44,14 @@ class Poses:
     """Tip poses of many frames: ``vector`` (f, 3) = x_m, z_m, phi_rad, ``covariance`` (f, 3, 3), SI.
 
     ``shared`` (f, 3, 3) is the covariance that a smooth error of 1 px over the board would add (see ``smooth_modes``).
+    ``shift`` (f, 2, 3): by how much the mean of the corners moves with the pose, px per m and rad.
     ``rms_px`` (f,) is NaN where the corners fit no pose; ``residual_px`` (f, n, 2); ``used`` (f, n).
     """
 
     vector: Floats
     covariance: Floats
     shared: Floats
+    shift: Floats
     rms_px: Floats
     residual_px: Floats
     used: Flags
@@ -99,6 +101,7 @@ class Plane:
             vector=np.array(start, dtype=np.float64),
             covariance=np.full((frames, 3, 3), np.nan),
             shared=np.full((frames, 3, 3), np.nan),
+            shift=np.full((frames, 2, 3), np.nan),
             rms_px=np.empty(frames),
             residual_px=np.empty((frames, n, 2)),
             used=used.copy(),
@@ -113,6 +116,7 @@ class Plane:
             found.vector,
             found.covariance,
             found.shared,
+            found.shift,
             found.rms_px,
             found.residual_px,
         )

@@ -17,7 +17,7 @@ from tracking.corners import FEWEST_CORNERS, LARGEST_RESIDUAL
 from tracking.errors import TrackingError
 from tracking.follow import NOT_DUE
 from tracking.lens import Lens
-from tracking.noise import Frames, codec_lag_px, exposure_by_smear, without_lag
+from tracking.noise import Codec, Frames, codec_of, exposure_by_smear, without_lag
 from tracking.pose import apply
 from tracking.record import CHUNK, Record, Rows
 from tracking.settle import REST_FRAMES, Settled, settle
@@ -50,7 +50,7 @@ class Gathered:
             views, where, repeats = views_of(self._record, self._lens, start, rows)
             size = np.sqrt(views.rays.var(axis=1).sum(axis=1))
             middle = np.column_stack((views.rays.mean(axis=1) * self._lens.fx, size * self._lens.fx))
-            quality = (views.widths, views.sweep, views.key, views.jump_px, views.speed_px)
+            quality = (views.widths, views.sweep, views.key, views.jump_px, views.speed_px, rows["rms_px"][where])
             self._kept.append((start + where, middle, *quality))
             self.reasons[REPEATED] += int(repeats.sum())
             for text in rows["reason"][~rows["seen"] & ~repeats]:
@@ -77,9 +77,9 @@ def solved(work: Task, record: Record, gathered: Gathered, report: DecodeReport,
     chosen = np.unique(np.concatenate((np.arange(min(REST_FRAMES, len(seen))), _spread(features))))
     views = _pick(record, work, seen[chosen])
     settled = settle(work.camera, board, work.rest_pose, views, level=work.level, exposure_s=exposure_s)
-    lag = codec_lag_px(frames)
+    codec = codec_of(frames)
     with closing(ahead(_viewed(record, work.camera.lens), 1)) as chunks:
-        return _fit_all(work, record, chunks, report, settled, lag, exposure_s, reasons, timeline)
+        return _fit_all(work, record, chunks, report, settled, codec, exposure_s, reasons, timeline)
 
 
 def _spread(features: NDArray[np.float32]) -> NDArray[np.intp]:
@@ -115,13 +115,14 @@ def _fit_all(
     chunks: Iterator[Viewed],
     report: DecodeReport,
     settled: Settled,
-    lag: tuple[float, float],
+    codec: Codec,
     exposure_s: float,
     reasons: Counter[str],
     timeline: Timeline,
 ) -> Track:
     n, plane, line_s = len(record), settled.plane, settled.camera.line_s or 0.0
     points_m = apply(settled.camera.tip_from_board, work.board.corner_points_m())
+    eye_m = plane.world_from_camera[(0, 2), 3]
     state, sigma = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
     time_s, rms_px, corners = np.empty(n), np.full(n, np.nan), np.zeros(n, np.int64)
     total, square, count = np.zeros((3, len(points_m), 2))
@@ -138,7 +139,7 @@ def _fit_all(
             good = (fits.rms_px <= LARGEST_RESIDUAL * views.pitch_px) & (number >= FEWEST_CORNERS)
             reasons[NO_FIT] += int((~good).sum())
             rate = np.gradient(fits.vector, views.time_s, axis=0) if len(at) > 1 else np.zeros((1, 3))
-            vector, spread = without_lag(fits, rate * timeline.period_s, views.key, lag)
+            vector, spread = without_lag(fits, rate * timeline.period_s, views.key, codec, eye_m)
             spread += settled.covariance(views, vector, rate)
             state[at[good]] = vector[good]
             sigma[at[good]] = np.sqrt(np.diagonal(spread[good], axis1=1, axis2=2))
@@ -171,7 +172,7 @@ def _fit_all(
         spread_px=np.sqrt(np.maximum(square / np.maximum(count, 1) - mean**2, 0)),
         telemetry=timeline.telemetry,
         exposure_s=exposure_s,
-        lag_px=lag[0],
+        lag_px=codec.lag_px,
         never_seen=int(never.sum()),
     )
 
