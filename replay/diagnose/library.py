@@ -70,8 +70,16 @@ def causes(cells: int) -> dict[str, tuple[tuple[Unknown, ...], tuple[tuple[float
             (
                 _positive(t + "squeeze_film.folded_n_s_per_m", 50.0),
                 _shape(t + "squeeze_film.gap_m", 0.2e-3, 0.03e-3, 1e-3),
+                Unknown(t + "squeeze_film.bending", 1.0, kind="linear", low=0.0, high=2.0, mean=1.0),
             ),
-            ((0.3, 0.0), (4.0, 0.0), (1.0, 1.0), (10.0, -1.2)),
+            (
+                (0.3, 0.0, 1.0),
+                (4.0, 0.0, 1.0),
+                (1.0, 1.0, 1.0),
+                (10.0, -1.2, 1.0),
+                (0.3, 0.0, 0.0),
+                (2.2, 0.0, 0.0),
+            ),
         ),
         "fluid_inertia": (
             (_positive(t + "fluid_inertia.inertance_kg_per_m4", 1e7),),
@@ -125,7 +133,13 @@ def causes(cells: int) -> dict[str, tuple[tuple[Unknown, ...], tuple[tuple[float
             ),
             tuple((*start, 0.5) for start in ((0.3, 0, 0, 0), (3.0, 0, 0, 0), (1.0, -2.0, 0, 0), (1.0, -0.7, 1.0, 0))),
         ),
-        "dry_friction": ((_positive(t + "dry_friction.force_n", 0.2),), ((0.3,), (3.0,))),
+        "dry_friction": (
+            (
+                _positive(t + "dry_friction.force_n", 0.2),
+                _shape(t + "dry_friction.slip_m", 20e-6, 2e-6, 200e-6),
+            ),
+            ((0.3, 0.0), (3.0, 0.0)),
+        ),
         "ambient_drag": ((_positive(t + "ambient_drag.c_d", 3.0),), ((0.5,), (5.0,))),
         "line_lag": (
             (
