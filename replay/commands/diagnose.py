@@ -100,7 +100,8 @@ def text(f: Findings) -> str:
         lines.append(f"  {p:6.3f}  {name.replace('_', ' ')}")
     for cause, constants in f.parameters.items():
         for name, found in constants.items():
-            lines.append(f"{cause}: {name} = {found['value']:.4g} ± {found['sigma']:.2g} {found['unit']}")
+            told = f"{cause}: {name} = {found['value']:.4g} ± {found['sigma']:.2g} {found['unit']}"
+            lines.append(told.removesuffix(" 1"))  # a pure number has no unit
     if f.missing:
         lines.append(f"{f.missing.says}.")
         if f.missing.formula:

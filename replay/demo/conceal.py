@@ -115,7 +115,7 @@ def story(concealed: Concealed, seal: Seal, told: str, findings: Findings) -> st
         between = f", {' or '.join(findings.causes)}" if findings.causes else ""
         verdict = f"not named: the diagnosis said {findings.verdict.replace('_', ' ')}{between}"
     found = [
-        f"{name} = {row['value']:.4g} ± {row['sigma']:.2g} {row['unit']}"
+        f"{name} = {row['value']:.4g} ± {row['sigma']:.2g} {row['unit']}".removesuffix(" 1")
         for name, row in findings.parameters.get(concealed.cause, {}).items()
     ]
     return f"concealed was {concealed}; {agrees}; {verdict}" + (f" ({', '.join(found)})" if found else "")
