@@ -15,13 +15,13 @@ Flags = NDArray[np.bool_]
 _SMEARED_PX = 1.5  # a frame: edges that move so fast are widened for certain
 _FEWEST_SMEARED = 4
 _MOST_EXPOSURE = 1.0  # of the frame's period
-# Of 34 clips painted at 60 Mbit/s, as tests.benchmarks.tracking_sigmas draws them, H.264 by two ways of coding:
+# Of 48 clips painted at 60 Mbit/s, as tests.benchmarks.tracking_sigmas draws them, H.264 by two ways of coding:
 _USUAL_LAG_PX = 0.012
 _USUAL_WEIGHT = 4.0  # in keyframes: what the usual value counts
 _SLOW_PX, _FAST_PX = 0.015, 0.3  # a frame: the lag grows with the motion, until what moves is found in the last picture
 # The board's size in the picture lags by so many lags, known to so many, and saturates by itself, however it shifts.
 _SIZE, _SIZE_LATE, _SLOW_SIZE_PX = 0.6, 0.2, 0.02
-_CALM_PX, _CREEPING_PX, _MOVING_PX = 0.03, 0.03, 1.0  # a frame: at rest; where prediction costs most, from, to
+_CALM_PX, _MOVING_PX = 0.03, 1.0  # a frame: slower is at rest; between them prediction costs most
 _USUAL_LOSS_PX, _LEAST_LOSS_PX, _FEWEST_LOST = 0.005, 0.002, 10
 _BUSY_PX, _HALF_BUSY_PX = 0.024, 0.2  # what varies over the board when it moves; half way there
 
@@ -96,7 +96,7 @@ def codec_of(frames: Frames) -> Codec:
 def _loss_px(frames: Frames) -> float:
     """Return by how much residuals are larger where pictures are predicted from moving ones."""
     own = frames.key | (frames.speed_px < _CALM_PX)
-    lost = ~frames.key & (frames.speed_px > _CREEPING_PX) & (frames.speed_px < _MOVING_PX)
+    lost = ~frames.key & (frames.speed_px > _CALM_PX) & (frames.speed_px < _MOVING_PX)
     if min(np.count_nonzero(own), np.count_nonzero(lost)) < _FEWEST_LOST:
         return _USUAL_LOSS_PX
     own_px, lost_px = (float(np.median(frames.rms_px[which])) for which in (own, lost))
@@ -111,8 +111,7 @@ def without_lag(poses: Poses, rate: Floats, key: Flags, codec: Codec, eye_m: Flo
     itself. Besides, blocks are coded in different ways: an error that varies smoothly over the board.
     """
     good = np.isfinite(poses.rms_px)
-    number = poses.used.sum(axis=1)
-    count = 2.0 * number
+    count = 2.0 * poses.used.sum(axis=1)
     variance = poses.rms_px**2 * count / (count - 3)
     normal = np.linalg.inv(np.where(good[:, None, None], poses.covariance, np.eye(3))) * variance[:, None, None]
     speed_px = np.sqrt(np.einsum("fi,fij,fj->f", rate, normal, rate) / count)

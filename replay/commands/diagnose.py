@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 from model.parameters import load_straw
+from replay.diagnose import figures
 from replay.diagnose.diagnosis import inquire
 from replay.diagnose.findings import Findings, conclude
 from replay.diagnose.library import causes
@@ -99,9 +100,7 @@ def text(f: Findings) -> str:
     for name, p in list(f.judgement.probability.items())[:SHOWN]:
         lines.append(f"  {p:6.3f}  {name.replace('_', ' ')}")
     for cause, constants in f.parameters.items():
-        for name, found in constants.items():
-            told = f"{cause}: {name} = {found['value']:.4g} ± {found['sigma']:.2g} {found['unit']}"
-            lines.append(told.removesuffix(" 1"))  # a pure number has no unit
+        lines += [f"{cause}: {constant}" for constant in figures.told(constants)]
     if f.missing:
         lines.append(f"{f.missing.says}.")
         if f.missing.formula:

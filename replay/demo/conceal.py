@@ -12,6 +12,7 @@ import numpy as np
 
 from model.parameters import StrawParameters
 from model.terms import TERMS
+from replay.diagnose import figures
 from replay.diagnose.findings import Findings
 from replay.diagnose.instrument import Instrument
 
@@ -114,8 +115,5 @@ def story(concealed: Concealed, seal: Seal, told: str, findings: Findings) -> st
     else:
         between = f", {' or '.join(findings.causes)}" if findings.causes else ""
         verdict = f"not named: the diagnosis said {findings.verdict.replace('_', ' ')}{between}"
-    found = [
-        f"{name} = {row['value']:.4g} ± {row['sigma']:.2g} {row['unit']}".removesuffix(" 1")
-        for name, row in findings.parameters.get(concealed.cause, {}).items()
-    ]
+    found = figures.told(findings.parameters.get(concealed.cause, {}))
     return f"concealed was {concealed}; {agrees}; {verdict}" + (f" ({', '.join(found)})" if found else "")

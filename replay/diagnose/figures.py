@@ -75,6 +75,14 @@ def constants_of(campaign: Campaign, best: Contestant) -> dict[str, dict[str, di
     return out
 
 
+def told(constants: dict[str, dict[str, Any]]) -> list[str]:
+    """A cause's constants as `constants_of` has them, each as a person writes it; a pure number has no unit."""
+    return [
+        f"{name} = {found['value']:.4g} ± {found['sigma']:.2g} {found['unit']}".removesuffix(" 1")
+        for name, found in constants.items()
+    ]
+
+
 def _named(unknown: Unknown) -> tuple[str, str, str]:
     """Cause, constant and unit of an unknown."""
     kind, *rest = unknown.target.split(".")

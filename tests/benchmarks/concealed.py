@@ -68,6 +68,7 @@ def main() -> None:
     ask.add_argument("--split", choices=("develop", "final"), default="develop")
     ask.add_argument("--seed", type=int, default=1)
     ask.add_argument("--cases", type=int, default=10**6)
+    ask.add_argument("--only", nargs="+", metavar="NAME", help="these cases, as final-006")
     ask.add_argument("--out", type=Path, help="one line of JSON per case (default: a name by split, seed and way)")
     ask.add_argument("--score", action="store_true", help="diagnose nothing more")
     ask.add_argument("--ablate", action="store_true", help="single causes only, each taken out of the library")
@@ -80,7 +81,8 @@ def main() -> None:
     sealed = seal(every)
     print(f"{len(every)} cases, labels sealed: {sealed}", flush=True)
     singles = [case for case in every if case.kind in ("single", "instrument")]
-    cases = (singles if args.ablate else every)[: args.cases]
+    cases = [case for case in (singles if args.ablate else every) if not args.only or case.name in args.only]
+    cases = cases[: args.cases]
     told = {}
     if path.exists():
         told = {row["name"]: row for row in map(json.loads, path.read_text().splitlines())}
