@@ -83,16 +83,14 @@ def cell_snaps(time_s: Floats, zeta_m: Floats, crossed_s: Floats) -> Floats:
     frusta at times (n,). A snap that Phi shows too (``crossed_s`` as from `crossings`) keeps those times, for another
     both are when zeta changes its sign.
     """
-    side = np.sign(zeta_m[0])
-    deep = np.abs(zeta_m) > PASSED_M
-    snaps = []
-    for cell in range(zeta_m.shape[1]):
-        last = side[cell]
-        for k in np.flatnonzero(deep[:, cell]):
-            if np.sign(zeta_m[k, cell]) != last:
-                last = -last
-                crossed = np.flatnonzero(np.diff(np.sign(zeta_m[: k + 1, cell])))
-                snaps.append(float(time_s[crossed[-1]] if len(crossed) else time_s[k]))
+    snaps: list[float] = []
+    for zeta in zeta_m.T:
+        deep = np.flatnonzero(np.abs(zeta) > PASSED_M)
+        side = np.sign(zeta)
+        passed = deep[np.diff(side[deep], prepend=side[0]) != 0]
+        changes = np.flatnonzero(np.diff(side))
+        last = np.searchsorted(changes, passed) - 1
+        snaps += np.where(last >= 0, time_s[changes[last]], time_s[passed]).tolist() if len(changes) else []
     begins, ends = crossed_s[::2], crossed_s[1::2]
     out: list[float] = []
     for at in sorted(snaps):
