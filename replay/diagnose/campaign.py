@@ -32,9 +32,11 @@ class Campaign:
         straw: StrawParameters,
         pool: Executor,
         stop: Callable[[], bool] = lambda: False,
+        patience_s: float = np.inf,
     ) -> None:
         self.observations, self.straw, self.pool, self.stop = tuple(observations), straw, pool, stop
-        self.tally = {"played": 0, "failed": 0}  # of runs, shared with campaigns made from this one
+        self.tally = {"played": 0, "failed": 0, "seconds": 0.0}  # of runs, shared with campaigns made from this one
+        self.patience_s = patience_s
         self.steps: dict[str, float] = {}  # of derivatives by each unknown, as last felt well
         self.scatter: list[tuple[Floats, Floats]] | None = None
         self.how: Callable[..., Any] = _vector  # what is compared
@@ -64,7 +66,14 @@ class Campaign:
     def shares_with(self, other: Campaign) -> Self:
         """This campaign, from now on counting, playing and allowing for repeats as another does."""
         self.tally, self.scatter, self.how = other.tally, other.scatter, other.how
+        self.patience_s = other.patience_s
         return self
+
+    @property
+    def hurried(self) -> bool:
+        """Whether so many seconds of runs have been played that what only may help is left out: by what is played and
+        not by the clock, so that every machine finds the same."""
+        return self.tally["seconds"] > self.patience_s
 
     @property
     def rough(self) -> bool:
@@ -73,7 +82,7 @@ class Campaign:
 
     def _like(self, observations: Sequence[Observation], how: Callable[..., Any]) -> Campaign:
         """Another campaign that counts with this one; what repeats differ by has to be felt anew."""
-        out = Campaign(observations, self.straw, self.pool, self.stop)
+        out = Campaign(observations, self.straw, self.pool, self.stop, self.patience_s)
         out.how, out.tally = how, self.tally
         return out
 
@@ -93,6 +102,7 @@ class Campaign:
         ]
         found = [[job.result() for job in row] for row in jobs]
         self.tally["played"] += sum(len(row) for row in found)
+        self.tally["seconds"] += len(found) * sum(o.end_s - o.start_s for o in self.observations)
         self.tally["failed"] += sum(one is None for row in found for one in row)
         return found
 

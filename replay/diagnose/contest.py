@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -67,10 +68,10 @@ def looks(campaign: Campaign, known: Fit, names: Sequence[str]) -> list[Look]:
 
     def at(rows: list[tuple[str, Floats]]) -> list[tuple[str, Floats, Floats, float]]:
         found = []
-        for name, point in rows:
-            unknowns = (*known.unknowns, *whats[name].unknowns)
-            residual = campaign.residuals(unknowns, [point])[0]
-            found.append((name, point, residual, cost_at(unknowns, point, residual)))
+        for name, group in itertools.groupby(rows, key=lambda row: row[0]):
+            unknowns, points = (*known.unknowns, *whats[name].unknowns), [point for _, point in group]
+            for point, residual in zip(points, campaign.residuals(unknowns, points), strict=True):
+                found.append((name, point, residual, cost_at(unknowns, point, residual)))
         return found
 
     def placed(name: str, u: Floats, start: Sequence[float]) -> Floats:

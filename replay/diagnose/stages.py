@@ -201,7 +201,7 @@ def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], thorough: boo
     if outlined:
         two = [finish(wide, pair, rounds=ROUNDS, share=ROUGHLY) for pair in two[:PAIRS]]
     _seen_fully(found, two, PAIRS + 2 * thorough, outlined=outlined)
-    first = sorted(found.pairs.values(), key=lambda c: c.cost)[:PAIRS]
+    first = sorted(found.pairs.values(), key=lambda c: c.cost)[: 1 if campaign.hurried else PAIRS]
     for pair in first if outlined else ():  # from nearby they were carried to their end at once
         if pair.cost < first[0].cost + CLOSE and not campaign.stop():
             found.keep(finish(campaign, pair, rounds=ROUNDS))

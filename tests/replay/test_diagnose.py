@@ -259,7 +259,20 @@ def test_simulations_that_fail_are_counted_also_in_a_part_of_the_campaign(plain)
         whole = Campaign(plain, BASE, pool)
         part = whole.only([plain[0].name]).roughly()
         part.misfits(base_unknowns(BASE), [np.array([0, 0, 0, 0, 60.0, 0, 0])])  # walls too thick for two states
-    assert whole.tally == {"played": 1, "failed": 1}
+    assert (whole.tally["played"], whole.tally["failed"]) == (1, 1)
+
+
+def test_a_search_is_hurried_by_the_seconds_of_runs_played_in_all_parts_of_the_campaign(plain):
+    one = plain[0]
+    length_s = one.end_s - one.start_s
+    with ThreadPoolExecutor() as pool:
+        whole = Campaign(plain, BASE, pool, patience_s=1.5 * length_s)
+        part = whole.only([one.name]).roughly()
+        part.misfits((), [np.zeros(0)])
+        assert not part.hurried
+        part.misfits((), [np.zeros(0)])
+    assert whole.hurried
+    assert part.finely().hurried
 
 
 @pytest.mark.parametrize("tolerance_m", [FINE_M, TOLERANCE_M, ROUGH_M])
@@ -276,7 +289,7 @@ def test_a_straw_that_nothing_damps_is_given_up_as_one_that_fails(plain):
     with ThreadPoolExecutor() as pool:
         few = Campaign(plain[:1], undamped, pool)
         few.misfits((), [np.zeros(0)])
-    assert few.tally == {"played": 1, "failed": 1}
+    assert (few.tally["played"], few.tally["failed"]) == (1, 1)
 
 
 def test_runs_of_two_specimens_or_one_run_twice_are_one_line(tmp_path, capsys):
