@@ -62,7 +62,8 @@ class Look:
 
 
 def looks(campaign: Campaign, known: Fit, names: Sequence[str]) -> list[Look]:
-    """Every cause at its starts beside what is known: as it is, and with room made for it."""
+    """Every cause at its starts beside what is known: as it is, and with room made for it; and, unless only outlines
+    are compared, with nothing of it yet, from where a search finds its sign by itself."""
     out = []
     whats = {name: campaign.hypothesis([name]) for name in names}
 
@@ -81,7 +82,9 @@ def looks(campaign: Campaign, known: Fit, names: Sequence[str]) -> list[Look]:
     first = at([(name, placed(name, known.u, start)) for name, what in whats.items() for start in what.starts[:most]])
     promises = dict.fromkeys(names, known.cost)
     for name, _, residual, cost in first:
-        promises[name] = min(promises[name], cost, known.cost - _gain(known, residual))
+        # as far as robust weights let it count
+        column = np.clip(residual - known.residual, -100, 100)[:, None]
+        promises[name] = min(promises[name], cost, known.cost - _gain(known, column, (Unknown("", 1.0, sd=1e3),)))
     # the constants known before make room for the new cause: without it a large effect looks hopeless at once
     roomy = [
         (name, _making_room(known, (*known.unknowns, *whats[name].unknowns), point, residual))
@@ -90,20 +93,37 @@ def looks(campaign: Campaign, known: Fit, names: Sequence[str]) -> list[Look]:
     ]
     for name, point, residual, cost in [*first, *at(roomy)]:
         out.append(Look(name, point, residual, cost, min(promises[name], cost)))
+    if not campaign.rough:
+        out += [_nothing_yet(campaign, known, name, what) for name, what in whats.items() if _strengths(what)]
     return out
 
 
-def _gain(known: Fit, moved: Floats) -> float:
-    """How much a cause whose small effect moves the differences thus would lower the cost, by linear reckoning."""
-    w = np.sqrt(weights(known.residual))
-    sd = np.array([k.sd for k in known.unknowns])
-    # as far as robust weights let it count
-    column = np.clip(moved - known.residual, -100, 100) * w
-    slopes = np.concatenate([known.slopes * w[:, None], column[:, None]], axis=1)
-    A = slopes.T @ slopes + np.diag([*(1 / sd**2), 1e-6])
-    g = slopes.T @ (w * known.residual)
+def _strengths(what: Hypothesis) -> list[int]:
+    """Which of a cause's unknowns are strengths, of which zero is not there."""
+    return [k for k, unknown in enumerate(what.unknowns) if unknown.kind == "strength"]
+
+
+def _nothing_yet(campaign: Campaign, known: Fit, name: str, what: Hypothesis) -> Look:
+    """A cause with no strength yet, and what its strengths' slopes there promise."""
+    unknowns, n, own = (*known.unknowns, *what.unknowns), len(known.u), _strengths(what)
+    start = [0.0 if k in own else x for k, x in enumerate(what.starts[0])]
+    point = clipped(unknowns, np.concatenate([known.u, start]))
+    slopes = measured_slopes(campaign, unknowns, point, known.residual, [n + k for k in own])
+    cost = cost_at(unknowns, point, known.residual)
+    return Look(name, point, known.residual, cost, cost - _gain(known, slopes, [what.unknowns[k] for k in own]))
+
+
+def _gain(known: Fit, columns: Floats, new: Sequence[Unknown]) -> float:
+    """How much new unknowns that move the differences by these columns would lower the cost, by linear reckoning."""
+    w, n = np.sqrt(weights(known.residual)), len(known.u)
+    sd = np.array([k.sd for k in (*known.unknowns, *new)])
+    slopes = np.concatenate([known.slopes, columns], axis=1) * w[:, None]
+    A, g = slopes.T @ slopes + np.diag(1 / sd**2), slopes.T @ (w * known.residual)
+    step = -np.linalg.solve(A, g)
+    # what would have to be negative, and may not, is left out
+    free = [*range(n), *(n + k for k, unknown in enumerate(new) if unknown.low < 0 or step[n + k] > 0)]
+    A, g = A[np.ix_(free, free)], g[free]
     # the constants known are at their optimum: what they alone would still gain does not count
-    n = len(sd)
     return float(g @ np.linalg.solve(A, g) - g[:n] @ np.linalg.solve(A[:n, :n], g[:n]))
 
 

@@ -19,6 +19,7 @@ from replay.diagnose.search import descend
 from replay.diagnose.stages import (
     EXPLAINED,
     FINISHED,
+    FINISHED_NEARBY,
     HOPELESS,
     LOUD,
     NEARBY,
@@ -90,15 +91,18 @@ def inquire(
     if loud:
         by_outlines(found, wide, known, start, names, thorough, told)
         finish_best(found, 1, done)
-    if thorough or not loud or unexplained(campaign, found.contestants[0].fit) > EXPLAINED:
+    if thorough or not loud or unexplained(campaign, found.best) > EXPLAINED:
         from_nearby(found, names, TRIED_NEARBY if not loud else NEARBY // 2, thorough, told)
     if stop():
         return found
     told("finishing the best", len(names) + 2, total)
-    finish_best(found, FINISHED + 3 * thorough, done)
+    if loud:
+        finish_best(found, FINISHED + 3 * thorough, done)
+    else:
+        finish_best(found, FINISHED + FINISHED_NEARBY + 3 * thorough, done, HOPELESS)
     if found.singles and found.contestants[0].cost < found.null.cost - HOPELESS:
-        weigh_anew(found)
-        enough = unexplained(campaign, found.contestants[0].fit) <= EXPLAINED
+        weigh_anew(found, done)
+        enough = unexplained(campaign, found.best) <= EXPLAINED
         if thorough or (loud and enough):
             from_the_winner(found, wide, names, done)
         told("pairs", len(names) + 3, total)

@@ -32,6 +32,11 @@ class Inquiry:
         """All fitted hypotheses, best first."""
         return sorted([*self.singles.values(), *self.pairs.values()], key=lambda c: c.cost)
 
+    @property
+    def best(self) -> Fit:
+        """The best fit but the base's, which it is where the library is empty."""
+        return self.contestants[0].fit if self.contestants else self.null
+
     def judgement(self) -> Judgement:
         """Probabilities with what is known now."""
         return judge(self.campaign, self.null, self.contestants)

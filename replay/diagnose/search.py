@@ -23,6 +23,9 @@ WELL = 0.3
 BEYOND_NOISE = 1e-3
 #: Longest step in units of u.
 LONGEST_STEP = 3.0
+#: Before a search ends that is this near to noise (sigmas squared), and that minds gains as little as this, it takes
+#: derivatives from both sides, so many times at most, by steps of this share of the usual.
+NEAR_NOISE, FINELY, CENTRAL, HALF = 2000.0, 3.0, 3, 0.5
 #: A derivative's step in u: first, least, most; and how many sigmas (root mean square) it aims to move the runs.
 STEP, SMALLEST_STEP, LARGEST_STEP, STEP_SIGMAS = 0.03, 2e-3, 0.2, 0.3
 
@@ -101,6 +104,18 @@ def measured_slopes(
     return out
 
 
+def central_slopes(campaign: Campaign, unknowns: Sequence[Unknown], u: Floats) -> Floats:
+    """`measured_slopes` by all unknowns with a step to either side, (m, unknowns): twice the work, and what rings after
+    a snap, of which the phase changes, does not pass for a slope."""
+    points, steps = [], []
+    for k, unknown in enumerate(unknowns):
+        step = HALF * campaign.steps.get(unknown.target, STEP) * np.eye(len(u))[k]
+        points += [clipped(unknowns, u + step), clipped(unknowns, u - step)]
+        steps.append(points[-2][k] - points[-1][k])
+    ends = campaign.residuals(unknowns, points)
+    return np.column_stack([(a - b) / step for a, b, step in zip(ends[::2], ends[1::2], steps, strict=True)])
+
+
 def descend(
     campaign: Campaign,
     unknowns: Sequence[Unknown],
@@ -129,7 +144,7 @@ def descend(
     fresh = slopes is None
     if slopes is None:
         slopes = measured_slopes(campaign, unknowns, u, residual, range(len(u)))
-    mean, sd = np.array([k.mean for k in unknowns]), np.array([k.sd for k in unknowns])
+    straight, central = Straight(unknowns), 0
     damping = np.array(DAMPING)
     if resumed is not None:
         fresh, damping = resumed.fresh, damping * (resumed.damping / DAMPING[0])
@@ -137,60 +152,110 @@ def descend(
         if campaign.stop():
             break
 
-        def downhill(at: Floats, left: Floats, damped: float, slopes: Floats = slopes) -> tuple[Floats, float]:
-            """Where a step from ``at`` leads, and what it is predicted to gain."""
-            w = weights(left)
-            curvature = (slopes * w[:, None]).T @ slopes + np.diag(1 / sd**2)
-            gradient = slopes.T @ (w * left) + (at - mean) / sd**2
-            end = _step(unknowns, at, curvature, gradient, damped)
-            step = end - at
-            return end, float(-2 * gradient @ step - step @ curvature @ step)
+        def downhill(at: Floats, left: Floats, damped: float, slopes: Floats = slopes, u: Floats = u) -> Step:
+            """Where a step from ``at`` leads, with the slopes measured at u."""
+            return straight.step(at, slopes * straight.stretch(at, u), left, damped)
 
-        trials, predictions = zip(*(downhill(u, residual, d) for d in damping), strict=True)
-        points, ends = list(trials), campaign.residuals(unknowns, trials)
+        steps = [downhill(u, residual, d) for d in damping]
+        points = [step.end for step in steps]
+        ends = campaign.residuals(unknowns, points)
         costs = [cost_at(unknowns, t, r) for r, t in zip(ends, points, strict=True)]
-        predicted = predictions[int(np.argmin(costs))]
+        predicted = steps[int(np.argmin(costs))].gain
         if cost - min(costs) < WELL * predicted:
             # valleys bend: from where a step has led, the same slopes lead back down to the valley's floor
-            back = [downhill(t, r, d)[0] for t, r, d in zip(trials, ends, damping, strict=True)]
+            back = [downhill(t, r, d).end for t, r, d in zip(points, ends, damping, strict=True)]
             ends += campaign.residuals(unknowns, back)
             points += back
             costs = [cost_at(unknowns, t, r) for r, t in zip(ends, points, strict=True)]
         best = int(np.argmin(costs))
         gain = cost - costs[best]
         little = max(enough, share * cost, BEYOND_NOISE * (cost - len(residual)))
-        corrected = _broyden(slopes, ends[best] - residual, points[best] - u)
+        corrected = _broyden(slopes, ends[best] - residual, straight.way(u, points[best]))
         if gain > 0:
+            corrected *= straight.stretch(points[best], u)
             u, residual, cost = points[best], ends[best], costs[best]
             damping = damping / 4 if best % 2 == 0 else damping
         else:
             damping = damping * 16
         if gain < little and fresh and (gain > 0 or damping[0] > 10):
+            if not central and little <= FINELY and cost < len(residual) + NEAR_NOISE:
+                central, damping = 1, np.array(DAMPING)
+                slopes, fresh = central_slopes(campaign, unknowns, u), True
+                continue
             slopes, fresh = (corrected, False) if gain > 0 else (slopes, fresh)
             break
         if not fresh and (gain < WELL * predicted or gain < little):
-            slopes = measured_slopes(campaign, unknowns, u, residual, range(len(u)))
+            if central == CENTRAL:
+                break
+            if central:
+                slopes, central = central_slopes(campaign, unknowns, u), central + 1
+            else:
+                slopes = measured_slopes(campaign, unknowns, u, residual, range(len(u)))
             fresh = True
         elif gain > 0 or not fresh:
             slopes, fresh = corrected, False
     return Fit(unknowns, u, residual, slopes, cost, fresh, float(damping[0]))
 
 
-def _step(unknowns: Sequence[Unknown], u: Floats, curvature: Floats, gradient: Floats, damping: float) -> Floats:
-    """u after a step; unknowns that would leave their bounds are held there and the others solved again."""
-    free = np.ones(len(u), dtype=bool)
-    damped = curvature + damping * np.diag(np.diag(curvature))
-    low, high = np.array([k.low for k in unknowns]), np.array([k.high for k in unknowns])
-    step = np.zeros(len(u))
-    for _ in range(len(u)):
-        step[free] = np.linalg.solve(damped[np.ix_(free, free)], -(gradient + damped @ np.where(free, 0, step))[free])
-        step = step * min(1.0, LONGEST_STEP / max(float(np.max(np.abs(step))), 1e-12))
-        beyond = free & ((u + step < low) | (u + step > high))
-        if not beyond.any():
-            break
-        step[beyond] = np.clip(u + step, low, high)[beyond] - u[beyond]
-        free &= ~beyond
-    return np.asarray(np.clip(u + step, low, high))
+@dataclass(frozen=True)
+class Step:
+    """Where a step leads, u, and what it is predicted to gain."""
+
+    end: Floats
+    gain: float
+
+
+class Straight:
+    """Steps along straight lines of what acts in proportion: a strength's value, which u is not.
+
+    Where two constants stand in for each other, as a tip offset and a length do, the valley between them is straight in
+    their values; in u it bends, and a search that goes straight ahead in u stops at once.
+    """
+
+    def __init__(self, unknowns: Sequence[Unknown]) -> None:
+        self.strength = np.array([k.kind == "strength" for k in unknowns])
+        self.mean, self.sd = np.array([k.mean for k in unknowns]), np.array([k.sd for k in unknowns])
+        self.low, self.high = np.array([k.low for k in unknowns]), np.array([k.high for k in unknowns])
+
+    def _value(self, u: Floats) -> Floats:
+        return np.where(self.strength, np.sinh(np.where(self.strength, u, 0.0)), u)
+
+    def _per_u(self, u: Floats) -> Floats:
+        return np.where(self.strength, np.cosh(np.where(self.strength, u, 0.0)), 1.0)
+
+    def stretch(self, at: Floats, known: Floats) -> Floats:
+        """What slopes by u, known at one place, are to be multiplied with to hold at another."""
+        return self._per_u(at) / self._per_u(known)
+
+    def way(self, u: Floats, end: Floats) -> Floats:
+        """From u to the end, straight: in units of u where it begins."""
+        return (self._value(end) - self._value(u)) / self._per_u(u)
+
+    def after(self, u: Floats, way: Floats) -> Floats:
+        """u at the end of a way."""
+        end = self._value(u) + self._per_u(u) * way
+        return np.clip(np.where(self.strength, np.arcsinh(end), end), self.low, self.high)
+
+    def step(self, u: Floats, slopes: Floats, left: Floats, damping: float) -> Step:
+        """A damped step downhill; unknowns that would leave their bounds are held there and the others solved again."""
+        w = weights(left)
+        curvature = (slopes * w[:, None]).T @ slopes + np.diag(1 / self.sd**2)
+        gradient = slopes.T @ (w * left) + (u - self.mean) / self.sd**2
+        damped = curvature + damping * np.diag(np.diag(curvature))
+        low, high = self.way(u, self.low), self.way(u, self.high)
+        free = np.ones(len(u), dtype=bool)
+        way = np.zeros(len(u))
+        for _ in range(len(u)):
+            held = (gradient + damped @ np.where(free, 0, way))[free]
+            way[free] = np.linalg.solve(damped[np.ix_(free, free)], -held)
+            way = way * min(1.0, LONGEST_STEP / max(float(np.max(np.abs(way))), 1e-12))
+            beyond = free & ((way < low) | (way > high))
+            if not beyond.any():
+                break
+            way[beyond] = np.clip(way, low, high)[beyond]
+            free &= ~beyond
+        way = np.clip(way, low, high)
+        return Step(self.after(u, way), float(-2 * gradient @ way - way @ curvature @ way))
 
 
 def _broyden(slopes: Floats, moved: Floats, step: Floats) -> Floats:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +45,8 @@ NEARLY = 1.3
 STARTS = 4
 #: A rival this much behind is not close, whatever more fitting would bring.
 CLOSE = 1000.0
+#: Rivals this near are fitted once more when what repeats differ by has been felt anew.
+REVIEWED = 300.0
 #: Beyond this many causes, one that by linear reckoning leaves this many times what the best leaves once it is tried is
 #: not tried itself; one that is tried and leaves as much is not followed.
 FOREMOST, FAR = 5, 4.0
@@ -57,9 +59,11 @@ KNOCKED = 1
 RIVALS = 9
 #: Whose outlines fit this many times worse than the best's is not carried on.
 HOPEFUL = 2.5
-#: Causes that are carried to the end, that get partners; second causes tried by outlines, and from nearby, where linear
-#: reckoning is better; pairs carried on.
-FINISHED, PARTNERS, SECONDS, NEAR_SECONDS, PAIRS = 3, 2, 9, 6, 3
+#: Causes that are carried to the end, and beyond these where little is missing.
+FINISHED, FINISHED_NEARBY = 3, 2
+#: Causes that get partners; second causes tried by outlines, and from nearby, where linear reckoning is better; pairs
+#: carried on.
+PARTNERS, SECONDS, NEAR_SECONDS, PAIRS = 2, 9, 6, 3
 
 
 def by_outlines(
@@ -127,15 +131,17 @@ def _seen_fully(found: Inquiry, fitted: Sequence[Contestant], most: int, *, outl
         found.keep(finish(campaign, one, rounds=4 if outlined else ROUNDS))
 
 
-def weigh_anew(found: Inquiry) -> None:
+def weigh_anew(found: Inquiry, done: Mapping[str, float]) -> None:
     """Judge everybody with what repeats differ by at the winner's optimum, and the base from the winner's constants.
 
-    A base fitted less well than its rivals would be no judge of them.
+    A base, or a rival that was carried to its end, fitted less well than the winner would be no judge of it.
     """
     campaign, winner = found.campaign, min(found.singles.values(), key=lambda c: c.cost)
     allow_repeats(campaign, winner.fit)
     found.singles = {name: Contestant(c.hypothesis, seen_again(campaign, c.fit)) for name, c in found.singles.items()}
-    found.singles[winner.name] = finish(campaign, winner, rounds=4)
+    for name in dict.fromkeys((winner.name, *done)):
+        if found.singles[name].cost < found.singles[winner.name].cost + REVIEWED:
+            found.singles[name] = finish(campaign, found.singles[name], rounds=4)
     found.null = seen_again(campaign, found.null)
     if found.null.cost - found.singles[winner.name].cost < CLOSE:
         base = found.null.unknowns
@@ -166,10 +172,12 @@ def from_the_winner(found: Inquiry, wide: Campaign, names: Sequence[str], done: 
             done[name] = found.singles[name].cost
 
 
-def finish_best(found: Inquiry, most: int, done: dict[str, float]) -> None:
-    """Carry the best few single causes to their end, as long as one may still overtake the best of those ``done``."""
+def finish_best(found: Inquiry, most: int, done: dict[str, float], gains: float = -np.inf) -> None:
+    """Carry the best few single causes to their end, as long as one may still overtake the best of those ``done``, and
+    gains something over the base."""
     while len(done) < most:
-        waiting = [c for c in found.singles.values() if c.name not in done and c.cost < NEARLY * found.null.cost]
+        enough = min(NEARLY * found.null.cost, found.null.cost - gains)
+        waiting = [c for c in found.singles.values() if c.name not in done and c.cost < enough]
         if not waiting or found.campaign.stop():
             return
         next_one = min(waiting, key=lambda c: c.cost)
