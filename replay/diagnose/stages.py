@@ -104,9 +104,11 @@ def by_outlines(
 def from_nearby(found: Inquiry, names: Sequence[str], most: int, thorough: bool, told: Told) -> None:
     """Fit to all that is seen the ``most`` causes that promise most by linear reckoning at the base's optimum."""
     campaign, null = found.campaign, found.null
-    near = ranked(looks(campaign, null, names), null)
-    for group in near:
-        found.keep(unfitted(campaign, null, min(group, key=lambda look: look.cost)))
+    seen = looks(campaign, null, names)
+    for look in seen:
+        if look.residual is not null.residual:  # with nothing of it a cause would share in the base's own probability
+            found.keep(unfitted(campaign, null, look))
+    near = ranked(seen, null)
     first = []
     for group in near if thorough else near[:most]:
         if campaign.stop():
