@@ -147,7 +147,9 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--report", type=Path, metavar="R.html", help="one page, from the verdict to the evidence")
     p.add_argument("-o", "--output", type=Path, metavar="S.toml", help="the improved straw")
     p.add_argument("--experiment", type=Path, metavar="P.toml", help="the protocol that would tell what survives")
-    p.add_argument("--without", nargs="+", default=[], metavar="CAUSE", help="leave causes out of the library")
+    p.add_argument(
+        "--without", nargs="+", action="extend", default=[], metavar="CAUSE", help="leave causes out of the library"
+    )
     p.add_argument("--thorough", action="store_true", help="fit every cause from every start, more pairs: slow")
     p.add_argument("--partial", action="store_true", help="take damaged or cut recordings for what is left of them")
     _json(p)
