@@ -35,7 +35,8 @@ class Campaign:
         patience_s: float = np.inf,
     ) -> None:
         self.observations, self.straw, self.pool, self.stop = tuple(observations), straw, pool, stop
-        self.tally = {"played": 0, "failed": 0, "seconds": 0.0}  # of runs, shared with campaigns made from this one
+        # of runs, and of what was left out in a hurry; shared with campaigns made from this one
+        self.tally = {"played": 0, "failed": 0, "seconds": 0.0, "left_out": 0}
         self.patience_s = patience_s
         self.steps: dict[str, float] = {}  # of derivatives by each unknown, as last felt well
         self.scatter: list[tuple[Floats, Floats]] | None = None
@@ -74,6 +75,11 @@ class Campaign:
         """Whether so many seconds of runs have been played that what only may help is left out: by what is played and
         not by the clock, so that every machine finds the same."""
         return self.tally["seconds"] > self.patience_s
+
+    def leaves_out(self) -> bool:
+        """Whether what only may help, and would be done now, is left out as the search is `hurried`; it is counted."""
+        self.tally["left_out"] += self.hurried
+        return self.hurried
 
     @property
     def rough(self) -> bool:

@@ -30,6 +30,8 @@ NEAR_STARTS = 9
 #: Starts this far apart, in units of u, are different ones; each is tried for so many rounds, unless the misfit there
 #: is this many times what it is without the cause.
 ANOTHER, TRIED, TOO_FAR = 1.0, 2, 4.0
+#: A look's differences in any share: how much of a cause there may be is not what decides whether it promises anything.
+ANY_SHARE = Unknown("share", 1.0, sd=1e3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +64,7 @@ class Look:
 
 
 def looks(campaign: Campaign, known: Fit, names: Sequence[str]) -> list[Look]:
-    """Every cause at its starts beside what is known: as it is, and with room made for it; and, unless only outlines
-    are compared, with nothing of it yet, from where a search finds its sign by itself."""
+    """Every cause at its starts beside what is known: as it is, and with room made for it."""
     out = []
     whats = {name: campaign.hypothesis([name]) for name in names}
 
@@ -84,7 +85,7 @@ def looks(campaign: Campaign, known: Fit, names: Sequence[str]) -> list[Look]:
     for name, _, residual, cost in first:
         # as far as robust weights let it count
         column = np.clip(residual - known.residual, -100, 100)[:, None]
-        promises[name] = min(promises[name], cost, known.cost - _gain(known, column, (Unknown("", 1.0, sd=1e3),)))
+        promises[name] = min(promises[name], cost, known.cost - _gain(known, column, [ANY_SHARE]))
     # the constants known before make room for the new cause: without it a large effect looks hopeless at once
     roomy = [
         (name, _making_room(known, (*known.unknowns, *whats[name].unknowns), point, residual))
@@ -93,24 +94,26 @@ def looks(campaign: Campaign, known: Fit, names: Sequence[str]) -> list[Look]:
     ]
     for name, point, residual, cost in [*first, *at(roomy)]:
         out.append(Look(name, point, residual, cost, min(promises[name], cost)))
-    if not campaign.rough:
-        out += [_nothing_yet(campaign, known, name, what) for name, what in whats.items() if _strengths(what)]
     return out
 
 
-def _strengths(what: Hypothesis) -> list[int]:
-    """Which of a cause's unknowns are strengths, of which zero is not there."""
-    return [k for k, unknown in enumerate(what.unknowns) if unknown.kind == "strength"]
-
-
-def _nothing_yet(campaign: Campaign, known: Fit, name: str, what: Hypothesis) -> Look:
-    """A cause with no strength yet, and what its strengths' slopes there promise."""
-    unknowns, n, own = (*known.unknowns, *what.unknowns), len(known.u), _strengths(what)
-    start = [0.0 if k in own else x for k, x in enumerate(what.starts[0])]
-    point = clipped(unknowns, np.concatenate([known.u, start]))
-    slopes = measured_slopes(campaign, unknowns, point, known.residual, [n + k for k in own])
-    cost = cost_at(unknowns, point, known.residual)
-    return Look(name, point, known.residual, cost, cost - _gain(known, slopes, [what.unknowns[k] for k in own]))
+def nothing_yet(campaign: Campaign, known: Fit, names: Sequence[str]) -> list[Look]:
+    """Every cause that has a strength with nothing of it yet, from where a search finds its sign by itself, and what
+    its strengths' slopes there promise. No answer by themselves: they would share in the base's own probability."""
+    out = []
+    for name in names:
+        what = campaign.hypothesis([name])
+        own = [k for k, unknown in enumerate(what.unknowns) if unknown.kind == "strength"]
+        if not own:
+            continue
+        unknowns, n = (*known.unknowns, *what.unknowns), len(known.u)
+        start = [0.0 if k in own else x for k, x in enumerate(what.starts[0])]
+        point = clipped(unknowns, np.concatenate([known.u, start]))
+        slopes = measured_slopes(campaign, unknowns, point, known.residual, [n + k for k in own])
+        cost = cost_at(unknowns, point, known.residual)
+        gain = _gain(known, slopes, [what.unknowns[k] for k in own])
+        out.append(Look(name, point, known.residual, cost, cost - gain))
+    return out
 
 
 def _gain(known: Fit, columns: Floats, new: Sequence[Unknown]) -> float:

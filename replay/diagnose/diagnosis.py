@@ -23,6 +23,7 @@ from replay.diagnose.stages import (
     HOPELESS,
     LOUD,
     NEARBY,
+    NEARLY,
     ROUGHLY,
     ROUNDS,
     TRIED_NEARBY,
@@ -36,8 +37,8 @@ from replay.diagnose.stages import (
 from replay.diagnose.start import base_start, few_of
 from replay.errors import ReplayError
 
-#: Seconds of runs that are played before a search that is not thorough leaves out what only may help. Most cases need
-#: a third; eight runs of 4 s with two causes at once would take six minutes on two cores without it.
+#: Seconds of runs that are played before a search that is not thorough leaves out what only may help. Eight runs of 4 s
+#: take 15,000 with nothing missing, 81,000 and six minutes on two cores with two causes at once and no such limit.
 PATIENCE_S = 45_000.0
 
 
@@ -90,16 +91,16 @@ def inquire(
     done: dict[str, float] = {}  # costs of those carried to their end
     if loud:
         by_outlines(found, wide, known, start, names, thorough, told)
-        finish_best(found, 1, done)
+        finish_best(found, 1, done, NEARLY * null.cost)
     if thorough or not loud or unexplained(campaign, found.best) > EXPLAINED:
         from_nearby(found, names, TRIED_NEARBY if not loud else NEARBY // 2, thorough, told)
     if stop():
         return found
     told("finishing the best", len(names) + 2, total)
     if loud:
-        finish_best(found, FINISHED + 3 * thorough, done)
+        finish_best(found, FINISHED + 3 * thorough, done, NEARLY * null.cost)
     else:
-        finish_best(found, FINISHED + FINISHED_NEARBY + 3 * thorough, done, HOPELESS)
+        finish_best(found, FINISHED + FINISHED_NEARBY + 3 * thorough, done, null.cost - HOPELESS)
     if found.singles and found.contestants[0].cost < found.null.cost - HOPELESS:
         weigh_anew(found, done)
         enough = unexplained(campaign, found.best) <= EXPLAINED

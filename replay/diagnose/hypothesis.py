@@ -38,16 +38,22 @@ class Unknown:
         """The number, SI, at u."""
         if self.kind == "log":
             return float(self.start * np.exp(self.scale * u))
-        return float(self.scale * (np.sinh(u) if self.kind == "strength" else u))
+        return self.scale * self.units(u)
 
     def per_u(self, u: float) -> float:
         """d value / d u."""
-        if self.kind == "log":
-            return self.value(u) * self.scale
-        return float(self.scale * (np.cosh(u) if self.kind == "strength" else 1.0))
+        return self.value(u) * self.scale if self.kind == "log" else self.scale * self.units_per_u(u)
+
+    def units(self, u: float) -> float:
+        """A strength in units of ``scale``; u itself where the search is not of a strength."""
+        return float(np.sinh(u)) if self.kind == "strength" else u
+
+    def units_per_u(self, u: float) -> float:
+        """d units / d u."""
+        return float(np.cosh(u)) if self.kind == "strength" else 1.0
 
     def at(self, units: float) -> float:
-        """u of a start given in units of ``scale``, or as u itself where the search is not of a strength."""
+        """u of so many `units`."""
         return float(np.arcsinh(units)) if self.kind == "strength" else units
 
 

@@ -43,7 +43,7 @@ def knocked(outlines: Campaign, one: Contestant, rounds: int, share: float) -> C
     """
     one = finish(outlines, one, rounds=rounds, share=share)
     for _ in range(MOST):
-        if outlines.stop() or outlines.hurried or deep(one.fit):
+        if outlines.stop() or deep(one.fit) or outlines.leaves_out():
             break
         fit = one.fit
         points = [clipped(fit.unknowns, u) for u in (*dampings(fit.unknowns, fit.u), *_knocks(fit.unknowns, fit.u))]

@@ -236,7 +236,8 @@ def curves(campaign: Campaign, null: Fit, told: Told = silent, states: Sequence[
         told(curve.state.name, len(states) + FITTED + k, len(states) + 2 * FITTED)
         here = Smooth.of(campaign, curve.campaign.straw, curve.campaign.rows)
         u = curve.fit.u
-        if len(found) < (1 if campaign.hurried else FINISHED) and curve.fit.cost < RIVAL * first[0].fit.cost:
+        rival = len(found) < FINISHED and curve.fit.cost < RIVAL * first[0].fit.cost
+        if rival and not (found and campaign.leaves_out()):
             fit = descend(here, curve.fit.unknowns, u, rounds=ROUNDS, share=2e-3)
         else:
             fit = seen_again(here, curve.fit)

@@ -186,6 +186,7 @@ def descend(
             break
         if not fresh and (gain < WELL * predicted or gain < little):
             if central == CENTRAL:
+                slopes = corrected if gain > 0 else slopes
                 break
             if central:
                 slopes, central = central_slopes(campaign, unknowns, u), central + 1
@@ -213,15 +214,15 @@ class Straight:
     """
 
     def __init__(self, unknowns: Sequence[Unknown]) -> None:
-        self.strength = np.array([k.kind == "strength" for k in unknowns])
+        self.unknowns = tuple(unknowns)
         self.mean, self.sd = np.array([k.mean for k in unknowns]), np.array([k.sd for k in unknowns])
         self.low, self.high = np.array([k.low for k in unknowns]), np.array([k.high for k in unknowns])
 
-    def _value(self, u: Floats) -> Floats:
-        return np.where(self.strength, np.sinh(np.where(self.strength, u, 0.0)), u)
+    def _units(self, u: Floats) -> Floats:
+        return np.array([k.units(x) for k, x in zip(self.unknowns, u, strict=True)])
 
     def _per_u(self, u: Floats) -> Floats:
-        return np.where(self.strength, np.cosh(np.where(self.strength, u, 0.0)), 1.0)
+        return np.array([k.units_per_u(x) for k, x in zip(self.unknowns, u, strict=True)])
 
     def stretch(self, at: Floats, known: Floats) -> Floats:
         """What slopes by u, known at one place, are to be multiplied with to hold at another."""
@@ -229,12 +230,12 @@ class Straight:
 
     def way(self, u: Floats, end: Floats) -> Floats:
         """From u to the end, straight: in units of u where it begins."""
-        return (self._value(end) - self._value(u)) / self._per_u(u)
+        return (self._units(end) - self._units(u)) / self._per_u(u)
 
     def after(self, u: Floats, way: Floats) -> Floats:
         """u at the end of a way."""
-        end = self._value(u) + self._per_u(u) * way
-        return np.clip(np.where(self.strength, np.arcsinh(end), end), self.low, self.high)
+        end = self._units(u) + self._per_u(u) * way
+        return clipped(self.unknowns, np.array([k.at(x) for k, x in zip(self.unknowns, end, strict=True)]))
 
     def step(self, u: Floats, slopes: Floats, left: Floats, damping: float) -> Step:
         """A damped step downhill; unknowns that would leave their bounds are held there and the others solved again."""

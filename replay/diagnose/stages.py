@@ -14,6 +14,7 @@ from replay.diagnose.contest import (
     followed,
     looks,
     narrowed,
+    nothing_yet,
     ranked,
     released,
     seen_again,
@@ -106,9 +107,8 @@ def from_nearby(found: Inquiry, names: Sequence[str], most: int, thorough: bool,
     campaign, null = found.campaign, found.null
     seen = looks(campaign, null, names)
     for look in seen:
-        if look.residual is not null.residual:  # with nothing of it a cause would share in the base's own probability
-            found.keep(unfitted(campaign, null, look))
-    near = ranked(seen, null)
+        found.keep(unfitted(campaign, null, look))
+    near = ranked([*seen, *nothing_yet(campaign, null, names)], null)
     first = []
     for group in near if thorough else near[:most]:
         if campaign.stop():
@@ -174,12 +174,11 @@ def from_the_winner(found: Inquiry, wide: Campaign, names: Sequence[str], done: 
             done[name] = found.singles[name].cost
 
 
-def finish_best(found: Inquiry, most: int, done: dict[str, float], gains: float = -np.inf) -> None:
-    """Carry the best few single causes to their end, as long as one may still overtake the best of those ``done``, and
-    gains something over the base."""
+def finish_best(found: Inquiry, most: int, done: dict[str, float], worth: float) -> None:
+    """Carry the best few single causes that cost less than ``worth`` to their end, as long as one may still overtake
+    the best of those ``done``."""
     while len(done) < most:
-        enough = min(NEARLY * found.null.cost, found.null.cost - gains)
-        waiting = [c for c in found.singles.values() if c.name not in done and c.cost < enough]
+        waiting = [c for c in found.singles.values() if c.name not in done and c.cost < worth]
         if not waiting or found.campaign.stop():
             return
         next_one = min(waiting, key=lambda c: c.cost)
@@ -211,9 +210,10 @@ def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], thorough: boo
     if outlined:
         two = [finish(wide, pair, rounds=ROUNDS, share=ROUGHLY) for pair in two[:PAIRS]]
     _seen_fully(found, two, PAIRS + 2 * thorough, outlined=outlined)
-    first = sorted(found.pairs.values(), key=lambda c: c.cost)[: 1 if campaign.hurried else PAIRS]
+    first = sorted(found.pairs.values(), key=lambda c: c.cost)[:PAIRS]
     for pair in first if outlined else ():  # from nearby they were carried to their end at once
-        if pair.cost < first[0].cost + CLOSE and not campaign.stop():
+        close = pair.cost < first[0].cost + CLOSE and not campaign.stop()
+        if close and (pair is first[0] or not campaign.leaves_out()):
             found.keep(finish(campaign, pair, rounds=ROUNDS))
     if first:
         pair = min(found.pairs.values(), key=lambda c: c.cost)
@@ -228,7 +228,8 @@ def _beside(where: Campaign, at: Fit, first: Hypothesis, names: Sequence[str], t
     """A first cause with each of some others, the most promising ones, a little way from several starts."""
     out: list[Contestant] = []
     most = SECONDS if where.rough else NEAR_SECONDS
-    for group in ranked(looks(where, at, names), at)[: None if thorough else most]:
+    seen = looks(where, at, names) + ([] if where.rough else nothing_yet(where, at, names))
+    for group in ranked(seen, at)[: None if thorough else most]:
         if where.stop():
             break
         out.append(tried(where, at, group[: 2 if where.rough else 1], onto=first))

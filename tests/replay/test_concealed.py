@@ -66,7 +66,7 @@ def test_a_magnet_that_no_library_holds_is_not_given_another_name() -> None:
 
 
 def test_another_specimen_s_damping_and_geometry_are_not_called_missing_physics() -> None:
-    findings = diagnosed(None, seed=23, runs=3)
+    findings = diagnosed(None, seed=23)
     assert findings.verdict == "complete"
     assert findings.causes == []
     assert "cohesion" in findings.smallest

@@ -77,7 +77,7 @@ def test_a_whole_run_on_an_alicat_behind_its_guardian(
 ) -> None:
     with GuardedController("alicat", alicat.url) as controller:
         outcome = run_protocol(controller, short, tmp_path / "run.mcap")
-    assert outcome.missed <= 2  # of some 25: a busy machine may answer late, and is on record
+    assert outcome.missed == 0
     run = read_run(tmp_path / "run.mcap")
     assert run.metadata["model"].startswith("A M00")
     assert run.pressure is not None
