@@ -3,7 +3,7 @@
 Base model (equation 2):      p_in = p_c - K Q|Q|,  K = rho / (2 pi^2 r_ch^4),  Q = V' the rate of the straw's volume.
 With what it leaves out:      I Q' = p_r - p_in - R Q - K Q|Q|      fluid_inertia, poiseuille_loss
                               p_r' = (p_c - p_r) / tau - Q / C      line_lag (p_r = p_c without)
-                              v' = V' - Q,  p_in = p_0 (V_g/v - 1)  trapped_gas (Q = V' without)
+                              v' = V' - Q,  p_in = p_0 ((V_g/v)^n - 1)  trapped_gas (Q = V' without)
 and, where `straw diagnose` found no law for it, a table l(Q) beside K Q|Q|.
 Within an implicit step the whole way is one equation for Q, so the straw only sees a pressure and its slope by V'.
 """
@@ -26,7 +26,7 @@ AMBIENT_PA = 101_325.0
 INERTANCE = COLUMNS["fluid_inertia"][0]
 RESISTANCE = COLUMNS["poiseuille_loss"][0]
 LAG, LINE_AIR = COLUMNS["line_lag"][0], COLUMNS["line_lag"][0] + 1
-GAS = COLUMNS["trapped_gas"][0]
+GAS, EXPONENT = COLUMNS["trapped_gas"][0], COLUMNS["trapped_gas"][0] + 1
 MISSING = COLUMNS["missing_loss"][0]
 CYCLES = MISSING + 1 + 2 * POINTS
 
@@ -46,6 +46,7 @@ class Channel(NamedTuple):
     lag_s: float  # tau
     line_pa_per_m3: float  # 1 / C
     gas_m3: float  # V_g
+    exponent: float  # n
     more: Floats  # l(Q): amount, and a table of points (m^3/s) and values (Pa)
 
 
@@ -57,7 +58,7 @@ def channel_of(c: Constants) -> Channel:
     if k[MISSING] != 0:
         loss *= 1 + k[MISSING] * table(c.cycle, k, CYCLES)
     line = AMBIENT_PA / k[LINE_AIR]
-    return Channel(loss, k[RESISTANCE], k[INERTANCE], k[LAG], line, k[GAS], k[MISSING:CYCLES])
+    return Channel(loss, k[RESISTANCE], k[INERTANCE], k[LAG], line, k[GAS], k[EXPONENT], k[MISSING:CYCLES])
 
 
 @allocates_nothing
@@ -74,7 +75,8 @@ def lost(w: Channel, flow: float) -> tuple[float, float]:
 @compiled
 def channel_at_rest(c: Constants, external_pa: float) -> Floats:
     """States of the way in when nothing flows."""
-    return np.array([external_pa, 0.0, c.terms[0, 0, GAS] / (1 + external_pa / AMBIENT_PA)])
+    k = c.terms[0, 0]
+    return np.array([external_pa, 0.0, k[GAS] / (1 + external_pa / AMBIENT_PA) ** (1 / k[EXPONENT])])
 
 
 @allocates_nothing
@@ -98,8 +100,8 @@ def inside_pressure(
         for _ in range(NEWTON_LIMIT):
             gas = known[2] + step_s * (rate_m3_per_s - flow)
             gas = max(gas, 1e-3 * w.gas_m3)
-            inside = AMBIENT_PA * (w.gas_m3 / gas - 1)
-            spring = step_s * (inside + AMBIENT_PA) / gas
+            inside = AMBIENT_PA * ((w.gas_m3 / gas) ** w.exponent - 1)
+            spring = step_s * w.exponent * (inside + AMBIENT_PA) / gas
             drop, steep = lost(w, flow)
             wrong = linear * flow + drop + inside - source
             change = wrong / (linear + steep + spring)

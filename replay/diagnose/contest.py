@@ -25,8 +25,8 @@ Floats = NDArray[np.float64]
 
 #: A first fit ends when a round gains less than this share of the cost.
 LITTLE = 1e-2
-#: Starts of a cause that are looked at by all that is seen; outlines are quicker, and shown all of them.
-NEAR_STARTS = 9
+#: Starts of a cause that are looked at by all that is seen: there it is small. Outlines are shown all of them.
+NEAR_STARTS = 2
 #: Starts this far apart, in units of u, are different ones; each is tried for so many rounds, unless the misfit there
 #: is this many times what it is without the cause.
 ANOTHER, TRIED, TOO_FAR = 1.0, 2, 4.0
@@ -64,36 +64,54 @@ class Look:
 
 
 def looks(campaign: Campaign, known: Fit, names: Sequence[str]) -> list[Look]:
-    """Every cause at its starts beside what is known: as it is, and with room made for it."""
-    out = []
+    """Every cause at its starts beside what is known: as it is, and with room made for it.
+
+    On a walk each start begins where room was made for the one before: what is known follows a growing cause along a
+    valley that bends, from which a leap to the cause's full size leads away.
+    """
+    n, out = len(known.u), []
     whats = {name: campaign.hypothesis([name]) for name in names}
+    unknowns = {name: (*known.unknowns, *what.unknowns) for name, what in whats.items()}
+    most = None if campaign.rough else NEAR_STARTS
+    going = [(name, walk, known.u) for name, what in whats.items() for walk in walks(what, what.starts[:most])]
+    promises = dict.fromkeys(names, known.cost)
 
     def at(rows: list[tuple[str, Floats]]) -> list[tuple[str, Floats, Floats, float]]:
         found = []
         for name, group in itertools.groupby(rows, key=lambda row: row[0]):
-            unknowns, points = (*known.unknowns, *whats[name].unknowns), [point for _, point in group]
-            for point, residual in zip(points, campaign.residuals(unknowns, points), strict=True):
-                found.append((name, point, residual, cost_at(unknowns, point, residual)))
+            points = [point for _, point in group]
+            for point, residual in zip(points, campaign.residuals(unknowns[name], points), strict=True):
+                found.append((name, point, residual, cost_at(unknowns[name], point, residual)))
         return found
 
-    def placed(name: str, u: Floats, start: Sequence[float]) -> Floats:
-        return clipped((*known.unknowns, *whats[name].unknowns), np.concatenate([u, start]))
+    while going and not campaign.stop():
+        first = at([(name, clipped(unknowns[name], np.concatenate([u, walk[0]]))) for name, walk, u in going])
+        for name, _, residual, cost in first:
+            # as far as robust weights let it count
+            column = np.clip(residual - known.residual, -100, 100)[:, None]
+            promises[name] = min(promises[name], cost, known.cost - _gain(known, column, [ANY_SHARE]))
+        # the constants known before make room for the new cause: without it a large effect looks hopeless at once
+        room = at([(name, _making_room(known, unknowns[name], point, residual)) for name, point, residual, _ in first])
+        out += [Look(*look, promises[look[0]]) for look in (*first, *room)]
+        going = [
+            (name, walk[1:], min(ends, key=lambda look: look[3])[1][:n])
+            for (name, walk, _), *ends in zip(going, first, room, strict=True)
+            if len(walk) > 1
+        ]
+    return [replace(look, promise=min(promises[look.name], look.cost)) for look in out]
 
-    most = None if campaign.rough else NEAR_STARTS
-    first = at([(name, placed(name, known.u, start)) for name, what in whats.items() for start in what.starts[:most]])
-    promises = dict.fromkeys(names, known.cost)
-    for name, _, residual, cost in first:
-        # as far as robust weights let it count
-        column = np.clip(residual - known.residual, -100, 100)[:, None]
-        promises[name] = min(promises[name], cost, known.cost - _gain(known, column, [ANY_SHARE]))
-    # the constants known before make room for the new cause: without it a large effect looks hopeless at once
-    roomy = [
-        (name, _making_room(known, (*known.unknowns, *whats[name].unknowns), point, residual))
-        for name, point, residual, cost in first
-        if cost > 1.05 * known.cost  # a small effect needs none
-    ]
-    for name, point, residual, cost in [*first, *at(roomy)]:
-        out.append(Look(name, point, residual, cost, min(promises[name], cost)))
+
+def walks(what: Hypothesis, starts: Sequence[Sequence[float]]) -> list[list[Sequence[float]]]:
+    """Starts in turn, those together that have ever more of a cause that is otherwise the same."""
+    strength = np.array([k.kind == "strength" for k in what.unknowns])
+    out: list[list[Sequence[float]]] = []
+    for start in starts:
+        last = np.array(out[-1][-1] if out else np.full(len(start), np.nan))
+        more = np.array(start) * np.sign(last) >= np.abs(last)
+        if np.all(np.where(strength, more, np.array(start) == last)):
+            out[-1].append(start)
+        else:
+            out.append([start])
     return out
 
 

@@ -17,16 +17,16 @@ from replay.diagnose.library import causes
 from replay.diagnose.observation import Observation
 from replay.diagnose.search import descend
 from replay.diagnose.stages import (
+    AFTERWARDS,
     EXPLAINED,
     FINISHED,
     FINISHED_NEARBY,
     HOPELESS,
     LOUD,
-    NEARBY,
     NEARLY,
     ROUGHLY,
     ROUNDS,
-    TRIED_NEARBY,
+    base_anew,
     by_outlines,
     finish_best,
     from_nearby,
@@ -93,7 +93,7 @@ def inquire(
         by_outlines(found, wide, known, start, names, thorough, told)
         finish_best(found, 1, done, NEARLY * null.cost)
     if thorough or not loud or unexplained(campaign, found.best) > EXPLAINED:
-        from_nearby(found, names, TRIED_NEARBY if not loud else NEARBY // 2, thorough, told)
+        from_nearby(found, names, AFTERWARDS if loud else None, thorough, told)
     if stop():
         return found
     told("finishing the best", len(names) + 2, total)
@@ -102,7 +102,9 @@ def inquire(
     else:
         finish_best(found, FINISHED + FINISHED_NEARBY + 3 * thorough, done, null.cost - HOPELESS)
     if found.singles and found.contestants[0].cost < found.null.cost - HOPELESS:
-        weigh_anew(found, done)
+        if loud:
+            weigh_anew(found, done)
+        base_anew(found)
         enough = unexplained(campaign, found.best) <= EXPLAINED
         if thorough or (loud and enough):
             from_the_winner(found, wide, names, done)

@@ -9,6 +9,9 @@ import numpy as np
 
 from replay.diagnose.hypothesis import Hypothesis, Unknown
 
+#: Sizes from which to look for a cause are this far from each other, in units of u.
+NEXT_SIZE = 0.6
+
 
 def _positive(target: str, scale: float) -> Unknown:
     return Unknown(target, scale, low=0.0, high=8.0, sd=10.0)
@@ -20,6 +23,13 @@ def _signed(target: str, scale: float, sd: float = 10.0) -> Unknown:
 
 def _shape(target: str, start: float, low: float, high: float) -> Unknown:
     return Unknown(target, 1.0, start, "log", low=np.log(low / start), high=np.log(high / start), sd=1.0)
+
+
+def _sizes(least: float, most: float) -> tuple[float, ...]:
+    """Sizes of a cause so near to each other that the base's constants can follow from one to the next: each shifts
+    every snap, and looks worse than nothing until they have."""
+    steps = int(np.ceil((np.arcsinh(most) - np.arcsinh(least)) / NEXT_SIZE))
+    return tuple(float(np.sinh(u)) for u in np.linspace(np.arcsinh(least), np.arcsinh(most), steps + 1))
 
 
 def _one_weak(cells: int, units: float) -> tuple[tuple[float, ...], ...]:
@@ -48,8 +58,7 @@ def causes(cells: int) -> dict[str, tuple[tuple[Unknown, ...], tuple[tuple[float
                 _shape(t + "cohesion.rises", 1.0, 0.05, 1.5),
             ),
             (
-                (0.3, 0.0, 1.0, 0.0, 0.0, 0.0),
-                (3.0, 0.0, 1.0, 0.0, 0.0, 0.0),
+                *((size, 0.0, 1.0, 0.0, 0.0, 0.0) for size in _sizes(0.3, 6.0)),
                 (1.0, -1.0, 1.0, 0.0, 0.0, 0.0),
                 (1.0, 1.0, 1.0, 0.0, 0.0, 0.0),
                 (2.0, 0.0, 1.0, 0.5, 0.0, -1.5),
@@ -57,14 +66,15 @@ def causes(cells: int) -> dict[str, tuple[tuple[Unknown, ...], tuple[tuple[float
         ),
         "crease_stiffness": (
             (
-                _signed(t + "crease_stiffness.zeta_n_per_m", 20.0),
-                _signed(t + "crease_stiffness.phi_n_m_per_rad", 2e-3),
+                _positive(t + "crease_stiffness.zeta_n_per_m", 20.0),
+                _positive(t + "crease_stiffness.phi_n_m_per_rad", 2e-3),
                 Unknown(t + "crease_stiffness.hardens_per_m2", 2e4, kind="linear", low=0.0, high=10.0, sd=3.0),
                 Unknown(
                     t + "crease_stiffness.bending_hardens_per_rad2", 5.0, kind="linear", low=0.0, high=10.0, sd=3.0
                 ),
             ),
-            ((1.0, 1.0, 0.0, 0.0), (5.0, 5.0, 0.0, 0.0)),
+            # what does not harden the base's own elasticity nearly takes up
+            tuple((size, size, hard, hard) for hard in (2.0, 0.0) for size in _sizes(1.0, 5.0)),
         ),
         "squeeze_film": (
             (
@@ -73,23 +83,24 @@ def causes(cells: int) -> dict[str, tuple[tuple[Unknown, ...], tuple[tuple[float
                 Unknown(t + "squeeze_film.bending", 1.0, kind="linear", low=0.0, high=2.0, mean=1.0),
             ),
             (
-                (0.3, 0.0, 1.0),
-                (4.0, 0.0, 1.0),
+                *((size, 0.0, 1.0) for size in _sizes(0.3, 6.0)),
                 (1.0, 1.0, 1.0),
                 (10.0, -1.2, 1.0),
-                (0.3, 0.0, 0.0),
-                (2.2, 0.0, 0.0),
+                *((size, 0.0, 0.0) for size in _sizes(0.3, 6.0)),
             ),
         ),
         "fluid_inertia": (
             (_positive(t + "fluid_inertia.inertance_kg_per_m4", 1e7),),
-            ((0.3,), (3.0,), (10.0,)),
+            tuple((size,) for size in _sizes(0.3, 10.0)),
         ),
         "poiseuille_loss": (
             (_positive(t + "poiseuille_loss.resistance_pa_s_per_m3", 3e8),),
-            ((0.3,), (5.0,)),
+            tuple((size,) for size in _sizes(0.3, 10.0)),
         ),
-        "trapped_gas": ((_positive(t + "trapped_gas.volume_m3", 1e-7),), ((0.1,), (2.0,), (10.0,))),
+        "trapped_gas": (
+            (_positive(t + "trapped_gas.volume_m3", 1e-7), _shape(t + "trapped_gas.exponent", 1.0, 1.0, 1.4)),
+            tuple((size, 0.0) for size in _sizes(0.1, 10.0)),
+        ),
         "frustum_spread": (
             tuple(
                 Unknown(f"{t}frustum_spread.E_relative.{cell}", 0.03, sd=2.0, low=-3.2, high=3.2)  # within 37 %
@@ -112,7 +123,7 @@ def causes(cells: int) -> dict[str, tuple[tuple[Unknown, ...], tuple[tuple[float
                 Unknown(t + "asymmetry.centre", 0.3, kind="linear", low=-3.0, high=3.0),
                 _shape(t + "asymmetry.sharpness", 2.0, 1.2, 8.0),
             ),
-            tuple((size, 0.0, 0.0, 0.0) for size in (0.5, -0.5, 4.0, -4.0, 20.0, -20.0)),
+            tuple((sign * size, 0.0, 0.0, 0.0) for sign in (1, -1) for size in _sizes(0.5, 20.0)),
         ),
         "odd_frusta_compliance": (
             (
@@ -131,22 +142,26 @@ def causes(cells: int) -> dict[str, tuple[tuple[Unknown, ...], tuple[tuple[float
                     t + "viscoelasticity&viscoelasticity_slow.bending", 1.0, kind="linear", low=0.0, high=3.0, mean=0.5
                 ),
             ),
-            tuple((*start, 0.5) for start in ((0.3, 0, 0, 0), (3.0, 0, 0, 0), (1.0, -2.0, 0, 0), (1.0, -0.7, 1.0, 0))),
+            (
+                *((size, 0.0, 0.0, 0.0, 0.5) for size in _sizes(0.3, 3.0)),
+                (1.0, -2.0, 0.0, 0.0, 0.5),
+                (1.0, -0.7, 1.0, 0.0, 0.5),
+            ),
         ),
         "dry_friction": (
             (
                 _positive(t + "dry_friction.force_n", 0.2),
                 _shape(t + "dry_friction.slip_m", 20e-6, 2e-6, 200e-6),
             ),
-            ((0.3, 0.0), (3.0, 0.0)),
+            tuple((size, 0.0) for size in _sizes(0.3, 3.0)),
         ),
-        "ambient_drag": ((_positive(t + "ambient_drag.c_d", 3.0),), ((0.5,), (5.0,))),
+        "ambient_drag": ((_positive(t + "ambient_drag.c_d", 3.0),), tuple((size,) for size in _sizes(0.5, 5.0))),
         "line_lag": (
             (
                 _positive(t + "line_lag.tau_s", 10e-3),
                 _shape(t + "line_lag.air_m3", 1e-3, 1e-6, 1.0),
             ),
-            ((0.3, 0.0), (3.0, 0.0), (1.0, -4.0)),
+            (*((size, 0.0) for size in _sizes(0.3, 3.0)), (1.0, -4.0)),
         ),
     }
     for name, scale in (

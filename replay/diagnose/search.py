@@ -24,10 +24,13 @@ BEYOND_NOISE = 1e-3
 #: Longest step in units of u.
 LONGEST_STEP = 3.0
 #: Before a search ends that is this near to noise (sigmas squared), and that minds gains as little as this, it takes
-#: derivatives from both sides, so many times at most, by steps of this share of the usual.
-NEAR_NOISE, FINELY, CENTRAL, HALF = 2000.0, 3.0, 3, 0.5
+#: derivatives in both of two other ways, and so many times at most: by steps that are felt so much, and to either side,
+#: by this share of the last steps.
+NEAR_NOISE, FINELY, BOTH, OTHERWISE, WIDE_SIGMAS, HALF = 2000.0, 3.0, 2, 3, 0.3, 0.5
+#: A slope so many times steeper than one taken by a shorter step, or to the other side, is an edge's.
+STEEPER = 3.0
 #: A derivative's step in u: first, least, most; and how many sigmas (root mean square) it aims to move the runs.
-STEP, SMALLEST_STEP, LARGEST_STEP, STEP_SIGMAS = 0.03, 2e-3, 0.2, 0.3
+STEP, SMALLEST_STEP, LARGEST_STEP, STEP_SIGMAS = 0.03, 5e-4, 0.2, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,36 +87,57 @@ def measured_slopes(
 ) -> Floats:
     """Derivatives of the differences by some of the unknowns, (m, len(which)), by steps that are well felt: that move
     the runs by ``felt_sigmas`` (root mean square), roughly."""
-    steps = np.array([campaign.steps.get(unknowns[k].target, STEP) for k in which])
-    out = np.empty((len(residual), len(which)))
+    first = steps = np.array([campaign.steps.get(unknowns[k].target, STEP) for k in which])
+    out, edged = np.empty((len(residual), len(which))), np.zeros(len(which), dtype=bool)
     todo = list(range(len(which)))
-    for _ in range(2):
+    for again in range(2):
         points = []
         for k in todo:
             step = steps[k] if u[which[k]] + steps[k] <= unknowns[which[k]].high else -steps[k]
             points.append(u + step * np.eye(len(u))[which[k]])
         for k, point, moved in zip(todo, points, campaign.residuals(unknowns, points), strict=True):
-            out[:, k] = (moved - residual) / (point - u)[which[k]]
+            slope = (moved - residual) / (point - u)[which[k]]
+            if again and steps[k] > first[k] and _steeper(slope, out[:, k]):
+                steps[k], edged[k] = first[k], True  # the longer step fell off: another snap, or nothing to be played
+            else:
+                out[:, k] = slope
         effect = np.sqrt(np.mean(out**2, axis=0)) * steps
         better = np.clip(steps * felt_sigmas / np.maximum(effect, 1e-9), SMALLEST_STEP, LARGEST_STEP)
+        better = np.where(edged, steps, better)
         todo = [k for k in todo if abs(np.log(better[k] / steps[k])) > np.log(6.0)]
-        steps = better
+        first, steps = steps, better
         if not todo:
             break
     campaign.steps.update((unknowns[k].target, float(step)) for k, step in zip(which, steps, strict=True))
     return out
 
 
-def central_slopes(campaign: Campaign, unknowns: Sequence[Unknown], u: Floats) -> Floats:
+def central_slopes(campaign: Campaign, unknowns: Sequence[Unknown], u: Floats, residual: Floats) -> Floats:
     """`measured_slopes` by all unknowns with a step to either side, (m, unknowns): twice the work, and what rings after
-    a snap, of which the phase changes, does not pass for a slope."""
-    points, steps = [], []
-    for k, unknown in enumerate(unknowns):
-        step = HALF * campaign.steps.get(unknown.target, STEP) * np.eye(len(u))[k]
-        points += [clipped(unknowns, u + step), clipped(unknowns, u - step)]
-        steps.append(points[-2][k] - points[-1][k])
+    a snap, of which the phase changes, does not pass for a slope. Of a step off an edge the other side is taken."""
+    steps = np.diag([HALF * campaign.steps.get(unknown.target, STEP) for unknown in unknowns])
+    points = [clipped(unknowns, u + sign * step) for step in steps for sign in (1, -1)]
     ends = campaign.residuals(unknowns, points)
-    return np.column_stack([(a - b) / step for a, b, step in zip(ends[::2], ends[1::2], steps, strict=True)])
+    out = np.empty((len(residual), len(u)))
+    for k in range(len(u)):
+        sides = [(points[j][k], ends[j]) for j in (2 * k, 2 * k + 1)]
+        gentle = min(((end - residual) / (x - u[k]) for x, end in sides if x != u[k]), key=np.linalg.norm)
+        (above, end_above), (below, end_below) = sides
+        slope = (end_above - end_below) / (above - below)
+        out[:, k] = gentle if _steeper(slope, gentle) else slope
+    return out
+
+
+def _otherwise(campaign: Campaign, unknowns: Sequence[Unknown], u: Floats, residual: Floats, time: int) -> Floats:
+    """Slopes for a search that has come to its end, in turn by steps over which what rings is averaged out, and from
+    both sides."""
+    if time % 2:
+        return measured_slopes(campaign, unknowns, u, residual, range(len(u)), WIDE_SIGMAS)
+    return central_slopes(campaign, unknowns, u, residual)
+
+
+def _steeper(slope: Floats, other: Floats) -> bool:
+    return bool(np.linalg.norm(slope) > STEEPER * np.linalg.norm(other))
 
 
 def descend(
@@ -144,7 +168,7 @@ def descend(
     fresh = slopes is None
     if slopes is None:
         slopes = measured_slopes(campaign, unknowns, u, residual, range(len(u)))
-    straight, central = Straight(unknowns), 0
+    straight, otherwise = Straight(unknowns), 0
     damping = np.array(DAMPING)
     if resumed is not None:
         fresh, damping = resumed.fresh, damping * (resumed.damping / DAMPING[0])
@@ -178,18 +202,19 @@ def descend(
         else:
             damping = damping * 16
         if gain < little and fresh and (gain > 0 or damping[0] > 10):
-            if not central and little <= FINELY and cost < len(residual) + NEAR_NOISE:
-                central, damping = 1, np.array(DAMPING)
-                slopes, fresh = central_slopes(campaign, unknowns, u), True
+            if otherwise < BOTH and little <= FINELY and cost < len(residual) + NEAR_NOISE:
+                otherwise, damping = otherwise + 1, np.array(DAMPING)
+                slopes, fresh = _otherwise(campaign, unknowns, u, residual, otherwise), True
                 continue
             slopes, fresh = (corrected, False) if gain > 0 else (slopes, fresh)
             break
         if not fresh and (gain < WELL * predicted or gain < little):
-            if central == CENTRAL:
+            if otherwise == OTHERWISE:
                 slopes = corrected if gain > 0 else slopes
                 break
-            if central:
-                slopes, central = central_slopes(campaign, unknowns, u), central + 1
+            if otherwise:
+                otherwise += 1
+                slopes = _otherwise(campaign, unknowns, u, residual, otherwise)
             else:
                 slopes = measured_slopes(campaign, unknowns, u, residual, range(len(u)))
             fresh = True

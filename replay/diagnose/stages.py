@@ -33,7 +33,7 @@ Floats = NDArray[np.float64]
 ROUNDS = 40
 #: A search by outlines ends when a round gains less than this share of the cost.
 ROUGHLY = 3e-3
-#: Gain by linear reckoning below which a cause is not worth a fit.
+#: Gain over the base below which a cause is not worth more fitting.
 HOPELESS = 12.0
 #: What is unexplained up to this, sigmas squared, may be the noise's own; beyond it causes are looked for in outlines
 #: first, as the base's constants have been dragged away.
@@ -51,9 +51,9 @@ REVIEWED = 300.0
 #: Beyond this many causes, one that by linear reckoning leaves this many times what the best leaves once it is tried is
 #: not tried itself; one that is tried and leaves as much is not followed.
 FOREMOST, FAR = 5, 4.0
-#: Causes tried from near the base, and followed; tried by outlines and followed, carried on, and from there by all that
-#: is seen.
-TRIED_NEARBY, NEARBY, FOLLOWED, CARRIED_ON, SEEN_FULLY = 10, 6, 10, 6, 4
+#: Causes followed of all that are tried from near the base; tried there after outlines left much; of those tried by
+#: outlines followed, carried on, and from there by all that is seen.
+NEARBY, AFTERWARDS, FOLLOWED, CARRIED_ON, SEEN_FULLY = 9, 3, 10, 6, 4
 #: Of these, how many are carried on in outlines of all runs first, and knocked out of valleys: half a minute of CPU.
 KNOCKED = 1
 #: Causes that are tried once more from the winner's constants.
@@ -61,7 +61,7 @@ RIVALS = 9
 #: Whose outlines fit this many times worse than the best's is not carried on.
 HOPEFUL = 2.5
 #: Causes that are carried to the end, and beyond these where little is missing.
-FINISHED, FINISHED_NEARBY = 3, 2
+FINISHED, FINISHED_NEARBY = 3, 1
 #: Causes that get partners; second causes tried by outlines, and from nearby, where linear reckoning is better; pairs
 #: carried on.
 PARTNERS, SECONDS, NEAR_SECONDS, PAIRS = 2, 9, 6, 3
@@ -102,8 +102,9 @@ def by_outlines(
     _seen_fully(found, further, SEEN_FULLY * (1 + thorough))
 
 
-def from_nearby(found: Inquiry, names: Sequence[str], most: int, thorough: bool, told: Told) -> None:
-    """Fit to all that is seen the ``most`` causes that promise most by linear reckoning at the base's optimum."""
+def from_nearby(found: Inquiry, names: Sequence[str], most: int | None, thorough: bool, told: Told) -> None:
+    """Fit causes to all that is seen from the base's optimum: the ``most`` that promise most by linear reckoning, or
+    all, as after light damping's long ringing it promises 3 where 300 are to be gained."""
     campaign, null = found.campaign, found.null
     seen = looks(campaign, null, names)
     for look in seen:
@@ -114,8 +115,7 @@ def from_nearby(found: Inquiry, names: Sequence[str], most: int, thorough: bool,
         if campaign.stop():
             return
         told(group[0].name, len(names), len(names) + 5)
-        if null.cost - group[0].promise > HOPELESS:
-            first.append(tried(campaign, null, group[: 3 if thorough else 2]))
+        first.append(tried(campaign, null, group[: 3 if thorough else 2]))
     first.sort(key=lambda c: c.cost)
     for k, one in enumerate(first):
         found.keep(followed(campaign, one) if thorough or k < NEARBY else one)
@@ -134,21 +134,25 @@ def _seen_fully(found: Inquiry, fitted: Sequence[Contestant], most: int, *, outl
 
 
 def weigh_anew(found: Inquiry, done: Mapping[str, float]) -> None:
-    """Judge everybody with what repeats differ by at the winner's optimum, and the base from the winner's constants.
+    """Judge everybody with what repeats differ by at the winner's optimum, where the base has been far from it.
 
-    A base, or a rival that was carried to its end, fitted less well than the winner would be no judge of it.
+    Away from where it is felt all is charged more, so whoever was near before is fitted once more.
     """
     campaign, winner = found.campaign, min(found.singles.values(), key=lambda c: c.cost)
+    rivals = [name for name in done if found.singles[name].cost < winner.cost + REVIEWED]
     allow_repeats(campaign, winner.fit)
     found.singles = {name: Contestant(c.hypothesis, seen_again(campaign, c.fit)) for name, c in found.singles.items()}
-    for name in dict.fromkeys((winner.name, *done)):
-        if found.singles[name].cost < found.singles[winner.name].cost + REVIEWED:
-            found.singles[name] = finish(campaign, found.singles[name], rounds=4)
+    for name in dict.fromkeys((winner.name, *rivals)):
+        found.singles[name] = finish(campaign, found.singles[name], rounds=4)
     found.null = seen_again(campaign, found.null)
-    if found.null.cost - found.singles[winner.name].cost < CLOSE:
-        base = found.null.unknowns
-        nulls = [descend(campaign, base, u, rounds=4) for u in (found.null.u, winner.fit.u[: len(base)])]
-        found.null = min(nulls, key=lambda fit: fit.cost)
+
+
+def base_anew(found: Inquiry) -> None:
+    """Fit the base once more, also from the winner's constants: one fitted less well would be no judge of it."""
+    winner, base = min(found.singles.values(), key=lambda c: c.cost), found.null.unknowns
+    if found.null.cost - winner.cost < CLOSE:
+        nulls = [descend(found.campaign, base, u, rounds=ROUNDS) for u in (found.null.u, winner.fit.u[: len(base)])]
+        found.null = min((found.null, *nulls), key=lambda fit: fit.cost)
 
 
 def from_the_winner(found: Inquiry, wide: Campaign, names: Sequence[str], done: dict[str, float]) -> None:

@@ -243,15 +243,17 @@ def test_the_way_in_loses_pressure_as_its_laws_say(names: list[str]) -> None:
     straw = FOLDING
     for name in names:
         straw = with_typical(straw, TERMS[name]) if TERMS[name].kind == "flow" else straw
+    if "trapped_gas" in names:
+        straw = straw.with_term("trapped_gas", exponent=1.3)
     w = channel_of(straw.constants())
     external, rate = 20e3, lambda t: 4e-6 * np.sin(40 * t)
-    gas0 = w.gas_m3 / (1 + external / 101_325.0)
+    gas0 = w.gas_m3 / (1 + external / 101_325.0) ** (1 / w.exponent)
 
     def law(t, y):
         reservoir = y[0] if w.lag_s > 0 else external
         flow = rate(t)
         if w.gas_m3 > 0:
-            inside = 101_325.0 * (w.gas_m3 / y[2] - 1)
+            inside = 101_325.0 * ((w.gas_m3 / y[2]) ** w.exponent - 1)
             drop = reservoir - inside
             flow = y[1] if w.inertance > 0 else _flow_at(w, drop)
             d_flow = (drop - w.resistance * flow - w.loss * flow * abs(flow)) / w.inertance if w.inertance > 0 else 0.0
@@ -267,7 +269,7 @@ def test_the_way_in_loses_pressure_as_its_laws_say(names: list[str]) -> None:
         known[:] = now
     reservoir, flow, gas = tight.y[:, -1]
     if w.gas_m3 > 0:
-        assert inside == pytest.approx(101_325.0 * (w.gas_m3 / gas - 1), abs=20.0)
+        assert inside == pytest.approx(101_325.0 * ((w.gas_m3 / gas) ** w.exponent - 1), abs=20.0)
     else:
         reservoir = reservoir if w.lag_s > 0 else external
         flow, d_flow = rate(end), 4e-6 * 40 * np.cos(40 * end)

@@ -5,18 +5,24 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from replay.diagnose.hypothesis import Unknown
-from replay.diagnose.search import Straight, descend
+from replay.diagnose.contest import looks, walks
+from replay.diagnose.hypothesis import Hypothesis, Unknown
+from replay.diagnose.search import Straight, central_slopes, descend, measured_slopes
 
 OFFSET, LENGTH = (Unknown(name, 1.0, sd=10.0, low=-8.0, high=8.0) for name in ("offset", "length"))
 FIRST, SECOND = (Unknown(name, 1.0, kind="linear", sd=10.0) for name in ("first", "second"))
 
 
 class Toy:
-    """A campaign whose differences are a formula of the values."""
+    """A campaign whose differences are a formula of the values; with a library of one cause."""
 
-    def __init__(self, formula):
-        self.formula, self.steps = formula, {}
+    rough = True  # all starts are looked at
+
+    def __init__(self, formula, cause=None):
+        self.formula, self.steps, self.cause = formula, {}, cause
+
+    def hypothesis(self, names):
+        return self.cause
 
     def stop(self):
         return False
@@ -56,3 +62,40 @@ def test_a_way_between_two_places_is_straight_in_values_and_kept_within_bounds()
     assert straight.after(start, np.array([1e9, 0.0]))[0] == OFFSET.high
     # a slope by u is the slope by value times dvalue/du
     np.testing.assert_allclose(straight.stretch(end, start), [np.cosh(2.5) / np.cosh(0.3), 1.0])
+
+
+def test_a_longer_step_that_falls_off_an_edge_does_not_spoil_a_slope():
+    toy = Toy(lambda v: np.array([0.5 * v[0], v[1]] + 4 * [300.0 if v[0] > 0.1 else 0.0]))
+    u = np.zeros(2)
+    slopes = measured_slopes(toy, (FIRST, SECOND), u, toy.residuals((FIRST, SECOND), [u])[0], [0, 1])
+    np.testing.assert_allclose(slopes, [[0.5, 0], [0, 1], *4 * [[0, 0]]], atol=1e-12)
+    assert toy.steps["first"] < 0.1  # nor is it tried by the next derivative from both sides
+
+
+def test_of_a_step_off_an_edge_the_slope_to_the_other_side_is_taken():
+    toy = Toy(lambda v: np.array([2 * v[0], v[1]] + 4 * [300.0 if v[0] < 0 else 0.0]))
+    u = np.zeros(2)
+    slopes = central_slopes(toy, (FIRST, SECOND), u, toy.residuals((FIRST, SECOND), [u])[0])
+    np.testing.assert_allclose(slopes, [[2, 0], [0, 1], *4 * [[0, 0]]], atol=1e-12)
+
+
+def test_what_is_known_follows_a_growing_cause_where_a_leap_to_its_size_leads_away():
+    cause = Hypothesis(("length",), (LENGTH,), tuple((u,) for u in (0.6, 1.0, 1.4, 1.8, 2.1, 2.4)))
+
+    def differences(values):  # what is known makes up for the cause, but feels no more than two units of it
+        first, length = values if len(values) == 2 else (*values, 0.0)
+        return np.array([60 * np.tanh((first - length) / 2), 3 * (length - 5)])
+
+    toy = Toy(differences, cause)
+    known = descend(toy, (FIRST,), np.zeros(1))
+    seen = looks(toy, known, ["length"])
+    leap = toy.residuals((FIRST, LENGTH), [np.array([known.u[0], 2.4])])[0]
+    assert leap @ leap > 3 * known.cost
+    assert min(look.cost for look in seen) < known.cost / 3
+
+
+def test_a_walk_goes_on_as_long_as_a_cause_only_grows():
+    shape = Unknown("shape", 1.0, 1.0, "log")
+    starts = ((0.5, 0.0), (1.0, 0.0), (2.0, 1.0), (-1.0, 1.0), (-2.0, 1.0), (-1.5, 1.0))
+    found = walks(Hypothesis(("a cause",), (OFFSET, shape), starts), starts)
+    assert [len(walk) for walk in found] == [2, 1, 2, 1]

@@ -120,6 +120,16 @@ def test_unknowns_give_back_the_value_they_start_from():
     assert strength.per_u(0.4) == pytest.approx((strength.value(0.4 + 1e-6) - strength.value(0.4 - 1e-6)) / 2e-6)
 
 
+@pytest.mark.parametrize("cause", CAUSES)
+def test_wherever_its_bounds_let_a_search_go_a_cause_can_be_set_into_a_straw(cause):
+    what = hypothesis([cause], BASE.cells)
+    for start in what.starts:
+        for k, unknown in enumerate(what.unknowns):
+            for bound in (unknown.low, unknown.high):
+                if np.isfinite(bound):
+                    applied(BASE, what.unknowns, np.array([*start[:k], bound, *start[k + 1 :]]))
+
+
 def test_elasticity_and_geometry_stay_within_a_few_percent_of_what_is_given():
     ends = {k.target: (k.value(k.low), k.value(k.high)) for k in base_unknowns(BASE)}
     for name in ("E_pa", "h_m", "zeta01", "zeta02"):
