@@ -37,8 +37,8 @@ from replay.diagnose.stages import (
 from replay.diagnose.start import base_start, few_of
 from replay.errors import ReplayError
 
-#: Seconds of runs that are played before a search that is not thorough leaves out what only may help. Eight runs of 4 s
-#: take 15,000 with nothing missing, 81,000 and six minutes on two cores with two causes at once and no such limit.
+#: Seconds of runs that are played before a search that is not thorough leaves out what only may help. Before searches
+#: were made finer, two causes at once in eight runs of 4 s took 81,000, and six minutes on two cores, without it.
 PATIENCE_S = 45_000.0
 
 

@@ -118,7 +118,9 @@ def from_nearby(found: Inquiry, names: Sequence[str], most: int | None, thorough
         first.append(tried(campaign, null, group[: 3 if thorough else 2]))
     first.sort(key=lambda c: c.cost)
     for k, one in enumerate(first):
-        found.keep(followed(campaign, one) if thorough or k < NEARBY else one)
+        fitted = followed(campaign, one) if thorough or k < NEARBY else one
+        if fitted.cost < null.cost - HOPELESS:  # with nothing of it a cause would share in the base's own probability
+            found.keep(fitted)
 
 
 def _seen_fully(found: Inquiry, fitted: Sequence[Contestant], most: int, *, outlined: bool = True) -> None:
