@@ -11,13 +11,14 @@ from rig.errors import LinkLostError, RigError
 
 T = TypeVar("T")
 POLL_S = 0.02  # how long one read may wait; changing a port's timeout per call would reconfigure the port each time
+WRITE_S = 0.5  # a request is some twenty bytes, 2 ms on the slowest line
 
 
 class Line:
     """A serial port by name (``COM3``, ``/dev/ttyUSB0``), by-id path, or URL (``socket://host:port``).
 
-    Every fault of the port is a ``LinkLostError``, and silence a plain ``RigError``, each with one line that says which
-    port and what to do.
+    Every fault of the port is a ``LinkLostError``; silence, and a request not taken in time, a plain ``RigError``. Each
+    has one line that says which port and what to do.
     """
 
     def __init__(self, port: str, baud: int = 115200) -> None:
@@ -32,7 +33,7 @@ class Line:
         alone: dict[str, Any] = {} if "://" in self.port else {"exclusive": True}
         try:
             self._serial = serial.serial_for_url(
-                self.port, baudrate=self.baud, timeout=POLL_S, write_timeout=0.5, **alone
+                self.port, baudrate=self.baud, timeout=POLL_S, write_timeout=WRITE_S, **alone
             )
         except (OSError, ValueError, TypeError) as error:  # SerialException is an OSError
             raise LinkLostError(
@@ -67,8 +68,19 @@ class Line:
         return self._guarded(read_waiting)
 
     def write(self, request: bytes) -> None:
-        """Send all bytes of the request."""
-        self._guarded(lambda port: port.write(request))
+        """Send all bytes of the request; RigError when they were not taken in time, which is an answer missed."""
+        from serial import SerialTimeoutException
+
+        def send(port: Any) -> None:
+            try:
+                port.write(request)
+            except SerialTimeoutException:  # also when this computer stood still: no reason to call the cable cut
+                raise RigError(
+                    f"port {self.port}: {request!r} was not taken within {WRITE_S:g} s; check that this computer is "
+                    "not too busy, and the instrument on"
+                ) from None
+
+        self._guarded(send)
 
     def read_until(self, until: bytes, timeout_s: float) -> bytes:
         """Bytes up to and including ``until``; RigError when it does not come within ``timeout_s`` seconds."""

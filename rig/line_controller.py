@@ -62,10 +62,10 @@ class LineController(Controller):
 
     def _vent(self, channel: int) -> None:
         """Unlike any other set, a vent is sent at once, whatever is still on its way, and repeated until confirmed."""
-        if self._behind:
-            self._line.write(b"".join(self._vent_requests(channel)))
         for attempt in range(VENT_ATTEMPTS):
             try:
+                if self._behind:
+                    self._line.write(b"".join(self._vent_requests(channel)))
                 for request in self._vent_requests(channel):
                     self._confirm(request, self._ask(request))
                 return

@@ -13,6 +13,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from serial import SerialTimeoutException
+from serial.urlhandler.protocol_socket import Serial as SocketSerial
 
 from rig.controller import Controller, make_controller
 from rig.emulate import Emulation
@@ -65,6 +67,29 @@ def test_what_is_logged_is_the_reading_never_the_command(
     assert run.command is not None
     assert run.command.pressure_pa.min() == -25e3
     assert run.pressure.pressure_pa.min() == -10e3
+
+
+def test_a_computer_that_stood_still_while_it_asked_misses_an_answer_and_goes_on(
+    emulation: Emulation, short: PressureProtocol, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = 0
+    send = SocketSerial.write
+
+    def stalled_once(port: SocketSerial, request: bytes) -> int | None:
+        nonlocal asked
+        asked += 1
+        sent: int | None = send(port, request)
+        if asked == 20:  # pyserial says so although all bytes are out, when it was its own computer that stood still
+            raise SerialTimeoutException("Write timeout")
+        return sent
+
+    monkeypatch.setattr(SocketSerial, "write", stalled_once)
+    with make_controller("ob1-mk4", emulation.url) as controller:
+        outcome = run_protocol(controller, short, tmp_path / "run.mcap")
+    assert outcome.missed == 1
+    run = read_run(tmp_path / "run.mcap")
+    assert run.metadata["exit_status"] == "success"
+    assert [event.text for event in run.events if event.kind == "fault"][0].startswith("port socket://")
 
 
 def test_the_straw_behind_the_wire_moves_with_the_run(
