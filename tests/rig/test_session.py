@@ -89,7 +89,7 @@ def test_a_computer_that_stood_still_while_it_asked_misses_an_answer_and_goes_on
     assert outcome.missed == 1
     run = read_run(tmp_path / "run.mcap")
     assert run.metadata["exit_status"] == "success"
-    assert [event.text for event in run.events if event.kind == "fault"][0].startswith("port socket://")
+    assert next(event.text for event in run.events if event.kind == "fault").startswith("port socket://")
 
 
 def test_the_straw_behind_the_wire_moves_with_the_run(
