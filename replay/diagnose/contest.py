@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from replay.diagnose.campaign import Campaign
 from replay.diagnose.hypothesis import Hypothesis, Unknown
 from replay.diagnose.search import (
+    FINELY,
     LONGEST_STEP,
     Fit,
     clipped,
@@ -23,8 +24,9 @@ from replay.diagnose.search import (
 
 Floats = NDArray[np.float64]
 
-#: A first fit ends when a round gains less than this share of the cost.
-LITTLE = 1e-2
+#: A first fit to outlines ends when a round gains less than this share of the cost, one to all that is seen when it
+#: gains less than so much: more than what would have it take slopes in other ways, which `tried` does.
+LITTLE, WORTH = 1e-2, FINELY + 1.0
 #: Starts of a cause that are looked at by all that is seen: there it is small. Outlines are shown all of them.
 NEAR_STARTS = 2
 #: Starts this far apart, in units of u, are different ones; each is tried for so many rounds, unless the misfit there
@@ -92,13 +94,13 @@ def looks(campaign: Campaign, known: Fit, names: Sequence[str]) -> list[Look]:
             promises[name] = min(promises[name], cost, known.cost - _gain(known, column, [ANY_SHARE]))
         # the constants known before make room for the new cause: without it a large effect looks hopeless at once
         room = at([(name, _making_room(known, unknowns[name], point, residual)) for name, point, residual, _ in first])
-        out += [Look(*look, promises[look[0]]) for look in (*first, *room)]
+        out += [*first, *room]
         going = [
             (name, walk[1:], min(ends, key=lambda look: look[3])[1][:n])
             for (name, walk, _), *ends in zip(going, first, room, strict=True)
             if len(walk) > 1
         ]
-    return [replace(look, promise=min(promises[look.name], look.cost)) for look in out]
+    return [Look(*one, min(promises[one[0]], one[3])) for one in out]
 
 
 def walks(what: Hypothesis, starts: Sequence[Sequence[float]]) -> list[list[Sequence[float]]]:
@@ -153,15 +155,21 @@ def enter(
 ) -> Contestant:
     """A first fit of a cause beside what is known, from the given looks.
 
-    Slopes by the constants known before are taken over at first; only the new ones' are measured.
+    Slopes by the constants known before are taken over at first; only the new ones' are measured. With nothing of the
+    cause yet they all hold.
     """
     what = campaign.hypothesis([found[0].name])
     unknowns = (*known.unknowns, *what.unknowns)
     n, best = len(known.u), None
+    enough, share = _until(campaign)
     own = range(n, len(unknowns))
     for look in found:
         slopes = np.concatenate(
-            [known.slopes, measured_slopes(campaign, unknowns, look.point, look.residual, own)], axis=1
+            [
+                known.slopes,
+                measured_slopes(campaign, unknowns, look.point, look.residual, own, known.felt_sigmas),
+            ],
+            axis=1,
         )
         fit = descend(
             campaign,
@@ -169,8 +177,10 @@ def enter(
             look.point,
             slopes=slopes,
             residual=look.residual,
+            fresh=known.fresh and _nothing_of(look, known),
             rounds=rounds,
-            share=LITTLE,
+            enough=enough,
+            share=share,
         )
         best = fit if best is None or fit.cost < best.cost else best
         if campaign.stop():
@@ -194,11 +204,27 @@ def ranked(found: Sequence[Look], known: Fit) -> list[list[Look]]:
     return sorted(groups.values(), key=lambda group: min(look.promise for look in group))
 
 
-def tried(campaign: Campaign, known: Fit, group: Sequence[Look], onto: Hypothesis | None = None) -> Contestant:
+def tried(
+    campaign: Campaign, known: Sequence[Fit], group: Sequence[Look], onto: Hypothesis | None = None
+) -> Contestant:
     """A cause fitted a little way from each of several starts, and the best of them. Which is best shows only after
-    some rounds: where a law decides to which side a cell snaps, the right start can look as bad as the wrong one."""
-    hopeful = [look for look in group if look.cost < TOO_FAR * known.cost] or group[:1]
-    return min((enter(campaign, known, [look], rounds=TRIED, onto=onto) for look in hopeful), key=lambda c: c.cost)
+    some rounds: where a law decides to which side a cell snaps, the right start can look as bad as the wrong one.
+
+    ``known`` is one fit; with slopes known in several ways, a start with nothing of the cause is tried with each.
+    """
+    first = known[0]
+    hopeful = [look for look in group if look.cost < TOO_FAR * first.cost] or group[:1]
+    ways = [(look, one) for look in hopeful for one in (known if _nothing_of(look, first) else known[:1])]
+    return min((enter(campaign, one, [look], rounds=TRIED, onto=onto) for look, one in ways), key=lambda c: c.cost)
+
+
+def _nothing_of(look: Look, known: Fit) -> bool:
+    return np.array_equal(look.residual, known.residual)
+
+
+def _until(campaign: Campaign) -> tuple[float, float]:
+    """When a search that only shall show what a cause promises ends: at what gain, and at what share of the cost."""
+    return (1.0, LITTLE) if campaign.rough else (WORTH, 0.0)
 
 
 def released(one: Contestant, free: tuple[Unknown, ...]) -> Contestant:
@@ -211,7 +237,8 @@ def released(one: Contestant, free: tuple[Unknown, ...]) -> Contestant:
 def followed(campaign: Campaign, one: Contestant) -> Contestant:
     """A cause that was tried, fitted some rounds more."""
     fit = one.fit
-    done = descend(campaign, fit.unknowns, fit.u, rounds=4, share=LITTLE, resumed=fit)
+    enough, share = _until(campaign)
+    done = descend(campaign, fit.unknowns, fit.u, rounds=4, enough=enough, share=share, resumed=fit)
     return Contestant(one.hypothesis, done)
 
 

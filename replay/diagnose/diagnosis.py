@@ -89,18 +89,16 @@ def inquire(
     found = Inquiry(campaign, null)
     told("looking at every cause", 1, total)
     done: dict[str, float] = {}  # costs of those carried to their end
+    worth = NEARLY * null.cost if loud else null.cost - HOPELESS  # what costs more is not carried there
     if loud:
         by_outlines(found, wide, known, start, names, thorough, told)
-        finish_best(found, 1, done, NEARLY * null.cost)
+        finish_best(found, 1, done, worth)
     if thorough or not loud or unexplained(campaign, found.best) > EXPLAINED:
         from_nearby(found, names, AFTERWARDS if loud else None, thorough, told)
     if stop():
         return found
     told("finishing the best", len(names) + 2, total)
-    if loud:
-        finish_best(found, FINISHED + 3 * thorough, done, NEARLY * null.cost)
-    else:
-        finish_best(found, FINISHED + FINISHED_NEARBY + 3 * thorough, done, null.cost - HOPELESS)
+    finish_best(found, FINISHED + (0 if loud else FINISHED_NEARBY) + 3 * thorough, done, worth)
     if found.singles and found.contestants[0].cost < found.null.cost - HOPELESS:
         if loud:
             weigh_anew(found, done)

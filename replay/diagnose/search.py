@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,7 @@ class Fit:
     cost: float  # robust, with priors
     fresh: bool  # whether the slopes were measured here
     damping: float = DAMPING[0]  # with which the search would go on
+    felt_sigmas: float = STEP_SIGMAS  # by which steps slopes were measured
 
     @property
     def values(self) -> dict[str, float]:
@@ -128,6 +129,16 @@ def central_slopes(campaign: Campaign, unknowns: Sequence[Unknown], u: Floats, r
     return out
 
 
+def known_well(campaign: Campaign, fit: Fit) -> list[Fit]:
+    """The fit with slopes measured where it is, from both sides, and by steps that are felt more: where something rings
+    now the ones, now the others show the way."""
+    ways = [_otherwise(campaign, fit.unknowns, fit.u, fit.residual, time) for time in (0, 1)]
+    return [
+        replace(fit, slopes=slopes, fresh=True, felt_sigmas=felt)
+        for slopes, felt in zip(ways, (STEP_SIGMAS, WIDE_SIGMAS), strict=True)
+    ]
+
+
 def _otherwise(campaign: Campaign, unknowns: Sequence[Unknown], u: Floats, residual: Floats, time: int) -> Floats:
     """Slopes for a search that has come to its end, in turn by steps over which what rings is averaged out, and from
     both sides."""
@@ -147,6 +158,7 @@ def descend(
     *,
     slopes: Floats | None = None,
     residual: Floats | None = None,
+    fresh: bool = False,
     rounds: int = 8,
     enough: float = 1.0,
     share: float = 0.0,
@@ -154,8 +166,8 @@ def descend(
 ) -> Fit:
     """Damped Gauss-Newton from u, or going on with a fit as if it had not been interrupted (``resumed``).
 
-    ``slopes`` (m, unknowns) may be known from nearby; they are measured anew whenever they predict badly, else
-    corrected by what each step shows (Broyden).
+    ``slopes`` (m, unknowns) may be known, from nearby or as measured here (``fresh``); they are measured anew whenever
+    they predict badly, else corrected by what each step shows (Broyden).
     Ends when a round gains less than ``enough`` or that ``share`` of the cost.
     """
     unknowns = tuple(unknowns)
@@ -165,9 +177,8 @@ def descend(
     if residual is None:
         residual = campaign.residuals(unknowns, [u])[0]
     cost = cost_at(unknowns, u, residual)
-    fresh = slopes is None
     if slopes is None:
-        slopes = measured_slopes(campaign, unknowns, u, residual, range(len(u)))
+        fresh, slopes = True, measured_slopes(campaign, unknowns, u, residual, range(len(u)))
     straight, otherwise = Straight(unknowns), 0
     damping = np.array(DAMPING)
     if resumed is not None:
@@ -175,33 +186,17 @@ def descend(
     for _ in range(rounds):
         if campaign.stop():
             break
-
-        def downhill(at: Floats, left: Floats, damped: float, slopes: Floats = slopes, u: Floats = u) -> Step:
-            """Where a step from ``at`` leads, with the slopes measured at u."""
-            return straight.step(at, slopes * straight.stretch(at, u), left, damped)
-
-        steps = [downhill(u, residual, d) for d in damping]
-        points = [step.end for step in steps]
-        ends = campaign.residuals(unknowns, points)
-        costs = [cost_at(unknowns, t, r) for r, t in zip(ends, points, strict=True)]
-        predicted = steps[int(np.argmin(costs))].gain
-        if cost - min(costs) < WELL * predicted:
-            # valleys bend: from where a step has led, the same slopes lead back down to the valley's floor
-            back = [downhill(t, r, d).end for t, r, d in zip(points, ends, damping, strict=True)]
-            ends += campaign.residuals(unknowns, back)
-            points += back
-            costs = [cost_at(unknowns, t, r) for r, t in zip(ends, points, strict=True)]
-        best = int(np.argmin(costs))
-        gain = cost - costs[best]
         little = max(enough, share * cost, BEYOND_NOISE * (cost - len(residual)))
-        corrected = _broyden(slopes, ends[best] - residual, straight.way(u, points[best]))
+        best, predicted = _best_step(campaign, straight, u, residual, cost, slopes, damping, enough)
+        gain = cost - best.cost
+        corrected = _broyden(slopes, best.residual - residual, straight.way(u, best.u))
         if gain > 0:
-            corrected *= straight.stretch(points[best], u)
-            u, residual, cost = points[best], ends[best], costs[best]
-            damping = damping / 4 if best % 2 == 0 else damping
+            corrected *= straight.stretch(best.u, u)
+            u, residual, cost = best.u, best.residual, best.cost
+            damping = damping / 4 if best.damping == damping[0] else damping
         else:
             damping = damping * 16
-        if gain < little and fresh and (gain > 0 or damping[0] > 10):
+        if gain < little and fresh and (gain > 0 or predicted < enough or damping[0] > 10):
             if otherwise < BOTH and little <= FINELY and cost < len(residual) + NEAR_NOISE:
                 otherwise, damping = otherwise + 1, np.array(DAMPING)
                 slopes, fresh = _otherwise(campaign, unknowns, u, residual, otherwise), True
@@ -221,6 +216,48 @@ def descend(
         elif gain > 0 or not fresh:
             slopes, fresh = corrected, False
     return Fit(unknowns, u, residual, slopes, cost, fresh, float(damping[0]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """A step that was taken on trial: where it led, what it cost to be there, with which damping."""
+
+    u: Floats
+    residual: Floats
+    cost: float
+    damping: float
+
+
+def _best_step(
+    campaign: Campaign,
+    straight: Straight,
+    u: Floats,
+    residual: Floats,
+    cost: float,
+    slopes: Floats,
+    damping: Floats,
+    enough: float,
+) -> tuple[_Tried, float]:
+    """The best of a few steps, and the gain predicted for it: one with each damping, until one keeps what it promised
+    or promises less than ``enough``, and one back to the valley's floor."""
+
+    def taken(at: Floats, left: Floats, damped: float) -> tuple[_Tried, float]:
+        step = straight.step(at, slopes * straight.stretch(at, u), left, damped)
+        (end,) = campaign.residuals(straight.unknowns, [step.end])
+        return _Tried(step.end, end, cost_at(straight.unknowns, step.end, end), damped), step.gain
+
+    best, predicted = taken(u, residual, damping[0])
+    for damped in damping[1:]:
+        if cost - best.cost >= WELL * predicted or predicted < enough:
+            return best, predicted
+        other, gain = taken(u, residual, damped)
+        if other.cost < best.cost:
+            best, predicted = other, gain
+    if cost - best.cost < WELL * predicted:
+        # valleys bend: from where a step has led, the same slopes lead back down to the valley's floor
+        back, _ = taken(best.u, best.residual, best.damping)
+        best = min(best, back, key=lambda one: one.cost)
+    return best, predicted
 
 
 @dataclass(frozen=True)

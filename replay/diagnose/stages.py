@@ -25,7 +25,7 @@ from replay.diagnose.hypothesis import Hypothesis, dragged, held
 from replay.diagnose.inquiry import Inquiry, Told, allow_repeats
 from replay.diagnose.judge import unexplained
 from replay.diagnose.knocks import knocked
-from replay.diagnose.search import Fit, descend
+from replay.diagnose.search import Fit, descend, known_well
 
 Floats = NDArray[np.float64]
 
@@ -88,7 +88,7 @@ def by_outlines(
         if not thorough and k >= FOREMOST and min(look.promise for look in group) > FAR * best:
             one = unfitted(wide, known, group[0])
         else:
-            one = tried(wide, known, group[: STARTS + 3 * thorough])
+            one = tried(wide, [known], group[: STARTS + 3 * thorough])
         best = min(best, one.cost)
         first.append(released(one, free))
     first.sort(key=lambda c: c.cost)
@@ -106,6 +106,7 @@ def from_nearby(found: Inquiry, names: Sequence[str], most: int | None, thorough
     """Fit causes to all that is seen from the base's optimum: the ``most`` that promise most by linear reckoning, or
     all, as after light damping's long ringing it promises 3 where 300 are to be gained."""
     campaign, null = found.campaign, found.null
+    known = known_well(campaign, null)
     seen = looks(campaign, null, names)
     for look in seen:
         found.keep(unfitted(campaign, null, look))
@@ -115,7 +116,7 @@ def from_nearby(found: Inquiry, names: Sequence[str], most: int | None, thorough
         if campaign.stop():
             return
         told(group[0].name, len(names), len(names) + 5)
-        first.append(tried(campaign, null, group[: 3 if thorough else 2]))
+        first.append(tried(campaign, known, group[: 3 if thorough else 2]))
     first.sort(key=lambda c: c.cost)
     for k, one in enumerate(first):
         fitted = followed(campaign, one) if thorough or k < NEARBY else one
@@ -167,7 +168,7 @@ def from_the_winner(found: Inquiry, wide: Campaign, names: Sequence[str], done: 
     for group in ranked(looks(wide, known, others), known)[:RIVALS]:
         if wide.stop():
             return
-        first.append(tried(wide, known, group[:2]))
+        first.append(tried(wide, [known], group[:2]))
     hopeful = HOPEFUL * seen_again(wide, winner.fit).cost
     close = sorted((one for one in first if one.cost < hopeful), key=lambda c: c.cost)
     further = [finish(wide, one, rounds=ROUNDS, share=ROUGHLY) for one in close[: RIVALS // 2]]
@@ -234,9 +235,10 @@ def _beside(where: Campaign, at: Fit, first: Hypothesis, names: Sequence[str], t
     """A first cause with each of some others, the most promising ones, a little way from several starts."""
     out: list[Contestant] = []
     most = SECONDS if where.rough else NEAR_SECONDS
+    known = [at] if where.rough else known_well(where, at)
     seen = looks(where, at, names) + ([] if where.rough else nothing_yet(where, at, names))
     for group in ranked(seen, at)[: None if thorough else most]:
         if where.stop():
             break
-        out.append(tried(where, at, group[: 2 if where.rough else 1], onto=first))
+        out.append(tried(where, known, group[: 2 if where.rough else 1], onto=first))
     return out

@@ -19,7 +19,7 @@ class Toy:
     rough = True  # all starts are looked at
 
     def __init__(self, formula, cause=None):
-        self.formula, self.steps, self.cause = formula, {}, cause
+        self.formula, self.steps, self.cause, self.played = formula, {}, cause, []
 
     def hypothesis(self, names):
         return self.cause
@@ -28,6 +28,7 @@ class Toy:
         return False
 
     def residuals(self, unknowns, points):
+        self.played += points
         return [self.formula([k.value(float(x)) for k, x in zip(unknowns, u, strict=True)]) for u in points]
 
 
@@ -50,6 +51,24 @@ def test_a_valley_of_something_that_rings_is_walked_to_its_end():
     fit = descend(toy, (FIRST, SECOND), np.array([0.0, 1.0]), rounds=40)
     assert fit.cost < 0.2
     np.testing.assert_allclose(fit.u, [3.0, -0.5], atol=0.03)
+
+
+def test_where_steps_keep_what_slopes_promise_each_is_the_only_one_and_known_slopes_are_not_measured_again():
+    slopes, u = np.array([[3.0, 0.0], [1.0, 2.0]]), np.zeros(2)
+    played = []
+    for turned, fresh, rounds in ((1, False, 1), (-1, False, 1), (1, True, 9), (1, False, 9)):
+        toy = Toy(lambda v: slopes @ (np.array(v) - [1, 2]))
+        given = toy.residuals((FIRST, SECOND), [u])[0]
+        toy.played.clear()
+        enough = 1e3 if rounds > 1 else 1.0  # more than there is to be gained
+        descend(
+            toy, (FIRST, SECOND), u, slopes=turned * slopes, fresh=fresh, residual=given, rounds=rounds, enough=enough
+        )
+        played.append(len(toy.played))
+    assert played[0] == 1
+    assert played[1] > 3  # uphill: another damping, the way back, and slopes
+    assert played[2] == 1
+    assert played[3] > 3  # slopes from elsewhere are no reason to end
 
 
 def test_a_way_between_two_places_is_straight_in_values_and_kept_within_bounds():
