@@ -80,7 +80,11 @@ def inquire(
         )
     wide = campaign.only(few_of(observations)).roughly()
     left = unexplained(campaign, null)
-    known = descend(wide, base, start, rounds=ROUNDS, share=ROUGHLY) if left > EXPLAINED else null
+    known = null
+    if left > EXPLAINED:  # the base may be stuck: outlines lead on, and only what they leave is missing
+        known = descend(wide, base, start, rounds=ROUNDS, share=ROUGHLY)
+        null = min(null, descend(campaign, base, known.u, rounds=ROUNDS), key=lambda fit: fit.cost)
+        left = unexplained(campaign, null)
     loud = left > LOUD or (left > EXPLAINED and not deep(known))  # else outlines show nothing that the base does not
     if not loud:
         null = descend(campaign, base, null.u, rounds=ROUNDS)

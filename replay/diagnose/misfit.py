@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 
 #: Accuracy and output step of simulations. What 5e-7 m leave is far below a camera's noise, but another at every point,
 #: so it passes for a slope, and searches end 300 sigmas squared above the optimum in valleys that are narrow; 5e-8 m
-#: take 1.4 times as long. For sigmas the finer one is taken, for outlines the rough one will do.
+#: take 1.4 times as long as 3e-7. For sigmas the finer one is taken, for outlines the rough one will do.
 TOLERANCE_M = 5e-8
 FINE_M, ROUGH_M = 1e-8, 3e-7
 STEP_S = 2e-3
