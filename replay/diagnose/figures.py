@@ -32,6 +32,8 @@ UNITS = {
     "gauge_offset_pa": "Pa",
     "gauge_gain": "1",
 }
+#: Squared sigmas that are one deviation of a constant: six instruments' constants were 0.04 to 2.2 of these off.
+ONE_DEVIATION = 20.0
 #: Slopes for sigmas are measured by steps that move the runs by so many sigmas (root mean square).
 FELT_SIGMAS = 1.0
 
@@ -52,8 +54,8 @@ class Held:
 def constants_of(campaign: Campaign, best: Contestant) -> dict[str, dict[str, dict[str, Any]]]:
     """The causes' constants with one sigma, by cause and constant; residuals beyond noise widen it.
 
-    What the judge counts as one is one deviation here, too: no model is nature, and the base's constants make up for
-    what it leaves out, so instruments' constants came out up to ten of the likelihood's own deviations wrong.
+    So many squared sigmas are one deviation here (`ONE_DEVIATION`): no model is nature, and the base's constants make
+    up for what it leaves out, so instruments' constants came out up to ten of the likelihood's own deviations wrong.
 
     The search's own slopes are good enough to go downhill, but what simulations leave out makes them look steeper where
     constants stand in for each other.
@@ -64,7 +66,7 @@ def constants_of(campaign: Campaign, best: Contestant) -> dict[str, dict[str, di
     w = weights(fit.residual)
     spread = max(1.0, float(np.mean(w * fit.residual**2)))
     prior = np.diag([1 / k.sd**2 for k in fit.unknowns])
-    covariance = np.linalg.pinv((slopes * w[:, None]).T @ slopes / (spread * COUNTS_AS_ONE) + prior)
+    covariance = np.linalg.pinv((slopes * w[:, None]).T @ slopes / (spread * ONE_DEVIATION) + prior)
     out: dict[str, dict[str, dict[str, Any]]] = {cause: {} for cause in best.hypothesis.causes}
     for k, (unknown, u) in enumerate(zip(fit.unknowns, fit.u, strict=True)):
         cause, name, unit = _named(unknown)
