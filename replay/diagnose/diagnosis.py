@@ -18,6 +18,7 @@ from replay.diagnose.observation import Observation
 from replay.diagnose.search import descend
 from replay.diagnose.stages import (
     AFTERWARDS,
+    AWAY,
     EXPLAINED,
     FINISHED,
     FINISHED_NEARBY,
@@ -39,7 +40,7 @@ from replay.errors import ReplayError
 
 #: Seconds of runs that are played before a search that is not thorough leaves out what only may help. Before searches
 #: were made finer, two causes at once in eight runs of 4 s took 81,000, and six minutes on two cores, without it.
-PATIENCE_S = 45_000.0
+PATIENCE_S = 30_000.0
 
 
 def _silent(_what: str, _done: int, _total: int) -> None:
@@ -97,7 +98,7 @@ def inquire(
     if loud:
         by_outlines(found, wide, known, start, names, thorough, told)
         finish_best(found, 1, done, worth)
-    if thorough or not loud or unexplained(campaign, found.best) > EXPLAINED:
+    if thorough or not loud or EXPLAINED < unexplained(campaign, found.best) < AWAY:
         from_nearby(found, names, AFTERWARDS if loud else None, thorough, told)
     if stop():
         return found

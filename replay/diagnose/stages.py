@@ -40,6 +40,8 @@ HOPELESS = 12.0
 EXPLAINED = 300.0
 #: Beside a first cause the base is nearly right; beyond this unexplained second ones are looked for in outlines, too.
 LOUD = 1000.0
+#: Where the best cause leaves more than this, no cause is looked for from near the base either.
+AWAY = 10_000.0
 #: What the wide search leaves this little above the base may still win when it is finished.
 NEARLY = 1.3
 #: Starts of a cause that are tried.
@@ -207,7 +209,8 @@ def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], thorough: boo
     few, rows = campaign.among([o.name for o in wide.observations])
     where = wide if outlined else few
     two: list[Contestant] = []
-    for one in [c for c in singles if thorough or c.cost < NEARLY * best.cost][: PARTNERS + thorough]:
+    partners = 1 if campaign.leaves_out() else PARTNERS + thorough
+    for one in [c for c in singles if thorough or c.cost < NEARLY * best.cost][:partners]:
         at = finish(wide, one, rounds=ROUNDS, share=ROUGHLY).fit if outlined else narrowed(one.fit, rows)
         two += _beside(where, at, one.hypothesis, [n for n in names if n not in one.hypothesis.causes], thorough)
     better: dict[str, Contestant] = {}
