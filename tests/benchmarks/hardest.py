@@ -1,0 +1,42 @@
+"""Time of a default diagnosis of eight runs, of the case that takes longest of all that are known.
+
+    python -m tests.benchmarks.hardest
+
+Two causes at once, one of another form than the library's, that end as unknown with the curve of what is missing: the
+search looks everywhere. On as many threads as there are cores, as `straw diagnose` does it.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+from replay.diagnose.diagnosis import inquire
+from replay.diagnose.findings import conclude
+from replay.diagnose.observation import observe
+from tests.apparatus.cases import deck, generate
+from tests.benchmarks.concealed import BASE
+
+SEED, NAME = 20261123, "final-017"
+
+
+def main() -> None:
+    """Diagnose it and print how long it took."""
+    case = next(case for case in deck("final", SEED) if case.name == NAME)
+    seen = [observe(run) for run in generate(case).runs]
+    start = time.perf_counter()
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        found = inquire(seen, BASE, executor=pool)
+        searched_s = time.perf_counter() - start
+        findings = conclude(found)
+    print(
+        f"{len(seen)} runs, {' and '.join(case.label)} concealed: {findings.verdict}, {' and '.join(findings.causes)}"
+    )
+    played_s = found.campaign.tally["seconds"]
+    print(f"{time.perf_counter() - start:.0f} s on {os.cpu_count()} cores, {searched_s:.0f} s of it the search")
+    print(f"{found.campaign.tally['played']} runs played, {played_s:.0f} s of straw")
+
+
+if __name__ == "__main__":
+    main()
