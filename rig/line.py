@@ -11,7 +11,7 @@ from rig.errors import LinkLostError, RigError
 
 T = TypeVar("T")
 POLL_S = 0.02  # how long one read may wait; changing a port's timeout per call would reconfigure the port each time
-WRITE_S = 0.5  # a request is some twenty bytes, 2 ms on the slowest line
+WRITE_S = 0.5  # a request is some twenty bytes, 10 ms on the slowest line
 
 
 class Line:

@@ -15,7 +15,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The longest file first, and beside it what compiles nothing: else both workers would compile the same at once."""
+    """The longest file first, and beside it what compiles little, or both workers would compile the same at once."""
 
     def turn(item: pytest.Item) -> int:
         return 0 if item.path.name == "test_concealed.py" else 1 if item.path.parent.name in ("rig", "tracking") else 2

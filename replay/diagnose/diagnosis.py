@@ -38,8 +38,8 @@ from replay.diagnose.stages import (
 from replay.diagnose.start import base_start, few_of
 from replay.errors import ReplayError
 
-#: Seconds of runs that are played before a search that is not thorough leaves out what only may help. Before searches
-#: were made finer, two causes at once in eight runs of 4 s took 81,000, and six minutes on two cores, without it.
+#: Seconds of runs that are played before a search that is not thorough leaves out what only may help. The one hard case
+#: of `tests.benchmarks.hardest` still plays 83,165 with it, in eight minutes on two cores.
 PATIENCE_S = 30_000.0
 
 

@@ -20,8 +20,8 @@ BLOCK, BEYOND = 24, 5.0
 #: Differences of misfit up to this count as likelihoods do; beyond it only ratios of what is left unexplained count,
 #: since no law in the library has exactly the form nature gave it.
 LIKELIHOOD_UP_TO = 10.0
-#: Squared sigmas that count as one: searches end, solvers err and runs repeat only to this. With nothing concealed some
-#: cause is up to 80 of them below the base, which is then still more probable than all causes together.
+#: Squared sigmas that count as one: searches end, solvers err and runs repeat only to this. With nothing concealed
+#: the best cause was up to 75 sigmas squared below the base, which then still is more probable than not (0.54).
 COUNTS_AS_ONE = 10.0
 #: What noise and forks of repeats leave unexplained even with the right model, sigmas squared.
 NOISE_LEAVES = 300.0

@@ -26,12 +26,12 @@ Floats = NDArray[np.float64]
 
 #: Accuracy and output step of simulations. What 5e-7 m leave is far below a camera's noise, but another at every point,
 #: so it passes for a slope, and searches end 300 sigmas squared above the optimum in valleys that are narrow; 5e-8 m
-#: take 1.6 times as long as 1e-6. For sigmas the finer one is taken, for outlines the rough one will do.
+#: take 1.7 times the steps of 1e-6. For sigmas the finer one is taken, for outlines the rough one will do.
 TOLERANCE_M = 5e-8
 FINE_M, ROUGH_M = 1e-8, 1e-6
 STEP_S = 2e-3
 #: Laws that make the water swing carry what a step leaves out on to the next snap: with less accuracy a small change of
-#: a constant is lost in it, and the search with it, by outlines, too.
+#: a constant is lost in it, and the search with it. For sigmas `TOLERANCE_M` is finer still; this is for outlines.
 FINER_M = {"trapped_gas": 1e-7, "fluid_inertia": 1e-7}
 #: Steps a second that a simulation may take at `TOLERANCE_M`, 1.6 times what the paper's livelier straw takes in
 #: its first three: a straw that nothing damps rings on, and one simulation takes as long as many.

@@ -132,11 +132,9 @@ def central_slopes(campaign: Campaign, unknowns: Sequence[Unknown], u: Floats, r
 def known_well(campaign: Campaign, fit: Fit) -> list[Fit]:
     """The fit with slopes measured where it is, from both sides, and by steps that are felt more: where something rings
     now the ones, now the others show the way."""
-    ways = [_otherwise(campaign, fit.unknowns, fit.u, fit.residual, time) for time in (0, 1)]
-    return [
-        replace(fit, slopes=slopes, fresh=True, felt_sigmas=felt)
-        for slopes, felt in zip(ways, (STEP_SIGMAS, WIDE_SIGMAS), strict=True)
-    ]
+    central = central_slopes(campaign, fit.unknowns, fit.u, fit.residual)
+    wide = measured_slopes(campaign, fit.unknowns, fit.u, fit.residual, range(len(fit.u)), WIDE_SIGMAS)
+    return [replace(fit, slopes=central, fresh=True), replace(fit, slopes=wide, fresh=True, felt_sigmas=WIDE_SIGMAS)]
 
 
 def _otherwise(campaign: Campaign, unknowns: Sequence[Unknown], u: Floats, residual: Floats, time: int) -> Floats:

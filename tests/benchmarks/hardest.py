@@ -3,7 +3,7 @@
     python -m tests.benchmarks.hardest
 
 Two causes at once, one of another form than the library's, that end as unknown with the curve of what is missing: the
-search looks everywhere. On as many threads as there are cores, as `straw diagnose` does it.
+search looks everywhere. In threads as `straw diagnose` has them; reading the runs and drawing the page come on top.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def main() -> None:
     case = next(case for case in deck("final", SEED) if case.name == NAME)
     seen = [observe(run) for run in generate(case).runs]
     start = time.perf_counter()
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor() as pool:
         found = inquire(seen, BASE, executor=pool)
         searched_s = time.perf_counter() - start
         findings = conclude(found)

@@ -9,6 +9,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from serial import SerialTimeoutException
+from serial.urlhandler.protocol_socket import Serial as SocketSerial
 
 from rig.controller import Controller, controller_names, make_controller
 from rig.controllers.ob1_mk4 import READ_ALL, Dialect, decode_payload, decode_readings, encode_set, is_answer_to
@@ -159,6 +161,27 @@ def test_a_late_answer_is_not_taken_for_the_next_one() -> None:
         assert is_answer_to(READ_ALL, b">PINGA?|OK|\n")
         line.close()
         thread.join()
+
+
+def test_a_vent_is_tried_again_when_neither_the_set_before_nor_its_own_first_request_was_taken(
+    controller: Controller, sets: Callable[[], list[int]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    controller.set_pressure(1, 30e3)
+    send, refused = SocketSerial.write, iter([True, True])
+
+    def stalled_twice(port: SocketSerial, request: bytes) -> int | None:
+        if next(refused, False):
+            raise SerialTimeoutException("Write timeout")
+        sent: int | None = send(port, request)
+        return sent
+
+    monkeypatch.setattr(SocketSerial, "write", stalled_twice)
+    with pytest.raises(RigError, match=r"was not taken within 0\.5 s"):
+        controller.set_pressure(1, 40e3)
+    controller.vent()
+    assert next(refused, None) is None
+    assert sets()[:2] == [0, 300]
+    assert set(sets()[2:]) == {0}
 
 
 def test_a_pulled_cable_is_one_clear_line(emulation: Emulation) -> None:
