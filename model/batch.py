@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from model.drive import Table
 from model.errors import ModelError
-from model.integrate import Table, integrate
+from model.integrate import integrate
 from model.parameters import StrawParameters
 from model.simulate import TOLERANCE_M, Prediction, run, sampled
 

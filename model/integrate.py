@@ -18,12 +18,14 @@ from numpy.typing import NDArray
 from model.channel import STATES, channel_at_rest, channel_of, inside_pressure
 from model.compiled import allocates_nothing, compiled
 from model.constants import Constants
+from model.drive import Table, pressure_in, seen, summed
 from model.frusta import MEMORIES, add_tangent
 from model.inertia import mass_matrix
 from model.kinematics import place, spread
 from model.linear import factor, substitute
 from model.scheme import COEFFICIENTS, ERROR, GAMMA, GUESS, ORDER_BELOW, STAGES, TIMES
 from model.straw import forces_left, room_for, volume_rate
+from model.terms.elasticity import softest
 from model.terms.pressure import pressure_per_pa
 
 Floats = NDArray[np.float64]
@@ -33,22 +35,17 @@ SMALLEST_STEP_S = 1e-9
 #: Steps allowed beside those each second may take, to begin with.
 FIRST_STEPS = 1_000
 NEWTON_LIMIT = 8
-#: Newton stops when what is missing is this small in units of the tolerance; snaps amplify what is left.
-NEWTON_SHARE = 1e-3
+#: Newton stops when what is missing is this small in units of the tolerance; where states carry on what is left out, as
+#: friction's and swinging water's do, when it is that small: more of it lets energy slip and steps multiply.
+NEWTON_SHARE, CARRIED_SHARE = 1e-2, 3e-4
 #: It stops as well at corrections as small as rounding makes them: at rest there are no others, and they do not shrink.
 ROUNDING = 1e-6
 #: How much of Newton's rate of convergence is still believed a stage later.
 RATE_FADES = 0.3
+#: The mean pressure of a step is seen to what moves a frustum by this share of the tolerance.
+SEEN_SHARE = 1e-2
 #: An angle's tolerance is the length's over this: about what turns it into a displacement of the tip, with a margin.
 LEVER_M = 0.2
-
-
-class Table(NamedTuple):
-    """External pressure on a uniform grid, linear between its points, constant beyond them."""
-
-    start_s: float
-    step_s: float
-    pressure_pa: Floats
 
 
 class State(NamedTuple):
@@ -73,19 +70,6 @@ def at_rest(c: Constants, q: Floats, time_s: float, external_pa: float, first_st
         channel_at_rest(c, external_pa),
         np.array([time_s, first_step_s, external_pa]),
     )
-
-
-@allocates_nothing
-def pressure_in(table: Table, time_s: float) -> float:
-    """External pressure at a time, Pa."""
-    last = len(table.pressure_pa) - 1
-    x = (time_s - table.start_s) / table.step_s
-    if x <= 0 or last == 0:
-        return float(table.pressure_pa[0])
-    if x >= last:
-        return float(table.pressure_pa[last])
-    i = int(x)
-    return float(table.pressure_pa[i] + (x - i) * (table.pressure_pa[i + 1] - table.pressure_pa[i]))
 
 
 @allocates_nothing
@@ -130,8 +114,12 @@ def integrate(
     known_memory, memory = state.memory.copy(), state.memory.copy()
     known_way_in, way_in = state.way_in.copy(), state.way_in.copy()
     remembers = c.remembers
+    carries = remembers or way.gas_m3 > 0 or way.inertance > 0 or way.lag_s > 0
+    missing = CARRIED_SHARE if carries else NEWTON_SHARE
+    sums, within_pa = summed(table), SEEN_SHARE * tolerance_m * softest(c) / c.C3
     q_i, v_i, a_i = q.copy(), v.copy(), a.copy()
     left, dq, push, error_q, error_v = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    yields = np.empty(n)
     M, W, K = np.empty((n, n)), np.empty((n, n)).T, np.zeros((c.cells, 2, 2, 2))  # .T: see model.linear
     order = np.empty(n, np.int64)
     filled = 0
@@ -145,7 +133,7 @@ def integrate(
             return TOO_MANY_STEPS
         time_s = clock[0]
         # land exactly on the end, without a sliver of a last step
-        h = min(clock[1], max_step_s)
+        h = seen(table, sums, time_s, min(clock[1], max_step_s), within_pa)
         remaining = end_s - time_s
         if h >= remaining * (1 - 1e-9):
             h = remaining
@@ -155,13 +143,16 @@ def integrate(
         per_hg, per_hg2 = 1 / hg, 1 / hg**2
         rate = 1.0  # not believed from step to step: with friction or trapped gas that let 3 % of the energy slip
 
-        # Newton's matrix; gyroscopic forces and the turning of loads are left out, as they are small beside M / hg^2
+        # Newton's matrix; gyroscopic forces and the turning of loads are left out, as they are small beside M / hg^2.
+        # The way in resists more the more flows, which changes within a step. That is one number, so every iteration
+        # puts it right by how the straw yields to a pascal inside (Sherman and Morrison).
         spread(c, q, v, a, room.motion)
         place(c, room.motion, room.chain)
         mass_matrix(c, room.chain, M)
         pressure_per_pa(c, room.chain, push)
         way_in[:] = state.way_in
-        _, slope = inside_pressure(way, state.way_in, hg, pressure_in(table, time_s), volume_rate(c, v), way_in)
+        _, resists = inside_pressure(way, state.way_in, hg, pressure_in(table, time_s), volume_rate(c, v), way_in)
+        slope = resists
         if way.gas_m3 == 0:  # then the straw moves all of the fluid in the channel, whose inertia is its own
             slope += way.inertance / hg
             for i in range(n):
@@ -175,6 +166,8 @@ def integrate(
                 W[i, j] -= push[i] * slope * c.S * per_hg
         add_tangent(c, room.motion, state.memory, memory, hg, W, K)
         factor(W, order)
+        substitute(W, order, push, yields)
+        flow_per_pa = per_hg * volume_rate(c, yields)
         counts[2] += 1
 
         converged = True
@@ -203,9 +196,13 @@ def integrate(
             before = np.inf
             converged = False
             for iteration in range(NEWTON_LIMIT):
-                inside_pa, _ = inside_pressure(way, known_way_in, hg, external_pa, volume_rate(c, v_i), way_in)
+                inside_pa, slope = inside_pressure(way, known_way_in, hg, external_pa, volume_rate(c, v_i), way_in)
                 forces_left(c, q_i, v_i, a_i, inside_pa, known_memory, memory, hg, room, left)
                 substitute(W, order, left, dq)
+                steeper = slope - resists
+                more_pa = steeper * per_hg * volume_rate(c, dq) / (1 - steeper * flow_per_pa)
+                for j in range(n):
+                    dq[j] += more_pa * yields[j]
                 counts[3] += 1
                 change = size(dq, tolerance_m, tolerance_rad)
                 if not np.isfinite(change):
@@ -217,7 +214,7 @@ def integrate(
                 if iteration > 0:
                     rate = max(change / before, RATE_FADES * rate)
                 # what is still missing after this iteration is about change * rate / (1 - rate)
-                if change < ROUNDING or (rate < 0.9 and change * rate / (1 - rate) < NEWTON_SHARE):
+                if change < ROUNDING or (rate < 0.9 and change * rate / (1 - rate) < missing):
                     converged = True
                     break
                 if rate > 2:

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from model.drive import Table
 from model.errors import ModelError
-from model.integrate import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS, Table, at_rest, integrate
+from model.integrate import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS, at_rest, integrate
 from model.kinematics import tip_pose
 from model.parameters import StrawParameters
 from model.rest import rest_state

@@ -6,7 +6,10 @@ M = r_i^2 phi [C1 (12 zeta^2 - 4 zeta_0^2 + 3 r_i^2 phi^2) + C2]
 
 from __future__ import annotations
 
+import math
+
 from model.compiled import compiled
+from model.constants import Constants
 
 
 @compiled
@@ -24,3 +27,13 @@ def elastic_energy(zeta: float, phi: float, zeta0: float, C1: float, C2: float, 
     zeta2, z02, rphi2 = zeta**2, zeta0**2, (r_i * phi) ** 2
     energy = C1 * (2 * (zeta2 - z02) ** 2 + rphi2 * (6 * zeta2 - 2 * z02) + 0.75 * rphi2**2)
     return float(energy + C2 * ((zeta - zeta0) ** 2 + rphi2 / 2))
+
+
+@compiled
+def softest(c: Constants) -> float:
+    """Least stiffness of a frustum that may move, in its unloaded shape, N/m."""
+    least = math.inf
+    for i in range(c.cells):
+        for j in range(2 - c.active, 2):
+            least = min(least, 16 * c.C1[i, j] * c.zeta0[i, j] ** 2 + 2 * c.C2[i, j])
+    return float(least)

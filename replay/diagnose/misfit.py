@@ -24,19 +24,19 @@ from replay.diagnose.snaps import cell_snaps, crossings
 
 Floats = NDArray[np.float64]
 
-#: Accuracy and output step of simulations. What 5e-7 m leave is far below a camera's noise, but another at every point,
-#: so it passes for a slope, and searches end 300 sigmas squared above the optimum in valleys that are narrow; 5e-8 m
-#: take 1.7 times the steps of 1e-6. For sigmas the finer one is taken, for outlines the rough one will do.
-TOLERANCE_M = 5e-8
+#: Accuracy and output step of simulations. What a rougher one leaves out is far below a camera's noise, but another at
+#: every point, so it passes for a slope, and searches end early in valleys that are narrow. For sigmas the finer one is
+#: taken, for outlines the rough one will do.
+TOLERANCE_M = 2e-7
 FINE_M, ROUGH_M = 1e-8, 1e-6
 STEP_S = 2e-3
 #: Laws that make the water swing carry what a step leaves out on to the next snap: with less accuracy a small change of
-#: a constant is lost in it, and the search with it. For sigmas `TOLERANCE_M` is finer still; this is for outlines.
-FINER_M = {"trapped_gas": 1e-7, "fluid_inertia": 1e-7}
+#: a constant is lost in it, and the search with it, by outlines, too.
+FINER_M = {"trapped_gas": 5e-8, "fluid_inertia": 5e-8}
 #: Steps a second that a simulation may take at `TOLERANCE_M`, 1.6 times what the paper's livelier straw takes in
 #: its first three: a straw that nothing damps rings on, and one simulation takes as long as many.
-#: With the tolerance they grow to the power of -0.12 to -0.23, from 3e-6 to 1e-8 m, of which this is the middle.
-LIVELIEST_PER_S, STEPS_GROW = 2700.0, 1 / 6
+#: With the tolerance they grow to the power of -0.24 to -0.29, from 1e-6 to 1e-8 m, as for a method of fourth order.
+LIVELIEST_PER_S, STEPS_GROW = 1850.0, 1 / 4
 #: Where the recording shows more snaps than the straw, the straw is given this much longer to snap.
 PATIENCE_S = 1.5
 #: The prediction's clock is bent as for the nearest snap from this long before it to this long after it, s.

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
+from model.drive import Table
 from model.errors import ModelError
-from model.integrate import Table
 from model.parameters import StrawParameters
 from model.rest import rest_state
 from model.simulate import sampled

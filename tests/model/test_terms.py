@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from model.channel import channel_of, inside_pressure
+from model.drive import Table as PressureTable
 from model.errors import ModelError
 from model.frusta import MEMORY_TERMS
-from model.integrate import Table as PressureTable
 from model.integrate import at_rest, integrate
 from model.kinematics import chain_of, motion_of
 from model.load import no_load, project
