@@ -161,24 +161,25 @@ def base_anew(found: Inquiry) -> None:
 
 
 def from_the_winner(found: Inquiry, wide: Campaign, names: Sequence[str], done: dict[str, float]) -> None:
-    """Causes that were left behind are tried once more, by outlines, from the winner's constants of the base: that a
-    search ended in another valley is no evidence against a cause."""
+    """Causes that were left behind, or ended far away, are tried once more, by outlines, from the winner's constants of
+    the base: that a search ended in another valley is no evidence against a cause."""
     winner, base = min(found.singles.values(), key=lambda c: c.cost), found.null.unknowns
     known = descend(wide, base, winner.fit.u[: len(base)], rounds=0)
-    others = [name for name in names if name not in done]
+    others = [name for name in names if done.get(name, np.inf) > winner.cost + CLOSE]
     first = []
     for group in ranked(looks(wide, known, others), known)[:RIVALS]:
         if wide.stop():
             return
         first.append(tried(wide, [known], group[:2]))
+    first.sort(key=lambda c: c.cost)
+    further = [finish(wide, one, rounds=ROUNDS, share=ROUGHLY) for one in first[: RIVALS // 2]]
     hopeful = HOPEFUL * seen_again(wide, winner.fit).cost
-    close = sorted((one for one in first if one.cost < hopeful), key=lambda c: c.cost)
-    further = [finish(wide, one, rounds=ROUNDS, share=ROUGHLY) for one in close[: RIVALS // 2]]
-    _seen_fully(found, further, RIVALS // 3)
+    _seen_fully(found, [one for one in further if one.cost < hopeful], RIVALS // 3)
     for name in list(found.singles):
         if wide.stop():
             return
-        if name not in done and found.singles[name].cost < found.singles[winner.name].cost + CLOSE:
+        cost = found.singles[name].cost
+        if cost < done.get(name, np.inf) and cost < found.singles[winner.name].cost + CLOSE:
             found.singles[name] = finish(found.campaign, found.singles[name], rounds=ROUNDS)
             done[name] = found.singles[name].cost
 
