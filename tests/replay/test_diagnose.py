@@ -27,6 +27,7 @@ from replay.diagnose.misfit import FINE_M, ROUGH_M, TOLERANCE_M, bend, misfit, m
 from replay.diagnose.observation import observe
 from replay.diagnose.search import Fit, descend
 from replay.diagnose.snaps import crossings, levels_of
+from replay.diagnose.stages import CLOSE, from_the_winner
 from replay.paper.runs import DEPLOYMENT
 from rig.protocol import load_protocol
 from tests.apparatus.campaign import NONE, campaign
@@ -274,6 +275,30 @@ def test_with_nothing_of_a_cause_yet_the_runs_are_as_without_it_and_its_slopes_p
     assert nothing.residual is known.residual
     assert nothing.cost == known.cost
     assert nothing.promise <= nothing.cost
+
+
+def test_a_rival_whose_search_ended_far_away_is_tried_again_from_the_winners_constants():
+    concealed = Cause("gauge_offset", 1500.0)
+    seen = [observe(run) for run in campaign((concealed,), 5, FEW[:2], NONE)]
+    with ThreadPoolExecutor(2) as pool:
+        whole = Campaign(seen, BASE, pool, lambda: False)
+        base = base_unknowns(BASE)
+
+        def stands(name, at, own):
+            what = whole.hypothesis([name])
+            u = np.array([at] * len(base) + own)
+            return Contestant(what, descend(whole, (*base, *what.unknowns), u, rounds=0))
+
+        # who was lucky with the base's constants, and who has the truth and is stuck
+        roll, gauge = stands("camera_roll", 0.0, [0.0]), stands("gauge_offset", 0.8, [-1.0])
+        assert gauge.cost > roll.cost + CLOSE
+        found = Inquiry(whole, roll.fit, {"camera_roll": roll, "gauge_offset": gauge})
+        from_the_winner(
+            found, whole.roughly(), ["gauge_offset"], {"camera_roll": roll.cost, "gauge_offset": gauge.cost}
+        )
+    again = found.singles["gauge_offset"].fit
+    assert again.cost < len(again.residual) < roll.cost  # only noise is left
+    assert again.values["instrument.gauge_offset_pa"] == pytest.approx(1500.0, rel=0.2)
 
 
 def test_simulations_that_fail_are_counted_also_in_a_part_of_the_campaign(plain):
