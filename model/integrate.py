@@ -133,12 +133,13 @@ def integrate(
             return TOO_MANY_STEPS
         time_s = clock[0]
         # land exactly on the end, without a sliver of a last step
-        h = seen(table, sums, time_s, min(clock[1], max_step_s), within_pa)
+        h = min(clock[1], max_step_s)
         remaining = end_s - time_s
         if h >= remaining * (1 - 1e-9):
             h = remaining
         elif h > remaining / 2:
             h = remaining / 2
+        h = seen(table, sums, time_s, h, within_pa)
         hg = h * GAMMA
         per_hg, per_hg2 = 1 / hg, 1 / hg**2
         rate = 1.0  # not believed from step to step: with friction or trapped gas that let 3 % of the energy slip

@@ -39,7 +39,7 @@ from replay.diagnose.start import base_start, few_of
 from replay.errors import ReplayError
 
 #: Seconds of runs that are played before a search that is not thorough leaves out what only may help. The one hard case
-#: of `tests.benchmarks.hardest` still plays 83,165 with it, in eight minutes on two cores.
+#: of `tests.benchmarks.hardest` still plays 78,318 with it, in four minutes on two cores.
 PATIENCE_S = 30_000.0
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -160,12 +160,13 @@ def base_anew(found: Inquiry) -> None:
         found.null = min((found.null, *nulls), key=lambda fit: fit.cost)
 
 
-def from_the_winner(found: Inquiry, wide: Campaign, names: Sequence[str], done: dict[str, float]) -> None:
+def from_the_winner(found: Inquiry, wide: Campaign, names: Sequence[str], done: Collection[str]) -> None:
     """Causes that were left behind, or ended far away, are tried once more, by outlines, from the winner's constants of
     the base: that a search ended in another valley is no evidence against a cause."""
     winner, base = min(found.singles.values(), key=lambda c: c.cost), found.null.unknowns
     known = descend(wide, base, winner.fit.u[: len(base)], rounds=0)
-    others = [name for name in names if done.get(name, np.inf) > winner.cost + CLOSE]
+    before = {name: one.cost for name, one in found.singles.items()}
+    others = [name for name in names if name not in done or before[name] > winner.cost + CLOSE]
     first = []
     for group in ranked(looks(wide, known, others), known)[:RIVALS]:
         if wide.stop():
@@ -179,9 +180,9 @@ def from_the_winner(found: Inquiry, wide: Campaign, names: Sequence[str], done: 
         if wide.stop():
             return
         cost = found.singles[name].cost
-        if cost < done.get(name, np.inf) and cost < found.singles[winner.name].cost + CLOSE:
+        anew = name not in done or cost < before[name]
+        if anew and cost < found.singles[winner.name].cost + CLOSE:
             found.singles[name] = finish(found.campaign, found.singles[name], rounds=ROUNDS)
-            done[name] = found.singles[name].cost
 
 
 def finish_best(found: Inquiry, most: int, done: dict[str, float], worth: float) -> None:

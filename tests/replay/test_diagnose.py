@@ -292,10 +292,9 @@ def test_a_rival_whose_search_ended_far_away_is_tried_again_from_the_winners_con
         # who was lucky with the base's constants, and who has the truth and is stuck
         roll, gauge = stands("camera_roll", 0.0, [0.0]), stands("gauge_offset", 0.8, [-1.0])
         assert gauge.cost > roll.cost + CLOSE
-        found = Inquiry(whole, roll.fit, {"camera_roll": roll, "gauge_offset": gauge})
-        from_the_winner(
-            found, whole.roughly(), ["gauge_offset"], {"camera_roll": roll.cost, "gauge_offset": gauge.cost}
-        )
+        null = descend(whole, base, np.zeros(len(base)), rounds=0)
+        found = Inquiry(whole, null, {"camera_roll": roll, "gauge_offset": gauge})
+        from_the_winner(found, whole.roughly(), ["gauge_offset"], ["camera_roll", "gauge_offset"])
     again = found.singles["gauge_offset"].fit
     assert again.cost < len(again.residual) < roll.cost  # only noise is left
     assert again.values["instrument.gauge_offset_pa"] == pytest.approx(1500.0, rel=0.2)
