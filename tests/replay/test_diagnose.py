@@ -295,6 +295,7 @@ def test_a_rival_whose_search_ended_far_away_is_tried_again_from_the_winners_con
         null = descend(whole, base, np.zeros(len(base)), rounds=0)
         found = Inquiry(whole, null, {"camera_roll": roll, "gauge_offset": gauge})
         from_the_winner(found, whole.roughly(), ["gauge_offset"], ["camera_roll", "gauge_offset"])
+    assert found.singles["camera_roll"] is roll  # who was carried to its end and got no lower is not fitted again
     again = found.singles["gauge_offset"].fit
     assert again.cost < len(again.residual) < roll.cost  # only noise is left
     assert again.values["instrument.gauge_offset_pa"] == pytest.approx(1500.0, rel=0.2)
