@@ -15,6 +15,7 @@ from replay.diagnose.search import (
     FINELY,
     LONGEST_STEP,
     Fit,
+    Straight,
     clipped,
     cost_at,
     descend,
@@ -249,6 +250,15 @@ def unfitted(campaign: Campaign, known: Fit, look: Look) -> Contestant:
     slopes = np.pad(known.slopes, ((0, 0), (0, len(what.unknowns))))
     fit = Fit((*known.unknowns, *what.unknowns), look.point, look.residual, slopes, look.cost, False)
     return Contestant(what, fit)
+
+
+def taken_out(fit: Fit, kept: tuple[Unknown, ...]) -> Floats:
+    """u of the unknowns ``kept`` where linear reckoning sees least misfit with nothing of the fit's other strengths."""
+    targets = [unknown.target for unknown in fit.unknowns]
+    own = [targets.index(unknown.target) for unknown in kept]
+    gone = Straight(fit.unknowns).way(fit.u, np.zeros(len(fit.u)))
+    gone *= [unknown.kind == "strength" and k not in own for k, unknown in enumerate(fit.unknowns)]
+    return Straight(kept).step(fit.u[own], fit.slopes[:, own], fit.residual + fit.slopes @ gone, 0.0).end
 
 
 def _making_room(known: Fit, unknowns: tuple[Unknown, ...], point: Floats, residual: Floats) -> Floats:

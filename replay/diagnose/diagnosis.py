@@ -108,12 +108,15 @@ def inquire(
         if loud:
             weigh_anew(found, done)
         base_anew(found)
+        before = found.contestants[0].cost
         enough = unexplained(campaign, found.best) <= EXPLAINED
         if thorough or (loud and enough):
             from_the_winner(found, wide, names, done)
         told("pairs", len(names) + 3, total)
         if thorough or not enough:
             in_pairs(found, wide, names, thorough)
+        if found.contestants[0].cost < before:
+            base_anew(found)
     told("weighing", len(names) + 4, total)
     found.whole = not stop()
     return found

@@ -18,6 +18,7 @@ from replay.diagnose.contest import (
     ranked,
     released,
     seen_again,
+    taken_out,
     tried,
     unfitted,
 )
@@ -64,6 +65,8 @@ RIVALS = 9
 HOPEFUL = 2.5
 #: Causes that are carried to the end, and beyond these where little is missing.
 FINISHED, FINISHED_NEARBY = 3, 1
+#: How many of the best are taken out to see whether what is left is fitted better from there.
+TAKEN_OUT = 3
 #: Causes that get partners; second causes tried by outlines, and from nearby, where linear reckoning is better; pairs
 #: carried on.
 PARTNERS, SECONDS, NEAR_SECONDS, PAIRS = 2, 9, 6, 3
@@ -153,11 +156,23 @@ def weigh_anew(found: Inquiry, done: Mapping[str, float]) -> None:
 
 
 def base_anew(found: Inquiry) -> None:
-    """Fit the base once more, also from the winner's constants: one fitted less well would be no judge of it."""
-    winner, base = min(found.singles.values(), key=lambda c: c.cost), found.null.unknowns
-    if found.null.cost - winner.cost < CLOSE:
-        nulls = [descend(found.campaign, base, u, rounds=ROUNDS) for u in (found.null.u, winner.fit.u[: len(base)])]
-        found.null = min((found.null, *nulls), key=lambda fit: fit.cost)
+    """Fit the base once more, also from where the best leave its constants: one fitted less well would be no judge."""
+    null, best = found.null, found.contestants[:TAKEN_OUT]
+    close = null.cost - best[0].cost < CLOSE
+    again = [descend(found.campaign, null.unknowns, null.u, rounds=ROUNDS)] if close else []
+    found.null = min((null, *again, *_without(found, null, best, close)), key=lambda fit: fit.cost)
+
+
+def _without(found: Inquiry, fit: Fit, others: Sequence[Contestant], whatever: bool = False) -> list[Fit]:
+    """A fit once more from the best place to which linear reckoning leads when others' causes beside it are taken out,
+    if it costs less there already, or ``whatever`` it costs."""
+    campaign, unknowns = found.campaign, fit.unknowns
+    starts = [taken_out(one.fit, unknowns) for one in others if len(one.fit.slopes) == len(fit.residual)]
+    ends = [descend(campaign, unknowns, u, slopes=fit.slopes, rounds=0) for u in starts]
+    best = min(ends, key=lambda end: end.cost, default=None)
+    if best is None or (best.cost >= fit.cost and not whatever):
+        return []
+    return [descend(campaign, unknowns, best.u, residual=best.residual, rounds=ROUNDS)]
 
 
 def from_the_winner(found: Inquiry, wide: Campaign, names: Sequence[str], done: Collection[str]) -> None:
@@ -228,12 +243,12 @@ def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], thorough: boo
         if close and (pair is first[0] or not campaign.leaves_out()):
             found.keep(finish(campaign, pair, rounds=ROUNDS))
     if first:
-        pair = min(found.pairs.values(), key=lambda c: c.cost)
         # a single cause fitted less well than its pairs would make them look needed
-        at_pair = {k.target: u for k, u in zip(pair.fit.unknowns, pair.fit.u, strict=True)}
-        if best.name in pair.hypothesis.causes:
-            u = np.array([at_pair[k.target] for k in best.fit.unknowns])
-            found.keep(Contestant(best.hypothesis, descend(campaign, best.fit.unknowns, u, rounds=4)))
+        beside = [
+            pair for pair in sorted(found.pairs.values(), key=lambda c: c.cost) if best.name in pair.name.split("+")
+        ]
+        for fit in _without(found, best.fit, beside[:TAKEN_OUT], whatever=True):
+            found.keep(Contestant(best.hypothesis, fit))
 
 
 def _beside(where: Campaign, at: Fit, first: Hypothesis, names: Sequence[str], thorough: bool) -> list[Contestant]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ from replay.diagnose.misfit import FINE_M, ROUGH_M, TOLERANCE_M, bend, misfit, m
 from replay.diagnose.observation import observe
 from replay.diagnose.search import Fit, descend
 from replay.diagnose.snaps import crossings, levels_of
-from replay.diagnose.stages import CLOSE, from_the_winner
+from replay.diagnose.stages import CLOSE, base_anew, from_the_winner
 from replay.paper.runs import DEPLOYMENT
 from rig.protocol import load_protocol
 from tests.apparatus.campaign import NONE, campaign
@@ -299,6 +300,22 @@ def test_a_rival_whose_search_ended_far_away_is_tried_again_from_the_winners_con
     again = found.singles["gauge_offset"].fit
     assert again.cost < len(again.residual) < roll.cost  # only noise is left
     assert again.values["instrument.gauge_offset_pa"] == pytest.approx(1500.0, rel=0.2)
+
+
+def test_a_base_that_is_stuck_is_led_back_by_a_cause_of_which_nothing_is_there(plain):
+    with ThreadPoolExecutor(2) as pool:
+        whole = Campaign(plain[:2], BASE, pool)
+        base, gain = base_unknowns(BASE), whole.hypothesis(["gauge_gain"])
+        stuck = descend(whole, base, np.full(len(base), 0.8), rounds=0)
+        # as much gain as its prior has, for which the base's constants make up as well as they can
+        held_there = (*base, replace(gain.unknowns[0], low=1.0, high=1.0))
+        fit = descend(whole, held_there, np.append(np.zeros(len(base)), 1.0), rounds=4)
+        fits = replace(fit, unknowns=(*base, *gain.unknowns))
+        found = Inquiry(whole, stuck, {"gauge_gain": Contestant(gain, fits)})
+        assert found.null.cost > fits.cost + CLOSE
+        base_anew(found)
+    assert found.null.cost < min(fits.cost, len(found.null.residual))  # only noise is left
+    assert np.max(np.abs(found.null.u[:3])) < 0.1  # damping and channel, of which the runs tell most
 
 
 def test_simulations_that_fail_are_counted_also_in_a_part_of_the_campaign(plain):
