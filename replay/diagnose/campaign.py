@@ -14,7 +14,7 @@ from model.errors import ModelError
 from model.parameters import StrawParameters
 from replay.diagnose.hypothesis import Hypothesis, Unknown, applied
 from replay.diagnose.library import hypothesis
-from replay.diagnose.misfit import FINE_M, Misfit, misfit, rough_misfit
+from replay.diagnose.misfit import FINE_M, LIVELIEST_PER_S, TOLERANCE_M, Misfit, misfit, rough_misfit
 from replay.diagnose.observation import Observation
 
 Floats = NDArray[np.float64]
@@ -32,12 +32,12 @@ class Campaign:
         straw: StrawParameters,
         pool: Executor,
         stop: Callable[[], bool] = lambda: False,
-        patience_s: float = np.inf,
+        patience: float = np.inf,
     ) -> None:
         self.observations, self.straw, self.pool, self.stop = tuple(observations), straw, pool, stop
         # of runs, and of what was left out in a hurry; shared with campaigns made from this one
-        self.tally = {"played": 0, "failed": 0, "seconds": 0.0, "left_out": 0}
-        self.patience_s = patience_s
+        self.tally = {"played": 0, "failed": 0, "steps": 0, "left_out": 0}
+        self.patience = patience  # steps
         self.steps: dict[str, float] = {}  # of derivatives by each unknown, as last felt well
         self.scatter: list[tuple[Floats, Floats]] | None = None
         self.how: Callable[..., Any] = _vector  # what is compared
@@ -67,14 +67,14 @@ class Campaign:
     def shares_with(self, other: Campaign) -> Self:
         """This campaign, from now on counting, playing and allowing for repeats as another does."""
         self.tally, self.scatter, self.how = other.tally, other.scatter, other.how
-        self.patience_s = other.patience_s
+        self.patience = other.patience
         return self
 
     @property
     def hurried(self) -> bool:
-        """Whether so many seconds of runs have been played that what only may help is left out: by what is played and
-        not by the clock, so that every machine finds the same."""
-        return self.tally["seconds"] > self.patience_s
+        """Whether so many steps have been taken that what only may help is left out: by steps and not by the clock, so
+        that every machine finds the same."""
+        return self.tally["steps"] > self.patience
 
     def leaves_out(self) -> bool:
         """Whether what only may help, and would be done now, is left out as the search is `hurried`; it is counted."""
@@ -88,7 +88,7 @@ class Campaign:
 
     def _like(self, observations: Sequence[Observation], how: Callable[..., Any]) -> Campaign:
         """Another campaign that counts with this one; what repeats differ by has to be felt anew."""
-        out = Campaign(observations, self.straw, self.pool, self.stop, self.patience_s)
+        out = Campaign(observations, self.straw, self.pool, self.stop, self.patience)
         out.how, out.tally = how, self.tally
         return out
 
@@ -101,16 +101,16 @@ class Campaign:
         return self.played(_one, unknowns, points)
 
     def played(self, how: Callable[..., Any], unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[list[Any]]:
-        """What ``how`` tells of every run at every point u, from the pool's workers."""
+        """What ``how`` tells of every run at every point u, from the pool's workers; it says how many steps it took."""
         jobs = [
             [self.pool.submit(how, o, self.straw, tuple(unknowns), point) for o in self.observations]
             for point in points
         ]
         found = [[job.result() for job in row] for row in jobs]
         self.tally["played"] += sum(len(row) for row in found)
-        self.tally["seconds"] += len(found) * sum(o.end_s - o.start_s for o in self.observations)
-        self.tally["failed"] += sum(one is None for row in found for one in row)
-        return found
+        self.tally["steps"] += sum(steps for row in found for _, steps in row)
+        self.tally["failed"] += sum(one is None for row in found for one, _ in row)
+        return [[one for one, _ in row] for row in found]
 
     def residuals(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[Floats]:
         """All differences of all runs in sigmas as one vector for each point u."""
@@ -159,27 +159,46 @@ class Campaign:
         return [slice(int(a), int(b)) for a, b in itertools.pairwise(ends)]
 
 
-def _one(observed: Observation, straw: StrawParameters, unknowns: tuple[Unknown, ...], at: Floats) -> Misfit | None:
+def _one(
+    observed: Observation,
+    straw: StrawParameters,
+    unknowns: tuple[Unknown, ...],
+    at: Floats,
+    finest_m: float = TOLERANCE_M,
+) -> tuple[Misfit | None, int]:
     try:
-        return misfit(observed, *applied(straw, unknowns, at))
+        one = misfit(observed, *applied(straw, unknowns, at), finest_m)
     except ModelError:
-        return None
+        return _failed(observed)
+    return one, one.steps
 
 
-def _vector(observed: Observation, straw: StrawParameters, unknowns: tuple[Unknown, ...], at: Floats) -> Floats | None:
-    one = _one(observed, straw, unknowns, at)
-    return None if one is None else one.vector
+def _vector(
+    observed: Observation,
+    straw: StrawParameters,
+    unknowns: tuple[Unknown, ...],
+    at: Floats,
+    finest_m: float = TOLERANCE_M,
+) -> tuple[Floats | None, int]:
+    one, steps = _one(observed, straw, unknowns, at, finest_m)
+    return None if one is None else one.vector, steps
 
 
-def _fine(observed: Observation, straw: StrawParameters, unknowns: tuple[Unknown, ...], at: Floats) -> Floats | None:
-    try:
-        return misfit(observed, *applied(straw, unknowns, at), FINE_M).vector
-    except ModelError:
-        return None
+def _fine(
+    observed: Observation, straw: StrawParameters, unknowns: tuple[Unknown, ...], at: Floats
+) -> tuple[Floats | None, int]:
+    return _vector(observed, straw, unknowns, at, FINE_M)
 
 
-def _rough(observed: Observation, straw: StrawParameters, unknowns: tuple[Unknown, ...], at: Floats) -> Floats | None:
+def _rough(
+    observed: Observation, straw: StrawParameters, unknowns: tuple[Unknown, ...], at: Floats
+) -> tuple[Floats | None, int]:
     try:
         return rough_misfit(observed, *applied(straw, unknowns, at))
     except ModelError:
-        return None
+        return _failed(observed)
+
+
+def _failed(observed: Observation) -> tuple[None, int]:
+    """Nothing, for as many steps as it may have taken to find out."""
+    return None, round(LIVELIEST_PER_S * (observed.end_s - observed.start_s))

@@ -38,9 +38,9 @@ from replay.diagnose.stages import (
 from replay.diagnose.start import base_start, few_of
 from replay.errors import ReplayError
 
-#: Seconds of runs that are played before a search that is not thorough leaves out what only may help. The one hard case
-#: of `tests.benchmarks.hardest` still plays 78,318 with it, in four minutes on two cores.
-PATIENCE_S = 30_000.0
+#: Steps after which a search that is not thorough leaves out what only may help, and after which it ends where it is:
+#: some 75 and 240 s on two cores.
+PATIENCE, LONGEST = 6.5e6, 20e6
 
 
 def _silent(_what: str, _done: int, _total: int) -> None:
@@ -65,10 +65,19 @@ def inquire(
     ``client.get_executor()``. It must outlive what is asked of the inquiry later.
     """
     names = [n for n in causes(straw.cells) if library is None or n in library]
-    total = len(names) + 5
     for observed in observations:
         observed.rest_of(straw)
-    campaign = Campaign(observations, straw, executor, stop, np.inf if thorough else PATIENCE_S)
+    campaign = Campaign(observations, straw, executor, stop, np.inf if thorough else PATIENCE)
+    campaign.stop = lambda: stop() or (not thorough and campaign.tally["steps"] > LONGEST)
+    found = _searched(campaign, names, thorough, told)
+    found.whole = not campaign.stop()
+    campaign.stop = stop
+    return found
+
+
+def _searched(campaign: Campaign, names: Sequence[str], thorough: bool, told: Told) -> Inquiry:
+    """The inquiry of a campaign until it is done or is stopped."""
+    observations, straw, total = campaign.observations, campaign.straw, len(names) + 5
     base = base_unknowns(straw)
     told("base model", 0, total)
     start = base_start(campaign, base)
@@ -100,7 +109,7 @@ def inquire(
         finish_best(found, 1, done, worth)
     if thorough or not loud or EXPLAINED < unexplained(campaign, found.best) < AWAY:
         from_nearby(found, names, AFTERWARDS if loud else None, thorough, told)
-    if stop():
+    if campaign.stop():
         return found
     told("finishing the best", len(names) + 2, total)
     finish_best(found, FINISHED + (0 if loud else FINISHED_NEARBY) + 3 * thorough, done, worth)
@@ -118,5 +127,4 @@ def inquire(
         if found.contestants[0].cost < before:
             base_anew(found)
     told("weighing", len(names) + 4, total)
-    found.whole = not stop()
     return found

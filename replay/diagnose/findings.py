@@ -178,7 +178,7 @@ def _doubts(found: Inquiry) -> list[str]:
     runs = found.campaign.observations
     out = []
     if not found.whole:
-        out.append("the search was cut short: causes not looked at yet count as impossible here")
+        out.append("the search was cut short: causes not looked at yet count as impossible here; --thorough goes on")
     if found.whole and found.campaign.tally["left_out"]:
         out.append("the search took long and was shortened at its end; with --thorough it goes on")
     if len(runs) < 3:

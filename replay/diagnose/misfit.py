@@ -8,7 +8,7 @@ change almost linearly with the constants of the straw, which point-wise differe
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,13 +57,14 @@ class Misfit:
 
     ``timing`` has an entry for each of the observation's snap times (begin, end, begin, ...), and where the straw
     shows more, one for all the others; ``late_s`` are the same in seconds. ``plain`` (3, n) is what differs without
-    bending the clock, m and rad.
+    bending the clock, m and rad. ``steps`` is how many the simulation took.
     """
 
     shape: Floats
     timing: Floats
     late_s: Floats
     plain: Floats
+    steps: int
 
     @property
     def vector(self) -> Floats:
@@ -84,18 +85,19 @@ def play(
     worn = straw.replace(cycle=float(run.cycle))
     ends = instrument.true_time(np.array([observed.start_s, observed.end_s]))
     start, end = float(min(ends[0], observed.start_s)), float(ends[1])
-    most = most_steps_per_s(tolerance_m)
+    most, steps = most_steps_per_s(tolerance_m), 0
     for patience in (0.0, PATIENCE_S):
         grid = np.arange(start, end + patience + 2 * STEP_S, STEP_S)
         near = observed.rests.get(straw.form)
         seen = simulate(worn, pressure, grid, run.initial_deployed, tolerance_m, near, most)
+        steps += seen.steps
         told = instrument.camera_roll_rad
         true_s = crossings(grid, seen.phi_rad + told, observed.levels)
         if len(true_s) < len(observed.snaps_s):
             true_s = cell_snaps(grid, seen.zeta_m[:, :, 1], true_s)
         if len(true_s) >= len(observed.snaps_s):
             break
-    return seen, instrument.stamped(true_s)
+    return replace(seen, steps=steps), instrument.stamped(true_s)
 
 
 def most_steps_per_s(tolerance_m: float) -> float:
@@ -107,23 +109,24 @@ def misfit(
     observed: Observation, straw: StrawParameters, instrument: Instrument, finest_m: float = TOLERANCE_M
 ) -> Misfit:
     """Misfit of one run; ModelError where the model cannot follow."""
-    at, late, bent = _aligned(observed, straw, instrument, finest_m)
+    at, late, bent, steps = _aligned(observed, straw, instrument, finest_m)
     plain = at(observed.time_s) - observed.tip
     shape = whitened((at(bent(observed.time_s)) - observed.tip) / observed.sigma(), observed.time_s)
-    return Misfit(shape, late / REPEATABILITY_S, late, plain)
+    return Misfit(shape, late / REPEATABILITY_S, late, plain, steps)
 
 
-def rough_misfit(observed: Observation, straw: StrawParameters, instrument: Instrument) -> Floats:
-    """Misfit of one run by its outline alone and its snaps' times, in sigmas: what leads from afar to a good fit."""
-    at, late, bent = _aligned(observed, straw, instrument, ROUGH_M)
+def rough_misfit(observed: Observation, straw: StrawParameters, instrument: Instrument) -> tuple[Floats, int]:
+    """Misfit of one run by its outline alone and its snaps' times, in sigmas: what leads from afar to a good fit; and
+    how many steps the simulation took."""
+    at, late, bent, steps = _aligned(observed, straw, instrument, ROUGH_M)
     outline = observed.outline
-    return np.concatenate([outline.differs(at(bent(outline.time_s))), late / ROUGHLY_S])
+    return np.concatenate([outline.differs(at(bent(outline.time_s))), late / ROUGHLY_S]), steps
 
 
 def _aligned(
     observed: Observation, straw: StrawParameters, instrument: Instrument, finest_m: float
-) -> tuple[Callable[[Floats], Floats], Floats, Callable[[Floats], Floats]]:
-    """Of a prediction: the tip (3, n) by stamped time, how late its snaps are (k,), and the clock bent to make up."""
+) -> tuple[Callable[[Floats], Floats], Floats, Callable[[Floats], Floats], int]:
+    """Of a prediction: tip (3, n) by stamped time, how late its snaps are (k,), the clock bent to make up, steps."""
     seen, snaps_s = play(observed, straw, instrument, finest_m)
     both = min(len(snaps_s), len(observed.snaps_s))
     late = np.empty(len(observed.snaps_s) + 1)
@@ -140,7 +143,7 @@ def _aligned(
     def bent(time_s: Floats) -> Floats:
         return np.asarray(time_s + bend(time_s, observed.snaps_s[:both], late[:both]))
 
-    return at, late, bent
+    return at, late, bent, seen.steps
 
 
 def bend(time_s: Floats, snaps_s: Floats, late_s: Floats) -> Floats:

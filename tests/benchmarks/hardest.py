@@ -33,9 +33,9 @@ def main() -> None:
     print(
         f"{len(seen)} runs, {' and '.join(case.label)} concealed: {findings.verdict}, {' and '.join(findings.causes)}"
     )
-    played_s = found.campaign.tally["seconds"]
+    tally = found.campaign.tally
     print(f"{time.perf_counter() - start:.0f} s on {os.cpu_count()} cores, {searched_s:.0f} s of it the search")
-    print(f"{found.campaign.tally['played']} runs played, {played_s:.0f} s of straw")
+    print(f"{tally['played']} runs played in {tally['steps'] / 1e6:.1f} million steps")
 
 
 if __name__ == "__main__":

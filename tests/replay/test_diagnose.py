@@ -14,6 +14,7 @@ from model.simulate import run as simulate
 from model.simulate import sampled
 from model.terms import CAUSES
 from replay.cli import main
+from replay.diagnose import diagnosis
 from replay.diagnose.campaign import Campaign
 from replay.diagnose.contest import Contestant, nothing_yet, released
 from replay.diagnose.diagnosis import inquire
@@ -266,6 +267,17 @@ def test_an_inquiry_that_is_stopped_settles_nothing_and_holds_nothing_out(plain)
     assert "Stopped before every cause was looked at" in findings.says
 
 
+def test_a_search_that_takes_too_many_steps_ends_by_itself_and_settles_nothing(plain, monkeypatch):
+    monkeypatch.setattr(diagnosis, "LONGEST", 1)
+    with ThreadPoolExecutor() as pool:
+        found = inquire(plain[:3], BASE, executor=pool)
+        findings = conclude(found)
+    assert findings.verdict == "ambiguous"
+    assert not found.whole
+    assert not found.campaign.stop()  # what is concluded from it is not cut short
+    assert any("--thorough goes on" in note for note in findings.notes)
+
+
 def test_with_nothing_of_a_cause_yet_the_runs_are_as_without_it_and_its_slopes_promise_what_it_may_gain(plain):
     base = base_unknowns(BASE)
     with ThreadPoolExecutor() as pool:
@@ -326,13 +338,13 @@ def test_simulations_that_fail_are_counted_also_in_a_part_of_the_campaign(plain)
     assert (whole.tally["played"], whole.tally["failed"]) == (1, 1)
 
 
-def test_a_search_is_hurried_by_the_seconds_of_runs_played_in_all_parts_of_the_campaign(plain):
+def test_a_search_is_hurried_by_the_steps_taken_in_all_parts_of_the_campaign(plain):
     one = plain[0]
-    length_s = one.end_s - one.start_s
     with ThreadPoolExecutor() as pool:
-        whole = Campaign(plain, BASE, pool, patience_s=1.5 * length_s)
+        whole = Campaign(plain, BASE, pool)
         part = whole.only([one.name]).roughly()
         part.misfits((), [np.zeros(0)])
+        whole.patience = part.patience = 1.5 * whole.tally["steps"]
         assert not part.hurried
         part.misfits((), [np.zeros(0)])
     assert whole.hurried
