@@ -23,7 +23,7 @@ from replay.diagnose.findings import _says, _verdict, conclude
 from replay.diagnose.hypothesis import MEASUREMENT, Unknown, applied, base_unknowns, dragged, held
 from replay.diagnose.inquiry import Inquiry
 from replay.diagnose.instrument import Instrument
-from replay.diagnose.judge import by_cause, surviving
+from replay.diagnose.judge import by_cause, surviving, unknown_leaves
 from replay.diagnose.library import causes, hypothesis
 from replay.diagnose.misfit import FINE_M, ROUGH_M, TOLERANCE_M, bend, misfit, most_steps_per_s, whitened
 from replay.diagnose.observation import observe
@@ -265,6 +265,15 @@ def test_an_inquiry_that_is_stopped_settles_nothing_and_holds_nothing_out(plain)
     assert findings.causes == []
     assert findings.held is None
     assert "Stopped before every cause was looked at" in findings.says
+
+
+def test_what_the_best_leaves_speaks_for_a_cause_nobody_thought_of_where_it_is_no_small_share():
+    # sealed cases, sigmas squared: a right law of another form; imposters, the right cause taken out of the library
+    assert unknown_leaves(1_274_498, 454) > 20 * 454
+    assert unknown_leaves(100_573, 2_848) < 2_848
+    assert unknown_leaves(69_000, 16_712) < 16_712 / 8
+    # who explains everything need not fear it, unless little was to be explained
+    assert unknown_leaves(2_000, 0) == pytest.approx(200)
 
 
 def test_a_search_that_takes_too_many_steps_ends_by_itself_and_settles_nothing(plain, monkeypatch):
