@@ -25,7 +25,7 @@ class Inquiry:
     null: Fit
     singles: dict[str, Contestant] = field(default_factory=dict)
     pairs: dict[str, Contestant] = field(default_factory=dict)
-    whole: bool = False  # whether nothing was cut short
+    whole: bool = False  # whether every cause was looked at and the best were carried to their end
 
     @property
     def contestants(self) -> list[Contestant]:
