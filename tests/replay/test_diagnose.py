@@ -279,7 +279,7 @@ def test_what_the_best_leaves_speaks_for_a_cause_nobody_thought_of_where_it_is_n
 def test_a_search_that_takes_too_many_steps_ends_by_itself_and_settles_nothing(plain, monkeypatch):
     monkeypatch.setattr(diagnosis, "LONGEST", 1)
     with ThreadPoolExecutor() as pool:
-        found = inquire(plain[:3], BASE, executor=pool)
+        found = inquire(plain[:1], BASE, executor=pool)
         findings = conclude(found)
     assert findings.verdict == "ambiguous"
     assert not found.whole
