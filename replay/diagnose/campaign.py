@@ -173,21 +173,13 @@ def _one(
     return one, one.steps
 
 
-def _vector(
-    observed: Observation,
-    straw: StrawParameters,
-    unknowns: tuple[Unknown, ...],
-    at: Floats,
-    finest_m: float = TOLERANCE_M,
-) -> tuple[Floats | None, int]:
-    one, steps = _one(observed, straw, unknowns, at, finest_m)
+def _vector(*what: Any) -> tuple[Floats | None, int]:
+    one, steps = _one(*what)
     return None if one is None else one.vector, steps
 
 
-def _fine(
-    observed: Observation, straw: StrawParameters, unknowns: tuple[Unknown, ...], at: Floats
-) -> tuple[Floats | None, int]:
-    return _vector(observed, straw, unknowns, at, FINE_M)
+def _fine(*what: Any) -> tuple[Floats | None, int]:
+    return _vector(*what, FINE_M)
 
 
 def _rough(

@@ -21,7 +21,7 @@ BLOCK, BEYOND = 24, 5.0
 #: since no law in the library has exactly the form nature gave it.
 LIKELIHOOD_UP_TO = 10.0
 #: Squared sigmas that count as one: searches end, solvers err and runs repeat only to this. With nothing concealed
-#: the best cause was up to 157 sigmas squared below the base, which then still is more probable than not (0.6).
+#: the best cause was up to 172 sigmas squared below the base, which then still is more probable than not (0.59).
 COUNTS_AS_ONE = 20.0
 #: What noise and forks of repeats leave unexplained even with the right model, sigmas squared.
 NOISE_LEAVES = 300.0

@@ -244,9 +244,7 @@ def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], thorough: boo
             found.keep(finish(campaign, pair, rounds=ROUNDS))
     if first:
         # a single cause fitted less well than its pairs would make them look needed
-        beside = [
-            pair for pair in sorted(found.pairs.values(), key=lambda c: c.cost) if best.name in pair.name.split("+")
-        ]
+        beside = [c for c in found.contestants if best.name in c.hypothesis.causes and c.name != best.name]
         for fit in _without(found, best.fit, beside[:TAKEN_OUT], whatever=True):
             found.keep(Contestant(best.hypothesis, fit))
 

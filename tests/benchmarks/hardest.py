@@ -1,6 +1,6 @@
-"""Time of a default diagnosis of eight runs, of the case that takes longest of all that are known.
+"""Time of a default diagnosis of eight runs, of a case that is hard, or of any other.
 
-    python -m tests.benchmarks.hardest
+    python -m tests.benchmarks.hardest [--seed 20261127 --only final-049]
 
 Two causes at once, one of another form than the library's, that end as unknown with the curve of what is missing: the
 search looks everywhere. In threads as `straw diagnose` has them; reading the runs and drawing the page come on top.
@@ -8,6 +8,7 @@ search looks everywhere. In threads as `straw diagnose` has them; reading the ru
 
 from __future__ import annotations
 
+import argparse
 import os
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -23,7 +24,11 @@ SEED, NAME = 20261123, "final-017"
 
 def main() -> None:
     """Diagnose it and print how long it took."""
-    case = next(case for case in deck("final", SEED) if case.name == NAME)
+    ask = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    ask.add_argument("--seed", type=int, default=SEED)
+    ask.add_argument("--only", default=NAME, metavar="NAME")
+    args = ask.parse_args()
+    case = next(case for case in deck("final", args.seed) if case.name == args.only)
     seen = [observe(run) for run in generate(case).runs]
     start = time.perf_counter()
     with ThreadPoolExecutor() as pool:

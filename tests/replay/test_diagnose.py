@@ -12,19 +12,18 @@ import pytest
 from model.parameters import StrawParameters, straw_from_toml
 from model.simulate import run as simulate
 from model.simulate import sampled
-from model.terms import CAUSES
 from replay.cli import main
 from replay.diagnose import diagnosis
 from replay.diagnose.campaign import Campaign
-from replay.diagnose.contest import Contestant, nothing_yet, released
+from replay.diagnose.contest import Contestant, nothing_yet
 from replay.diagnose.diagnosis import inquire
 from replay.diagnose.experiment import Choice, _toml, menu
 from replay.diagnose.findings import _says, _verdict, conclude
-from replay.diagnose.hypothesis import MEASUREMENT, Unknown, applied, base_unknowns, dragged, held
+from replay.diagnose.hypothesis import base_unknowns
 from replay.diagnose.inquiry import Inquiry
 from replay.diagnose.instrument import Instrument
 from replay.diagnose.judge import by_cause, surviving, unknown_leaves
-from replay.diagnose.library import causes, hypothesis
+from replay.diagnose.library import causes
 from replay.diagnose.misfit import FINE_M, ROUGH_M, TOLERANCE_M, bend, misfit, most_steps_per_s, whitened
 from replay.diagnose.observation import observe
 from replay.diagnose.search import Fit, descend
@@ -101,88 +100,6 @@ def test_the_clock_is_bent_at_the_snaps_and_nowhere_far_from_them():
     assert late[210] == pytest.approx(0.05)
     assert late[0] == late[-1] == 0.0
     assert np.all(np.diff(t + late) > 0)
-
-
-def test_every_cause_of_the_contract_can_be_set_into_a_straw_or_an_instrument():
-    assert set(CAUSES) | set(MEASUREMENT) | {"odd_frusta_compliance"} == set(causes(9))
-    for name in causes(9):
-        what = hypothesis([name], 9)
-        straw, instrument = applied(BASE, what.unknowns, np.array(what.starts[0]))
-        changed = straw.form != BASE.form or bool(straw.terms) or instrument != Instrument()
-        assert changed, name
-        same, sound = applied(BASE, what.unknowns[:1], np.zeros(1))
-        if what.unknowns[0].kind == "strength":
-            assert sound == Instrument()
-            assert same.constants().plain
-
-
-def test_unknowns_give_back_the_value_they_start_from():
-    assert Unknown("straw.r_ch_m", 0.1, 4e-4, "log").value(0.0) == 4e-4
-    strength = Unknown("term.cohesion.force_n", 2.0)
-    assert strength.value(strength.at(3.0)) == pytest.approx(6.0)
-    assert strength.per_u(0.4) == pytest.approx((strength.value(0.4 + 1e-6) - strength.value(0.4 - 1e-6)) / 2e-6)
-
-
-@pytest.mark.parametrize("cause", CAUSES)
-def test_wherever_its_bounds_let_a_search_go_a_cause_can_be_set_into_a_straw(cause):
-    what = hypothesis([cause], BASE.cells)
-    for start in what.starts:
-        for k, unknown in enumerate(what.unknowns):
-            for bound in (unknown.low, unknown.high):
-                if np.isfinite(bound):
-                    applied(BASE, what.unknowns, np.array([*start[:k], bound, *start[k + 1 :]]))
-
-
-def test_elasticity_and_geometry_stay_within_a_few_percent_of_what_is_given():
-    ends = {k.target: (k.value(k.low), k.value(k.high)) for k in base_unknowns(BASE)}
-    for name in ("E_pa", "h_m", "zeta01", "zeta02"):
-        low, high = ends[f"straw.{name}"]
-        assert 0.9 < low < 0.97
-        assert 1.03 < high < 1.1
-
-
-def test_a_base_is_dragged_by_constants_that_specimens_hardly_differ_in_and_not_by_its_damping():
-    base = base_unknowns(BASE)
-    stiffness, damping = ([k.target for k in base].index(f"straw.{name}") for name in ("E_pa", "c_zeta_n_s_per_m"))
-    u = np.zeros(len(base))
-    u[damping] = 3.0
-    assert not dragged(base, u)
-    u[stiffness] = -2.4
-    assert dragged(base, u)
-
-
-def test_constants_that_are_held_are_charged_more_until_they_are_released():
-    base, late = base_unknowns(BASE), hypothesis(["clock_offset"], 9)
-    kept = (*held(base), *late.unknowns)
-    assert [k.sd for k in held(base)[:3]] == [k.sd for k in base[:3]]
-    u = np.zeros(len(kept))
-    u[3] = 1.0  # E
-    price = 1 / held(base)[3].sd ** 2
-    fit = Fit(kept, u, np.zeros(4), np.zeros((4, len(kept))), price, True)
-    free = released(Contestant(late, fit), base)
-    assert free.fit.unknowns == (*base, *late.unknowns)
-    assert free.cost < price
-    assert free.cost == pytest.approx(1 / base[3].sd ** 2)
-    assert not free.fit.fresh
-
-
-def test_curvature_may_grow_along_the_straw_and_relaxation_spare_the_bending():
-    curled, slack = hypothesis(["intrinsic_curvature"], 9), hypothesis(["viscoelasticity"], 9)
-    at = np.array([k.at(x) for k, x in zip(curled.unknowns, (2.0, 1.0, 0.0), strict=True)])
-    phi_0 = np.array(applied(BASE, curled.unknowns, at)[0].terms["intrinsic_curvature"]["phi_0_rad"])
-    np.testing.assert_allclose(phi_0, 3e-3 * (2.0 + np.linspace(-1, 1, 9)))
-    terms = applied(BASE, slack.unknowns, np.array([1.0, 0.0, 1.0, 0.0, 0.25]))[0].terms
-    assert [terms[name]["bending"] for name in ("viscoelasticity", "viscoelasticity_slow")] == [0.25, 0.25]
-
-
-def test_odd_frusta_may_be_stiffer_than_even_ones_whatever_else_is_changed():
-    what = (*base_unknowns(BASE), *hypothesis(["odd_frusta_compliance"], 9).unknowns)
-    at = [0.0] * 7 + [1.0, np.log(3.0)]
-    at[3] = 1.0  # E, all frusta
-    straw = applied(BASE, what, np.array(at))[0]
-    assert straw.form == "full"
-    np.testing.assert_allclose(straw.E_pa[:, 0], 3 * straw.E_pa[:, 1])
-    np.testing.assert_allclose(straw.E_pa[:, 1], np.exp(0.02) * BASE.E_pa[0, 1])
 
 
 @pytest.mark.parametrize(("complete", "verdict"), [(0.6, "complete"), (0.45, "ambiguous")])
@@ -271,7 +188,7 @@ def test_what_the_best_leaves_speaks_for_a_cause_nobody_thought_of_where_it_is_n
     # sealed cases, sigmas squared: a right law of another form; imposters, the right cause taken out of the library
     assert unknown_leaves(1_274_498, 454) > 20 * 454
     assert unknown_leaves(100_573, 2_848) < 2_848
-    assert unknown_leaves(69_000, 16_712) < 16_712 / 8
+    assert unknown_leaves(64_486, 16_712) < 16_712 / 8
     # who explains everything need not fear it, unless little was to be explained
     assert unknown_leaves(2_000, 0) == pytest.approx(200)
 
