@@ -11,17 +11,8 @@ from numpy.typing import NDArray
 
 from replay.diagnose.campaign import Campaign
 from replay.diagnose.hypothesis import Hypothesis, Unknown
-from replay.diagnose.search import (
-    FINELY,
-    LONGEST_STEP,
-    Fit,
-    Straight,
-    clipped,
-    cost_at,
-    descend,
-    measured_slopes,
-    weights,
-)
+from replay.diagnose.robust import weights
+from replay.diagnose.search import FINELY, LONGEST_STEP, Fit, Straight, clipped, cost_at, descend, measured_slopes
 
 Floats = NDArray[np.float64]
 

@@ -18,7 +18,8 @@ from replay.diagnose.inquiry import Inquiry
 from replay.diagnose.judge import COUNTS_AS_ONE
 from replay.diagnose.locate import Located
 from replay.diagnose.observation import REPEATABILITY_S
-from replay.diagnose.search import Fit, descend, measured_slopes, weights
+from replay.diagnose.robust import weights
+from replay.diagnose.search import Fit, descend, measured_slopes
 
 Floats = NDArray[np.float64]
 

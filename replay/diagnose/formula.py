@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from replay.diagnose.campaign import Campaign
 from replay.diagnose.hypothesis import Unknown
-from replay.diagnose.search import Fit, descend, prior_cost, robust_cost, weights
+from replay.diagnose.robust import robust_cost, weights
+from replay.diagnose.search import Fit, descend, prior_cost
 
 Floats = NDArray[np.float64]
 

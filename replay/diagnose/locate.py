@@ -13,7 +13,8 @@ from replay.diagnose.campaign import Campaign
 from replay.diagnose.hypothesis import applied
 from replay.diagnose.misfit import Misfit, play
 from replay.diagnose.observation import Observation
-from replay.diagnose.search import Fit, weights
+from replay.diagnose.robust import weights
+from replay.diagnose.search import Fit
 
 Floats = NDArray[np.float64]
 

@@ -19,7 +19,9 @@ from model.parameters import StrawParameters
 from model.simulate import Prediction
 from model.simulate import run as simulate
 from replay.diagnose.instrument import Instrument
+from replay.diagnose.matching import matched, without_odd
 from replay.diagnose.observation import REPEATABILITY_S, Observation
+from replay.diagnose.robust import robust_cost
 from replay.diagnose.snaps import cell_snaps, crossings
 
 Floats = NDArray[np.float64]
@@ -47,17 +49,18 @@ FADES_S, FADES = 0.3, 3.0
 LASTING, LASTS_S = 0.38, 0.05
 #: How far off a snap may be while only outlines are compared, s.
 ROUGHLY_S = 3e-3
-#: A snap that only one of the two shows counts as this late at least, s.
-MISSING_S = 0.1
+#: A beginning or an end that only one of the two shows counts as this many sigmas, no more than noise may be: whether a
+#: ring just reaches a level says little, and a snap that did not happen shows in all that follows.
+MISSING = 3.0
 
 
 @dataclass(frozen=True, eq=False)
 class Misfit:
     """Differences between prediction and observation in sigmas: shape (3, n), white for a right model; timing (k,).
 
-    ``timing`` has an entry for each of the observation's snap times (begin, end, begin, ...), and where the straw
-    shows more, one for all the others; ``late_s`` are the same in seconds. ``plain`` (3, n) is what differs without
-    bending the clock, m and rad. ``steps`` is how many the simulation took.
+    ``timing`` has an entry for each of the observation's snap times (begin, end, begin, ...), and one for all that
+    the straw shows beside them; ``late_s`` (k - 1,) are the same in seconds, NaN where the straw does not show it.
+    ``plain`` (3, n) is what differs without bending the clock, m and rad. ``steps`` is how many the simulation took.
     """
 
     shape: Floats
@@ -109,41 +112,67 @@ def misfit(
     observed: Observation, straw: StrawParameters, instrument: Instrument, finest_m: float = TOLERANCE_M
 ) -> Misfit:
     """Misfit of one run; ModelError where the model cannot follow."""
-    at, late, bent, steps = _aligned(observed, straw, instrument, finest_m)
+    at, ways, steps = _aligned(observed, straw, instrument, finest_m)
+
+    def told(way: _Way) -> Misfit:
+        shape = whitened((at(way.bent(observed.time_s)) - observed.tip) / observed.sigma(), observed.time_s)
+        return Misfit(shape, way.timing(REPEATABILITY_S), way.late_s, plain, steps)
+
     plain = at(observed.time_s) - observed.tip
-    shape = whitened((at(bent(observed.time_s)) - observed.tip) / observed.sigma(), observed.time_s)
-    return Misfit(shape, late / REPEATABILITY_S, late, plain, steps)
+    return min((told(way) for way in ways), key=lambda one: robust_cost(one.vector))
 
 
 def rough_misfit(observed: Observation, straw: StrawParameters, instrument: Instrument) -> tuple[Floats, int]:
     """Misfit of one run by its outline alone and its snaps' times, in sigmas: what leads from afar to a good fit; and
     how many steps the simulation took."""
-    at, late, bent, steps = _aligned(observed, straw, instrument, ROUGH_M)
+    at, ways, steps = _aligned(observed, straw, instrument, ROUGH_M)
     outline = observed.outline
-    return np.concatenate([outline.differs(at(bent(outline.time_s))), late / ROUGHLY_S]), steps
+    told = (np.concatenate([outline.differs(at(way.bent(outline.time_s))), way.timing(ROUGHLY_S)]) for way in ways)
+    return min(told, key=robust_cost), steps
+
+
+@dataclass(frozen=True, eq=False)
+class _Way:
+    """One way to take a prediction's snaps for those of a recording, at ``snaps_s`` (k,): how late each is, NaN where
+    none is taken for it, and how many of the prediction's are left."""
+
+    snaps_s: Floats
+    late_s: Floats
+    left: int
+
+    def bent(self, time_s: Floats) -> Floats:
+        """Times (n,) at which to look into the prediction."""
+        shown = np.isfinite(self.late_s)
+        return np.asarray(time_s + bend(time_s, self.snaps_s[shown], self.late_s[shown]))
+
+    def timing(self, sigma_s: float) -> Floats:
+        """How late each is, in sigmas, and all that are left (k + 1,)."""
+        late = np.where(np.isfinite(self.late_s), self.late_s / sigma_s, MISSING)
+        return np.append(late, MISSING * np.sqrt(self.left))
 
 
 def _aligned(
     observed: Observation, straw: StrawParameters, instrument: Instrument, finest_m: float
-) -> tuple[Callable[[Floats], Floats], Floats, Callable[[Floats], Floats], int]:
-    """Of a prediction: tip (3, n) by stamped time, how late its snaps are (k,), the clock bent to make up, steps."""
+) -> tuple[Callable[[Floats], Floats], list[_Way], int]:
+    """Of a prediction: tip (3, n) by stamped time, ways in which its snaps are those of the recording, steps."""
     seen, snaps_s = play(observed, straw, instrument, finest_m)
-    both = min(len(snaps_s), len(observed.snaps_s))
-    late = np.empty(len(observed.snaps_s) + 1)
-    late[:both] = snaps_s[:both] - observed.snaps_s[:both]
-    late[both:-1] = observed.end_s + PATIENCE_S - observed.snaps_s[both:]
-    extra = snaps_s[len(observed.snaps_s) :]
-    late[-1] = np.sum(observed.end_s - extra[extra < observed.end_s] + MISSING_S)
+    mine, others = matched(observed.snaps_s, snaps_s)
+    late = np.full(len(observed.snaps_s), np.nan)
+    late[mine] = snaps_s[others] - observed.snaps_s[mine]
+    left = int(np.count_nonzero(np.delete(snaps_s, others) < observed.end_s))
+    ways = [_Way(observed.snaps_s, late, left)]
+    usual = without_odd(late[mine])
+    if not usual.all():
+        sure = np.full(len(late), np.nan)
+        sure[mine[usual]] = late[mine[usual]]
+        ways.append(_Way(observed.snaps_s, sure, left + int(np.count_nonzero(~usual))))
     spline = CubicSpline(seen.time_s, np.stack([seen.x_m, seen.z_m, seen.phi_rad]), axis=1)
     span = seen.time_s[0], seen.time_s[-1]
 
     def at(stamped_s: Floats) -> Floats:
         return instrument.seen(spline(np.clip(instrument.true_time(stamped_s), *span)))
 
-    def bent(time_s: Floats) -> Floats:
-        return np.asarray(time_s + bend(time_s, observed.snaps_s[:both], late[:both]))
-
-    return at, late, bent, seen.steps
+    return at, ways, seen.steps
 
 
 def bend(time_s: Floats, snaps_s: Floats, late_s: Floats) -> Floats:

@@ -22,7 +22,8 @@ from replay.diagnose.hypothesis import Unknown, applied
 from replay.diagnose.judge import NOISE_LEAVES, unexplained
 from replay.diagnose.misfit import play
 from replay.diagnose.observation import Observation
-from replay.diagnose.search import Fit, cost_at, descend, measured_slopes, weights
+from replay.diagnose.robust import weights
+from replay.diagnose.search import Fit, cost_at, descend, measured_slopes
 from replay.diagnose.start import few_of
 from replay.diagnose.states import STATES, State, points
 

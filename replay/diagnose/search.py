@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from replay.diagnose.campaign import Campaign
 from replay.diagnose.hypothesis import Unknown
+from replay.diagnose.robust import robust_cost, weights
 
 Floats = NDArray[np.float64]
 
-#: Differences beyond this many sigmas count with their size, not their square.
-ROBUST_SIGMAS = 5.0
 #: Damping tried in each step, as a share of the curvature.
 DAMPING = (1e-4, 0.1)
 #: A step that gains less than this share of what was predicted was predicted badly.
@@ -50,17 +49,6 @@ class Fit:
     def values(self) -> dict[str, float]:
         """Numbers found, SI, by target."""
         return {k.target: k.value(float(u)) for k, u in zip(self.unknowns, self.u, strict=True)}
-
-
-def robust_cost(residual: Floats) -> float:
-    """Sum of squares in which what is far off counts with its size (soft L1)."""
-    c2 = ROBUST_SIGMAS**2
-    return float(np.sum(2 * c2 * (np.sqrt(1 + residual**2 / c2) - 1)))
-
-
-def weights(residual: Floats) -> Floats:
-    """Weights of squares that stand for the robust cost."""
-    return np.asarray(1 / np.sqrt(1 + (residual / ROBUST_SIGMAS) ** 2))
 
 
 def prior_cost(unknowns: Sequence[Unknown], u: Floats) -> float:

@@ -19,7 +19,8 @@ from replay.diagnose.contest import Contestant, enter, finish, looks
 from replay.diagnose.findings import NAMED_ALONE
 from replay.diagnose.judge import judge, unexplained
 from replay.diagnose.locate import kind_of
-from replay.diagnose.search import Fit, descend, robust_cost
+from replay.diagnose.robust import robust_cost
+from replay.diagnose.search import Fit, descend
 from tests.benchmarks.oscillator import BASE, FINE, LIBRARY, MASS_KG, RATE_HZ, SIGMA_M, Oscillators, Record
 
 #: The benchmark's constants: N s/m, N/m, N/m, 1/m, -, -; nu = 1.

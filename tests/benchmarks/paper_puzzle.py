@@ -126,7 +126,7 @@ def _first_late(campaign: Campaign, straw: StrawParameters) -> dict[str, float]:
     """How much later (s) than measured the model's first snap is, by run."""
     rows = Campaign(campaign.observations, straw, campaign.pool).misfits((), [np.empty(0)])[0]
     return {
-        o.name: float(one.late_s[0]) if one is not None and len(one.late_s) > 1 else float("nan")
+        o.name: float(one.late_s[0]) if one is not None and len(one.late_s) else float("nan")
         for o, one in zip(campaign.observations, rows, strict=True)
     }
 

@@ -14,7 +14,8 @@ from replay.diagnose.hypothesis import REPEATS, REPEATS_MOUNT, Unknown, base_unk
 from replay.diagnose.inquiry import allow_repeats
 from replay.diagnose.library import causes, hypothesis
 from replay.diagnose.observation import Observation
-from replay.diagnose.search import Fit, descend, measured_slopes, weights
+from replay.diagnose.robust import weights
+from replay.diagnose.search import Fit, descend, measured_slopes
 from replay.diagnose.start import C_PHI, C_ZETA, R_CH, base_start, few_of, rough
 from replay.progress import say
 
@@ -107,7 +108,7 @@ def by_itself(campaign: Campaign) -> Fit:
     ]
     delayed = []
     for point, (one,) in zip(points, campaign.misfits(unknowns, points), strict=True):
-        if one is not None and len(one.late_s) > 1:
+        if one is not None and np.isfinite(one.late_s[:1]).any():
             delayed.append(at(unknowns, {DELAY: -float(np.clip(one.late_s[0], -1.5, 1.5))}, point))
     points += delayed
     looks = rough(campaign.roughly(), unknowns, points)

@@ -1,0 +1,22 @@
+"""Differences far off count with their size, not their square: soft L1."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+#: Differences beyond this many sigmas count with their size.
+ROBUST_SIGMAS = 5.0
+
+
+def robust_cost(residual: Floats) -> float:
+    """Sum of squares in which what is far off counts with its size (soft L1)."""
+    c2 = ROBUST_SIGMAS**2
+    return float(np.sum(2 * c2 * (np.sqrt(1 + residual**2 / c2) - 1)))
+
+
+def weights(residual: Floats) -> Floats:
+    """Weights of squares that stand for the robust cost."""
+    return np.asarray(1 / np.sqrt(1 + (residual / ROBUST_SIGMAS) ** 2))

@@ -1,0 +1,81 @@
+"""Snaps of a prediction and of a recording that belong to each other, where one shows some that the other does not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from model.parameters import StrawParameters
+from replay.diagnose.instrument import Instrument
+from replay.diagnose.matching import matched, without_odd
+from replay.diagnose.misfit import MISSING, misfit, rough_misfit
+from replay.diagnose.observation import observe
+from replay.diagnose.robust import robust_cost
+from tests.apparatus.campaign import NONE, campaign
+
+BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)
+
+
+@pytest.fixture(scope="module")
+def fold():
+    """A run of the apparatus with the base constants and nothing concealed, in which two cells snap."""
+    return observe(campaign((), 3, ("fold-25kPa",), NONE)[0])
+
+
+@pytest.mark.parametrize(
+    ("seen", "told", "pairs"),
+    [
+        ([0.8, 0.9, 1.4, 1.5], [0.85, 0.95, 1.45, 1.55], [(0, 0), (1, 1), (2, 2), (3, 3)]),
+        ([1.48, 1.52], [0.79, 0.80, 1.43, 1.47], [(0, 2), (1, 3)]),  # the first did not reach the level
+        ([0.79, 0.80, 1.43, 1.47], [1.48, 1.52], [(2, 0), (3, 1)]),
+        (
+            [0.8, 0.9, 1.4, 1.5],
+            [1.3, 1.4, 1.9, 2.0],
+            [(0, 0), (1, 1), (2, 2), (3, 3)],
+        ),  # as many: all are late, none is missing
+        ([], [0.8, 0.9], []),
+        ([0.8, 0.9], [], []),
+    ],
+)
+def test_a_snap_that_only_one_of_two_shows_does_not_shift_the_others(seen, told, pairs):
+    mine, others = matched(np.array(seen), np.array(told))
+    assert list(zip(mine.tolist(), others.tolist(), strict=True)) == pairs
+
+
+def test_begins_are_never_taken_for_ends():
+    rng = np.random.default_rng(1)
+    for _ in range(200):
+        seen, told = (np.sort(rng.uniform(0, 3, 2 * rng.integers(0, 4))) for _ in range(2))
+        mine, others = matched(seen, told)
+        assert np.all((mine - others) % 2 == 0)
+        assert np.all(np.diff(mine) > 0)
+        assert np.all(np.diff(others) > 0)
+
+
+def test_a_ring_taken_for_an_end_is_odd_and_a_late_camera_is_not():
+    np.testing.assert_array_equal(without_odd(np.array([0.0, 0.001, -0.002, 0.34])), [True, True, True, False])
+    np.testing.assert_array_equal(without_odd(np.array([0.0, 0.34])), [True, False])
+    assert without_odd(np.array([0.06, 0.061, 0.059])).all()
+    assert without_odd(np.empty(0)).all()
+
+
+@pytest.mark.parametrize("unseen", [[0, 1], [2, 3], [1, 2]])
+def test_a_snap_that_just_missed_its_level_costs_the_right_straw_no_more_than_noise_may(fold, unseen):
+    assert len(fold.snaps_s) == 4
+    # as if the first or the last had not reached the level, or the first's ring had not come back through it
+    less = replace(fold, snaps_s=np.delete(fold.snaps_s, unseen))
+    for how in (
+        lambda run: misfit(run, BASE, Instrument()).vector,
+        lambda run: rough_misfit(run, BASE, Instrument())[0],
+    ):
+        # the clock is no longer bent there, for snaps that are less than a millisecond, a sigma, late
+        assert robust_cost(how(less)) < robust_cost(how(fold)) + len(unseen) * (MISSING**2 + 5)
+
+
+def test_a_straw_that_snaps_otherwise_is_told_by_all_that_follows(fold):
+    # a cell that is a fifth weaker folds before the other and earlier: no fit to what was recorded
+    weak = BASE.with_term("frustum_spread", E_relative=np.array([-0.2, *[0.0] * 8]))
+    right, wrong = (robust_cost(misfit(fold, straw, Instrument()).vector) for straw in (BASE, weak))
+    assert wrong > 3 * right
