@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from typing import Any, Self
 
@@ -63,6 +63,21 @@ class Campaign:
         out = self._like(self.observations, _fine)
         out.scatter = self.scatter
         return out
+
+    def look_until(self, ends_s: Mapping[str, float]) -> NDArray[np.intp]:
+        """From now on look at some runs, by name, until these times; what they may differ by has to be felt anew.
+
+        Which of the differences before are still seen.
+        """
+        rows = []
+        for observed, part in zip(self.observations, self.slices(), strict=True):
+            end_s = ends_s.get(observed.name, np.inf)
+            shape = np.tile(observed.time_s <= end_s, 3)
+            timing = np.append(observed.snaps_s <= end_s, True)
+            rows.append(part.start + np.flatnonzero(np.concatenate([shape, timing])) if not self.rough else [])
+        self.observations = tuple(o.until(ends_s[o.name]) if o.name in ends_s else o for o in self.observations)
+        self.scatter = None
+        return np.concatenate(rows).astype(np.intp)
 
     def shares_with(self, other: Campaign) -> Self:
         """This campaign, from now on counting, playing and allowing for repeats as another does."""

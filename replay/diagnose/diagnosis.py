@@ -33,6 +33,7 @@ from replay.diagnose.stages import (
     from_nearby,
     from_the_winner,
     in_pairs,
+    until_they_fork,
     weigh_anew,
 )
 from replay.diagnose.start import base_start, few_of
@@ -116,6 +117,7 @@ def _searched(campaign: Campaign, names: Sequence[str], thorough: bool, told: To
         return found
     told("finishing the best", len(names) + 2, total)
     finish_best(found, FINISHED + (0 if loud else FINISHED_NEARBY) + 3 * thorough, done, worth)
+    until_they_fork(found, wide, done)
     found.whole = not campaign.stop()
     if found.singles and found.contestants[0].cost < found.null.cost - HOPELESS:
         if loud:

@@ -181,6 +181,11 @@ def _doubts(found: Inquiry) -> list[str]:
         out.append("the search was cut short: causes not looked at yet count as impossible here; --thorough goes on")
     if found.whole and found.campaign.tally["left_out"]:
         out.append("the search took long and was shortened at its end; with --thorough it goes on")
+    out += [
+        f"run {name} is looked at until {end_s:.2f} s: repeats of the straw would go two ways there, and it went "
+        "another than the model"
+        for name, end_s in found.forked.items()
+    ]
     if len(runs) < 3:
         out.append(
             f"{len(runs)} run{'s' if len(runs) > 1 else ''}: nothing could be held out, and repeats are not known"

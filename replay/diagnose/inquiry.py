@@ -25,6 +25,7 @@ class Inquiry:
     null: Fit
     singles: dict[str, Contestant] = field(default_factory=dict)
     pairs: dict[str, Contestant] = field(default_factory=dict)
+    forked: dict[str, float] = field(default_factory=dict)  # runs that are looked at until they fork, and when, s
     whole: bool = False  # whether every cause was looked at and the best were carried to their end
 
     @property

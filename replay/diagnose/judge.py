@@ -46,7 +46,12 @@ class Judgement:
 
 def unexplained(campaign: Campaign, fit: Fit) -> float:
     """Squared sigmas of a fit that lie in stretches whose differences are too large to be noise."""
-    total = 0.0
+    return sum(run_by_run(campaign, fit))
+
+
+def run_by_run(campaign: Campaign, fit: Fit) -> list[float]:
+    """What is `unexplained` in each run."""
+    out = []
     for observed, part in zip(campaign.observations, campaign.slices(), strict=True):
         row = fit.residual[part]
         shape = row[: observed.tip.size].reshape(3, -1)
@@ -54,10 +59,10 @@ def unexplained(campaign: Campaign, fit: Fit) -> float:
         squares = np.sum(shape[:, : blocks * BLOCK].reshape(3, blocks, BLOCK) ** 2, axis=2)
         usual = np.clip(np.median(squares, axis=1, keepdims=True), 0.5 * BLOCK, 1.5 * BLOCK)
         loud = squares > usual * (1 + BEYOND * np.sqrt(2 / BLOCK))
-        total += float(np.sum(np.where(loud, _gently(squares - usual), 0)))
         timing = row[observed.tip.size :] ** 2
-        total += float(np.sum(_gently(np.where(timing > 9, timing - 1, 0))))
-    return total
+        late = np.sum(_gently(np.where(timing > 9, timing - 1, 0)))
+        out.append(float(np.sum(np.where(loud, _gently(squares - usual), 0)) + late))
+    return out
 
 
 def _gently(squares: Floats) -> Floats:

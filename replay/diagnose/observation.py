@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -73,6 +73,19 @@ class Observation:
             with suppress(ModelError):  # then every straw finds its own
                 worn = straw.replace(form=form, cycle=float(self.run.cycle))
                 self.rests[form] = rest_state(worn, self.run.initial_deployed, float(self.pressure.pressure_pa[0]))
+
+    def until(self, end_s: float) -> Observation:
+        """The same run, looked at until then."""
+        seen = self.time_s <= end_s
+        return replace(
+            self,
+            time_s=self.time_s[seen],
+            tip=self.tip[:, seen],
+            at_rest=self.at_rest[:, seen],
+            rate=self.rate[:, seen],
+            snaps_s=self.snaps_s[self.snaps_s <= end_s],
+            end_s=float(self.time_s[seen][-1]),
+        )
 
     def sigma(self, slack_s: float = SLACK_S) -> Floats:
         """Noise (3, n): where the tip moves fast, a little difference in time is a difference in place."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +23,10 @@ from replay.diagnose.contest import (
     tried,
     unfitted,
 )
+from replay.diagnose.forks import forks
 from replay.diagnose.hypothesis import Hypothesis, dragged, held
 from replay.diagnose.inquiry import Inquiry, Told, allow_repeats
-from replay.diagnose.judge import unexplained
+from replay.diagnose.judge import run_by_run, unexplained
 from replay.diagnose.knocks import knocked
 from replay.diagnose.search import Fit, descend, known_well
 
@@ -65,6 +67,8 @@ RIVALS = 9
 HOPEFUL = 2.5
 #: Causes that are carried to the end, and beyond these where little is missing.
 FINISHED, FINISHED_NEARBY = 3, 1
+#: How many of the best are asked which runs fork.
+JUDGES = 2
 #: How many of the best are taken out to see whether what is left is fitted better from there.
 TAKEN_OUT = 3
 #: Causes that get partners; second causes tried by outlines, and from nearby, where linear reckoning is better; pairs
@@ -139,6 +143,37 @@ def _seen_fully(found: Inquiry, fitted: Sequence[Contestant], most: int, *, outl
             one = knocked(campaign.roughly(), one, ROUNDS, ROUGHLY)
         # from nearby all will be close, so they are carried to their end at once
         found.keep(finish(campaign, one, rounds=4 if outlined else ROUNDS))
+
+
+def until_they_fork(found: Inquiry, wide: Campaign, done: dict[str, float]) -> None:
+    """Look at runs only until they fork, as the best of those done or the base shows it, and carry these to their end
+    once more."""
+    campaign, rivals = found.campaign, sorted(done, key=lambda name: done[name])[:JUDGES]
+    fits = {name: found.singles[name].fit for name in rivals} | {"complete": found.null}
+    ends = {name: forks(campaign, fit) for name, fit in fits.items()}
+    name = min(ends, key=lambda name: _left_before(campaign, fits[name], ends[name]))
+    if not ends[name]:
+        return
+    rows = campaign.look_until(ends[name])
+    wide.look_until(ends[name])
+    found.forked |= ends[name]
+    # what is known of slopes there still holds
+    found.singles = {
+        name: Contestant(one.hypothesis, replace(one.fit, slopes=one.fit.slopes[rows]))
+        for name, one in found.singles.items()
+    }
+    allow_repeats(campaign, fits[name])
+    found.singles = {name: Contestant(c.hypothesis, seen_again(campaign, c.fit)) for name, c in found.singles.items()}
+    found.null = descend(campaign, found.null.unknowns, found.null.u, rounds=ROUNDS)
+    for name in done:
+        found.singles[name] = finish(campaign, found.singles[name], rounds=ROUNDS)
+        done[name] = found.singles[name].cost
+
+
+def _left_before(campaign: Campaign, fit: Fit, ends: Mapping[str, float]) -> float:
+    """What a fit leaves unexplained of runs that do not fork."""
+    each = zip(campaign.observations, run_by_run(campaign, fit), strict=True)
+    return sum(left for observed, left in each if observed.name not in ends)
 
 
 def weigh_anew(found: Inquiry, done: Mapping[str, float]) -> None:

@@ -1,0 +1,110 @@
+"""Where a run forks: repeats of the straw would go two ways, so what comes after says little of its constants.
+
+Which of two cells snaps first, or to which side, can hang on less than repeats differ by. No law is to blame where a
+run then takes another way than the model, and no fit should be drawn there: such a run is looked at until it forks.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from replay.diagnose.campaign import Campaign
+from replay.diagnose.hypothesis import REPEATS, REPEATS_MOUNT
+from replay.diagnose.judge import run_by_run
+from replay.diagnose.misfit import Misfit
+from replay.diagnose.observation import Observation
+from replay.diagnose.robust import robust_cost
+from replay.diagnose.search import Fit
+
+Floats = NDArray[np.float64]
+
+#: Repeats looked at: so many standard deviations of each kind, and of both dampings at once. A fit is not the straw, so
+#: what hangs on a fork there may be some way off here.
+SIZES = (0.0, 1.0, 2.0, 4.0)
+#: Two of them went two ways where this many sigmas lie between them, in the mean over this long (s), when what moves
+#: may be late by this much (s); and so many times more than what lies between the two before, by step.
+APART_SIGMAS, APART_S, LATE_S, MORE = 5.0, 0.1, 5e-3, 3.0
+#: A run is far off that leaves this many sigmas squared beyond noise, and this many times what the middle one leaves.
+FAR_OFF, TIMES = 300.0, 4.0
+#: Share of what a far run leaves beyond noise that lies after its fork, and that another way the straw may take there
+#: explains: only then is what was recorded one of the ways of the same straw.
+AFTER, EXPLAINS = 0.5, 0.5
+#: A run ends this long before it forks, and as long before the last snap that would be so near its end, s.
+BEFORE_S = 0.05
+
+
+def forks(campaign: Campaign, fit: Fit) -> dict[str, float]:
+    """When (s) those runs fork that are far off though most others are explained, by name."""
+    left = np.array(run_by_run(campaign, fit))
+    far = left > np.maximum(FAR_OFF, TIMES * np.median(left))
+    out = {}
+    for k in np.flatnonzero(far):
+        name = campaign.observations[k].name
+        at = _fork(campaign.only([name]), fit, float(left[k]))
+        if at is not None:
+            out[name] = at
+    return out
+
+
+def _fork(one: Campaign, fit: Fit, left: float) -> float | None:
+    """When the only run of a campaign forks, if most of what it leaves unexplained comes after that."""
+    (observed,) = one.observations
+    unknowns, u = (*fit.unknowns, REPEATS_MOUNT), np.append(fit.u, 0.0)
+    kinds = _repeats(fit)
+    points = [u + sign * size * kind for kind in kinds for sign in (1, -1) for size in SIZES[1:]]
+    first, *others = (row[0] for row in one.misfits(unknowns, [u, *points]))
+    if first is None:
+        return None
+    way = len(SIZES) - 1
+    ends = [_parting(observed, [first, *others[k : k + way]]) for k in range(0, len(others), way)]
+    at = min((end for end in ends if end is not None), default=None)
+    if at is None:
+        return None
+    beyond = np.clip(first.shape**2 - 1, 0, None).sum(axis=0)
+    best = min(robust_cost(one.vector) for one in (first, *others) if one is not None)
+    gained = robust_cost(first.vector) - best
+    if beyond[observed.time_s >= at].sum() < AFTER * beyond.sum() or gained < EXPLAINS * left:
+        return None
+    shown = np.isfinite(first.late_s)
+    snaps_s = np.concatenate([observed.snaps_s, (observed.snaps_s + first.late_s)[shown]])
+    at -= BEFORE_S
+    while near := [t for t in snaps_s if abs(t - at) < BEFORE_S]:
+        at = min(near) - BEFORE_S * 1.001
+    return float(at)
+
+
+def _repeats(fit: Fit) -> list[Floats]:
+    """Directions (unknowns + 1,) in u by which repeats may differ, a standard deviation each; the last of u is how the
+    straw is mounted."""
+    e = np.eye(len(fit.u) + 1)
+    kinds = {
+        unknown.target: REPEATS[unknown.target] / unknown.scale * e[k]
+        for k, unknown in enumerate(fit.unknowns)
+        if unknown.target in REPEATS
+    }
+    dampings = [kind for target, kind in kinds.items() if target.startswith("straw.c_")]
+    both = [sum(dampings), dampings[0] - dampings[1]] if len(dampings) == 2 else []
+    return [*kinds.values(), e[-1], *both]
+
+
+def _parting(observed: Observation, ways: Sequence[Misfit | None]) -> float | None:
+    """From when on (s) two neighbours among plays of one run are apart, though those before were not."""
+    step_s = float(np.median(np.diff(observed.time_s)))
+    long = max(1, round(APART_S / step_s))
+    before = np.zeros(len(observed.time_s))
+    out = []
+    for k, (one, other) in enumerate(itertools.pairwise(ways)):
+        if one is None or other is None:
+            break
+        sigmas = np.max(np.abs(other.plain - one.plain) / observed.sigma(LATE_S), axis=0)
+        mean = uniform_filter1d(np.minimum(sigmas, 4 * APART_SIGMAS), long) / (SIZES[k + 1] - SIZES[k])
+        apart = np.flatnonzero((mean > APART_SIGMAS / (SIZES[k + 1] - SIZES[k])) & (mean > MORE * before))
+        if len(apart):
+            out.append(float(observed.time_s[apart[0]] - APART_S / 2))
+        before = mean
+    return min(out, default=None)
