@@ -31,9 +31,9 @@ SIZES = (0.0, 1.0, 2.0, 4.0)
 APART_SIGMAS, APART_S, LATE_S, MORE = 5.0, 0.1, 5e-3, 3.0
 #: A run is far off that leaves this many sigmas squared beyond noise, and this many times what the middle one leaves.
 FAR_OFF, TIMES = 300.0, 4.0
-#: Share of what a far run leaves beyond noise that lies after its fork, and that another way the straw may take there
-#: explains: only then is what was recorded one of the ways of the same straw.
-AFTER, EXPLAINS = 0.5, 0.5
+#: Shares of what a far run leaves beyond noise: that lies after its fork, and that another way the straw may take there
+#: explains; only then what was recorded may be one of the ways of the same straw, of which there are many more.
+AFTER, EXPLAINS = 0.5, 1 / 3
 #: A run ends this long before it forks, and as long before the last snap that would be so near its end, s.
 BEFORE_S = 0.05
 
@@ -45,13 +45,13 @@ def forks(campaign: Campaign, fit: Fit) -> dict[str, float]:
     out = {}
     for k in np.flatnonzero(far):
         name = campaign.observations[k].name
-        at = _fork(campaign.only([name]), fit, float(left[k]))
+        at = _fork(campaign.only([name]), fit)
         if at is not None:
             out[name] = at
     return out
 
 
-def _fork(one: Campaign, fit: Fit, left: float) -> float | None:
+def _fork(one: Campaign, fit: Fit) -> float | None:
     """When the only run of a campaign forks, if most of what it leaves unexplained comes after that."""
     (observed,) = one.observations
     unknowns, u = (*fit.unknowns, REPEATS_MOUNT), np.append(fit.u, 0.0)
@@ -66,9 +66,9 @@ def _fork(one: Campaign, fit: Fit, left: float) -> float | None:
     if at is None:
         return None
     beyond = np.clip(first.shape**2 - 1, 0, None).sum(axis=0)
-    best = min(robust_cost(one.vector) for one in (first, *others) if one is not None)
-    gained = robust_cost(first.vector) - best
-    if beyond[observed.time_s >= at].sum() < AFTER * beyond.sum() or gained < EXPLAINS * left:
+    costs = [robust_cost(one.vector) for one in (first, *others) if one is not None]
+    explained = (costs[0] - min(costs)) / max(costs[0] - len(first.vector), 1.0)
+    if beyond[observed.time_s >= at].sum() < AFTER * beyond.sum() or explained < EXPLAINS:
         return None
     shown = np.isfinite(first.late_s)
     snaps_s = np.concatenate([observed.snaps_s, (observed.snaps_s + first.late_s)[shown]])

@@ -1,0 +1,84 @@
+"""Runs in which repeats of a straw take two ways, against an apparatus that shares no code with the model."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from model.parameters import StrawParameters
+from replay.diagnose.campaign import Campaign
+from replay.diagnose.forks import forks
+from replay.diagnose.hypothesis import base_unknowns
+from replay.diagnose.judge import NOISE_LEAVES, run_by_run, unexplained
+from replay.diagnose.observation import observe
+from replay.diagnose.search import descend
+from tests.apparatus.campaign import NONE, SCATTER, campaign, drawn
+from tests.apparatus.effects import Cause
+from tests.apparatus.straw import Straw
+
+BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)
+#: A straw whose repeats fork in one run, by 73 sigma (`repeat_sigma`), and differ by at most 2 in the others.
+FORKS, RUNS = 101, ("fold-25kPa", "deploy-35kPa-2", "staircase", "deploy-35kPa-3")
+
+
+def known(straw: Straw) -> StrawParameters:
+    """The model's constants of a straw of the apparatus."""
+    usual, base = Straw(), StrawParameters()
+    zeta = np.array(base.zeta0_m) * [straw.zeta_odd_m / usual.zeta_odd_m, straw.zeta_even_m / usual.zeta_even_m]
+    return base.replace(
+        r_ch_m=straw.laws["R_CH"],
+        c_zeta_n_s_per_m=straw.c_zeta,
+        c_phi_n_m_s_per_rad=straw.c_phi,
+        E_pa=np.asarray(base.E_pa) * straw.young_pa / usual.young_pa,
+        h_m=np.asarray(base.h_m) * straw.thickness_m / usual.thickness_m,
+        zeta0_m=zeta,
+    )
+
+
+def test_a_run_that_went_one_of_two_ways_is_looked_at_until_they_part() -> None:
+    straw = drawn(FORKS, 0, SCATTER)
+    runs = [observe(run) for run in campaign((), FORKS, RUNS, SCATTER, straw=straw)]
+    unknowns = base_unknowns(known(straw))
+    with ThreadPoolExecutor(2) as pool:
+        whole = Campaign(runs, known(straw), pool)
+        fit = descend(whole, unknowns, np.zeros(len(unknowns)), rounds=0)
+        *others, forked = run_by_run(whole, fit)
+        assert forked > 100 * max(*others, NOISE_LEAVES)
+        ends = forks(whole, fit)
+        assert list(ends) == ["deploy-35kPa-3"]
+        assert ends["deploy-35kPa-3"] < runs[-1].snaps_s[0]
+        rows = whole.look_until(ends)
+        seen = descend(whole, unknowns, fit.u, rounds=0)
+        assert unexplained(whole, seen) < NOISE_LEAVES
+    # which of the differences before are still seen: of the other runs all
+    assert len(rows) == len(seen.residual) < len(fit.residual)
+    whole_runs = sum(3 * len(run.time_s) + len(run.snaps_s) + 1 for run in runs[:-1])
+    np.testing.assert_array_equal(rows[:whole_runs], np.arange(whole_runs))
+    np.testing.assert_allclose(seen.residual[:-1], fit.residual[rows][:-1], atol=0.1)
+
+
+def test_a_run_in_which_a_cause_acts_is_not_taken_for_a_fork() -> None:
+    plain = campaign((), 3, RUNS[:3], NONE)
+    (weak,) = campaign((Cause("frustum_spread", 0.1, "all cells differ", 5),), 3, RUNS[3:], NONE)
+    runs = [observe(run) for run in (*plain, weak)]
+    unknowns = base_unknowns(BASE)
+    with ThreadPoolExecutor(2) as pool:
+        whole = Campaign(runs, BASE, pool)
+        fit = descend(whole, unknowns, np.zeros(len(unknowns)), rounds=0)
+        *others, acted = run_by_run(whole, fit)
+        assert acted > 10 * max(*others, NOISE_LEAVES)
+        assert forks(whole, fit) == {}
+
+
+def test_a_run_looked_at_until_a_moment_shows_nothing_of_what_came_after() -> None:
+    run = observe(campaign((), 3, ("fold-25kPa",), NONE)[0])
+    end_s = float(run.snaps_s[1:3].mean())
+    part = run.until(end_s)
+    assert part.time_s[-1] == pytest.approx(end_s, abs=1 / 240 + 1e-9)
+    assert part.end_s == part.time_s[-1]
+    np.testing.assert_array_equal(part.snaps_s, run.snaps_s[:2])
+    for name in ("tip", "at_rest", "rate"):
+        np.testing.assert_array_equal(getattr(part, name), getattr(run, name)[:, : len(part.time_s)])
+    assert part.outline.size < run.outline.size
