@@ -157,11 +157,9 @@ def until_they_fork(found: Inquiry, wide: Campaign, done: dict[str, float]) -> N
     rows = campaign.look_until(ends[name])
     wide.look_until(ends[name])
     found.forked |= ends[name]
-    # what is known of slopes there still holds
-    found.singles = {
-        name: Contestant(one.hypothesis, replace(one.fit, slopes=one.fit.slopes[rows]))
-        for name, one in found.singles.items()
-    }
+    for known, one in found.singles.items():  # what was seen of all runs, and not of outlines, still holds
+        if len(one.fit.slopes) == len(one.fit.residual):
+            found.singles[known] = Contestant(one.hypothesis, replace(one.fit, slopes=one.fit.slopes[rows]))
     allow_repeats(campaign, fits[name])
     found.singles = {name: Contestant(c.hypothesis, seen_again(campaign, c.fit)) for name, c in found.singles.items()}
     found.null = descend(campaign, found.null.unknowns, found.null.u, rounds=ROUNDS)
