@@ -64,20 +64,19 @@ class Campaign:
         out.scatter = self.scatter
         return out
 
-    def look_until(self, ends_s: Mapping[str, float]) -> NDArray[np.intp]:
-        """From now on look at some runs, by name, until these times; what they may differ by has to be felt anew.
+    def look_until(self, ends_s: Mapping[str, float]) -> None:
+        """From now on look at some runs, by name, until these times; what they may differ by has to be felt anew."""
+        self.observations = tuple(o.until(ends_s[o.name]) if o.name in ends_s else o for o in self.observations)
+        self.scatter = None
 
-        Which of the differences before are still seen.
-        """
+    def seen_until(self, ends_s: Mapping[str, float]) -> NDArray[np.intp]:
+        """Where those of all differences are that are still there when some runs, by name, are looked at until then."""
         rows = []
         for observed, part in zip(self.observations, self.slices(), strict=True):
             end_s = ends_s.get(observed.name, np.inf)
-            shape = np.tile(observed.time_s <= end_s, 3)
             timing = np.append(observed.snaps_s <= end_s, True)
-            rows.append(part.start + np.flatnonzero(np.concatenate([shape, timing])) if not self.rough else [])
-        self.observations = tuple(o.until(ends_s[o.name]) if o.name in ends_s else o for o in self.observations)
-        self.scatter = None
-        return np.concatenate(rows).astype(np.intp)
+            rows.append(part.start + np.flatnonzero(np.append(np.tile(observed.time_s <= end_s, 3), timing)))
+        return np.concatenate(rows)
 
     def shares_with(self, other: Campaign) -> Self:
         """This campaign, from now on counting, playing and allowing for repeats as another does."""

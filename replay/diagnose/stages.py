@@ -154,7 +154,8 @@ def until_they_fork(found: Inquiry, wide: Campaign, done: dict[str, float]) -> N
     name = min(ends, key=lambda name: _left_before(campaign, fits[name], ends[name]))
     if not ends[name]:
         return
-    rows = campaign.look_until(ends[name])
+    rows = campaign.seen_until(ends[name])
+    campaign.look_until(ends[name])
     wide.look_until(ends[name])
     found.forked |= ends[name]
     for known, one in found.singles.items():  # what was seen of all runs, and not of outlines, still holds

@@ -44,14 +44,14 @@ def diagnosed(case: Case, ablate: bool = False, camera: bool = False) -> dict[st
         findings = conclude(found, brief=True)
     judgement, held = findings.judgement, findings.held
     least = min(judgement.excess.values())
-    return {
+    return {  # rounded: rows of a whole deck are kept
         "name": case.name,
         "verdict": findings.verdict,
         "causes": findings.causes,
-        "probability": dict(judgement.probability),
+        "probability": {name: round(p, 6) for name, p in judgement.probability.items()},
         "beyond_base": judgement.excess["complete"] - least,
         "left_over": judgement.left_over,
-        "excess": dict(judgement.excess),
+        "excess": {name: round(left, 1) for name, left in judgement.excess.items()},
         "parameters": findings.parameters,
         "before": held.before if held else {},
         "after": held.after if held else {},
@@ -59,6 +59,7 @@ def diagnosed(case: Case, ablate: bool = False, camera: bool = False) -> dict[st
         "effect_sigma": made.effect_sigma,
         "cpu_s": time.process_time() - start,
         "failures": found.campaign.tally["failed"],
+        "forked": found.forked,
     }
 
 

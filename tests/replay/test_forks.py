@@ -49,7 +49,8 @@ def test_a_run_that_went_one_of_two_ways_is_looked_at_until_they_part() -> None:
         ends = forks(whole, fit)
         assert list(ends) == ["deploy-35kPa-3"]
         assert ends["deploy-35kPa-3"] < runs[-1].snaps_s[0]
-        rows = whole.look_until(ends)
+        rows = whole.seen_until(ends)
+        whole.look_until(ends)
         seen = descend(whole, unknowns, fit.u, rounds=0)
         assert unexplained(whole, seen) < NOISE_LEAVES
     # which of the differences before are still seen: of the other runs all
