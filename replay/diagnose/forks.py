@@ -17,7 +17,7 @@ from replay.diagnose.campaign import Campaign
 from replay.diagnose.hypothesis import REPEATS, REPEATS_MOUNT
 from replay.diagnose.judge import run_by_run
 from replay.diagnose.misfit import Misfit
-from replay.diagnose.observation import Observation
+from replay.diagnose.observation import SHORTEST, Observation
 from replay.diagnose.robust import robust_cost
 from replay.diagnose.search import Fit
 
@@ -52,30 +52,32 @@ def forks(campaign: Campaign, fit: Fit) -> dict[str, float]:
 
 
 def _fork(one: Campaign, fit: Fit) -> float | None:
-    """When the only run of a campaign forks, if most of what it leaves unexplained comes after that."""
+    """When the only run of a campaign forks; None where it does not, where that would not explain what it leaves
+    beyond noise, or where hardly anything of it would be left."""
     (observed,) = one.observations
     unknowns, u = (*fit.unknowns, REPEATS_MOUNT), np.append(fit.u, 0.0)
-    kinds = _repeats(fit)
-    points = [u + sign * size * kind for kind in kinds for sign in (1, -1) for size in SIZES[1:]]
+    points = [u + sign * size * kind for kind in _repeats(fit) for sign in (1, -1) for size in SIZES[1:]]
     first, *others = (row[0] for row in one.misfits(unknowns, [u, *points]))
     if first is None:
         return None
-    way = len(SIZES) - 1
-    ends = [_parting(observed, [first, *others[k : k + way]]) for k in range(0, len(others), way)]
-    at = min((end for end in ends if end is not None), default=None)
-    if at is None:
-        return None
+    far = len(SIZES) - 1
+    ends = [_parting(observed, [first, *others[k : k + far]]) for k in range(0, len(others), far)]
+    at = min((end for end in ends if end is not None), default=np.inf)
     beyond = np.clip(first.shape**2 - 1, 0, None).sum(axis=0)
     costs = [robust_cost(one.vector) for one in (first, *others) if one is not None]
     explained = (costs[0] - min(costs)) / max(costs[0] - len(first.vector), 1.0)
     if beyond[observed.time_s >= at].sum() < AFTER * beyond.sum() or explained < EXPLAINS:
         return None
     shown = np.isfinite(first.late_s)
-    snaps_s = np.concatenate([observed.snaps_s, (observed.snaps_s + first.late_s)[shown]])
-    at -= BEFORE_S
+    at = _calm(at - BEFORE_S, [*observed.snaps_s, *(observed.snaps_s + first.late_s)[shown]])
+    return at if np.count_nonzero(observed.time_s <= at) >= SHORTEST else None
+
+
+def _calm(at: float, snaps_s: Sequence[float]) -> float:
+    """The last moment up to then with no snap near."""
     while near := [t for t in snaps_s if abs(t - at) < BEFORE_S]:
         at = min(near) - BEFORE_S * 1.001
-    return float(at)
+    return at
 
 
 def _repeats(fit: Fit) -> list[Floats]:

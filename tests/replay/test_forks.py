@@ -9,7 +9,7 @@ import pytest
 
 from model.parameters import StrawParameters
 from replay.diagnose.campaign import Campaign
-from replay.diagnose.forks import forks
+from replay.diagnose.forks import _calm, forks
 from replay.diagnose.hypothesis import base_unknowns
 from replay.diagnose.judge import NOISE_LEAVES, run_by_run, unexplained
 from replay.diagnose.observation import observe
@@ -71,6 +71,12 @@ def test_a_run_in_which_a_cause_acts_is_not_taken_for_a_fork() -> None:
         *others, acted = run_by_run(whole, fit)
         assert acted > 10 * max(*others, NOISE_LEAVES)
         assert forks(whole, fit) == {}
+
+
+def test_a_run_ends_where_it_is_calm() -> None:
+    assert _calm(1.0, [0.5, 1.5]) == 1.0
+    assert _calm(1.0, [0.5, 0.97, 1.02]) == pytest.approx(0.92, abs=1e-3)
+    assert _calm(1.0, [0.9, 0.97]) == pytest.approx(0.85, abs=1e-3)  # where that is near another snap, before that
 
 
 def test_a_run_looked_at_until_a_moment_shows_nothing_of_what_came_after() -> None:
