@@ -19,6 +19,7 @@ from replay.diagnose.search import Fit, descend
 from replay.diagnose.stages import (
     AFTERWARDS,
     AWAY,
+    CLOSE,
     EXPLAINED,
     FINISHED,
     FINISHED_NEARBY,
@@ -125,7 +126,11 @@ def _searched(campaign: Campaign, names: Sequence[str], thorough: bool, told: To
         base_anew(found)
         before, found.whole = found.contestants[0].cost, not campaign.stop()
         enough = unexplained(campaign, found.best) <= EXPLAINED
-        if thorough or (loud and enough):
+        if loud and found.null.cost < found.contestants[0].cost + CLOSE:
+            # only the base had been far off: what is missing is small, and is looked for as such
+            from_nearby(found, names, None, thorough, told)
+            finish_best(found, len(done) + FINISHED, done, found.null.cost - HOPELESS)
+        elif thorough or (loud and enough):
             from_the_winner(found, wide, names, done)
         told("pairs", len(names) + 3, total)
         if thorough or not enough:

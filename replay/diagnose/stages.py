@@ -276,11 +276,11 @@ def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], thorough: boo
         close = pair.cost < first[0].cost + CLOSE and not campaign.stop()
         if close and (pair is first[0] or not campaign.leaves_out()):
             found.keep(finish(campaign, pair, rounds=ROUNDS))
-    if first:
-        # a single cause fitted less well than its pairs would make them look needed
-        beside = [c for c in found.contestants if best.name in c.hypothesis.causes and c.name != best.name]
-        for fit in _without(found, best.fit, beside[:TAKEN_OUT], whatever=True):
-            found.keep(Contestant(best.hypothesis, fit))
+    # single causes fitted less well than their pairs would make these look needed
+    for name in dict.fromkeys((best.name, *first[0].hypothesis.causes)) if first else ():
+        beside = [c for c in found.contestants if name in c.hypothesis.causes and c.name != name]
+        for fit in _without(found, found.singles[name].fit, beside[:TAKEN_OUT], whatever=True):
+            found.keep(Contestant(found.singles[name].hypothesis, fit))
 
 
 def _beside(where: Campaign, at: Fit, first: Hypothesis, names: Sequence[str], thorough: bool) -> list[Contestant]:
