@@ -276,11 +276,17 @@ def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], thorough: boo
         close = pair.cost < first[0].cost + CLOSE and not campaign.stop()
         if close and (pair is first[0] or not campaign.leaves_out()):
             found.keep(finish(campaign, pair, rounds=ROUNDS))
-    # single causes fitted less well than their pairs would make these look needed
     for name in dict.fromkeys((best.name, *first[0].hypothesis.causes)) if first else ():
-        beside = [c for c in found.contestants if name in c.hypothesis.causes and c.name != name]
-        for fit in _without(found, found.singles[name].fit, beside[:TAKEN_OUT], whatever=True):
-            found.keep(Contestant(found.singles[name].hypothesis, fit))
+        led_on(found, name)
+
+
+def led_on(found: Inquiry, name: str) -> None:
+    """Fit a single cause once more from where its pairs lead when what is beside it is taken out: fitted less well
+    than they, it would make them look needed."""
+    beside = [c for c in found.contestants if name in c.hypothesis.causes and c.name != name]
+    single = found.singles[name]
+    for fit in _without(found, single.fit, beside[:TAKEN_OUT], whatever=True):
+        found.keep(Contestant(single.hypothesis, fit))
 
 
 def _beside(where: Campaign, at: Fit, first: Hypothesis, names: Sequence[str], thorough: bool) -> list[Contestant]:

@@ -28,7 +28,7 @@ from replay.diagnose.misfit import FINE_M, ROUGH_M, TOLERANCE_M, bend, misfit, m
 from replay.diagnose.observation import observe
 from replay.diagnose.search import Fit, descend
 from replay.diagnose.snaps import crossings, levels_of
-from replay.diagnose.stages import CLOSE, base_anew, from_the_winner
+from replay.diagnose.stages import CLOSE, HOPELESS, base_anew, from_the_winner, led_on
 from replay.paper.runs import DEPLOYMENT
 from rig.protocol import load_protocol
 from tests.apparatus.campaign import NONE, campaign
@@ -254,6 +254,26 @@ def test_a_base_that_is_stuck_is_led_back_by_a_cause_of_which_nothing_is_there(p
         base_anew(found)
     assert found.null.cost < min(fits.cost, len(found.null.residual))  # only noise is left
     assert np.max(np.abs(found.null.u[:3])) < 0.1  # damping and channel, of which the runs tell most
+
+
+def test_a_single_cause_that_is_stuck_is_led_on_by_its_pair():
+    seen = [observe(run) for run in campaign((Cause("gauge_offset", 1500.0),), 5, FEW[:2], NONE)]
+    with ThreadPoolExecutor(2) as pool:
+        whole = Campaign(seen, BASE, pool)
+        base, what = base_unknowns(BASE), whole.hypothesis(["gauge_offset"])
+        two = whole.hypothesis(["camera_roll"]).beside(what)
+        null = descend(whole, base, np.zeros(len(base)), rounds=0)
+        stuck = descend(whole, (*base, *what.unknowns), np.array([0.8] * len(base) + [-1.0]), rounds=0)
+        scale = np.arcsinh(1500.0 / what.unknowns[0].scale)
+        pair = descend(whole, (*base, *two.unknowns), np.array([0.0] * len(base) + [scale, 0.1]), rounds=6)
+        found = Inquiry(
+            whole, null, {"gauge_offset": Contestant(what, stuck)}, {"gauge_offset+camera_roll": Contestant(two, pair)}
+        )
+        assert stuck.cost > pair.cost + CLOSE
+        led_on(found, "gauge_offset")
+    alone = found.singles["gauge_offset"].fit
+    assert alone.cost < pair.cost + HOPELESS  # the pair's second cause is not needed
+    assert alone.cost < len(alone.residual) < stuck.cost  # only noise is left
 
 
 def test_simulations_that_fail_are_counted_also_in_a_part_of_the_campaign(plain):
