@@ -126,7 +126,7 @@ def _searched(campaign: Campaign, names: Sequence[str], thorough: bool, told: To
         base_anew(found)
         before, found.whole = found.contestants[0].cost, not campaign.stop()
         enough = unexplained(campaign, found.best) <= EXPLAINED
-        if loud and found.null.cost < found.contestants[0].cost + CLOSE:
+        if loud and found.null.cost < found.contestants[0].cost + CLOSE and not campaign.leaves_out():
             # only the base had been far off: what is missing is small, and is looked for as such
             from_nearby(found, names, None, thorough, told)
             finish_best(found, len(done) + FINISHED, done, found.null.cost - HOPELESS)
