@@ -28,7 +28,7 @@ from replay.diagnose.hypothesis import Hypothesis, dragged, held
 from replay.diagnose.inquiry import Inquiry, Told, allow_repeats
 from replay.diagnose.judge import run_by_run, unexplained
 from replay.diagnose.knocks import knocked
-from replay.diagnose.search import Fit, descend, known_well
+from replay.diagnose.search import Fit, cost_at, descend, known_well
 
 Floats = NDArray[np.float64]
 
@@ -194,19 +194,19 @@ def base_anew(found: Inquiry) -> None:
     null, best = found.null, found.contestants[:TAKEN_OUT]
     close = null.cost - best[0].cost < CLOSE
     again = [descend(found.campaign, null.unknowns, null.u, rounds=ROUNDS)] if close else []
-    found.null = min((null, *again, *_without(found, null, best, close)), key=lambda fit: fit.cost)
+    led = _without(found, null, best, most=TAKEN_OUT if close else 1, below=np.inf if close else null.cost)
+    found.null = min((null, *again, *led), key=lambda fit: fit.cost)
 
 
-def _without(found: Inquiry, fit: Fit, others: Sequence[Contestant], whatever: bool = False) -> list[Fit]:
-    """A fit once more from the best place to which linear reckoning leads when others' causes beside it are taken out,
-    if it costs less there already, or ``whatever`` it costs."""
+def _without(found: Inquiry, fit: Fit, others: Sequence[Contestant], most: int, below: float) -> list[Fit]:
+    """A fit once more from the best places to which linear reckoning leads when others' causes beside it are taken out,
+    where it costs less than ``below`` already."""
     campaign, unknowns = found.campaign, fit.unknowns
     starts = [taken_out(one.fit, unknowns) for one in others if len(one.fit.slopes) == len(fit.residual)]
-    ends = [descend(campaign, unknowns, u, slopes=fit.slopes, rounds=0) for u in starts]
-    best = min(ends, key=lambda end: end.cost, default=None)
-    if best is None or (best.cost >= fit.cost and not whatever):
-        return []
-    return [descend(campaign, unknowns, best.u, residual=best.residual, rounds=ROUNDS)]
+    residuals = campaign.residuals(unknowns, starts)
+    costs = [cost_at(unknowns, u, residual) for u, residual in zip(starts, residuals, strict=True)]
+    best = [k for k in np.argsort(costs, kind="stable")[:most] if costs[k] < below]
+    return [descend(campaign, unknowns, starts[k], residual=residuals[k], rounds=ROUNDS) for k in best]
 
 
 def from_the_winner(found: Inquiry, wide: Campaign, names: Sequence[str], done: Collection[str]) -> None:
@@ -285,7 +285,7 @@ def led_on(found: Inquiry, name: str) -> None:
     than they, it would make them look needed."""
     beside = [c for c in found.contestants if name in c.hypothesis.causes and c.name != name]
     single = found.singles[name]
-    for fit in _without(found, single.fit, beside[:TAKEN_OUT], whatever=True):
+    for fit in _without(found, single.fit, beside[:TAKEN_OUT], most=1, below=np.inf):
         found.keep(Contestant(single.hypothesis, fit))
 
 
