@@ -75,8 +75,8 @@ def main() -> None:
         late = [_first_late(every, straw) for straw in straws]
         rms = [_rms(held, straw) for straw in straws]
     print("\nfirst snap of the model after (+) or before the measured one, ms, one set: base; improved")
-    for name in [name for name in late[0] if np.isfinite(late[0][name])]:  # others show no snap by their Phi
-        print(f"  {name:<18}{late[0][name] * 1e3:8.1f}{late[1][name] * 1e3:8.1f}")
+    for name in [name for name in late[0] if np.isfinite([way[name] for way in late]).any()]:
+        print(f"  {name:<18}" + "".join(f"{way[name] * 1e3:8.1f}".replace("nan", "  -") for way in late))
     noise = {
         c: float(np.sqrt(np.mean(np.concatenate([o.sigma(REPEATABILITY_S)[i] ** 2 for o in held.observations]))))
         for i, c in enumerate(CHANNELS)
@@ -123,7 +123,7 @@ def _rms(campaign: Campaign, straw: StrawParameters) -> dict[str, float]:
 
 
 def _first_late(campaign: Campaign, straw: StrawParameters) -> dict[str, float]:
-    """How much later (s) than measured the model's first snap is, by run."""
+    """How much later (s) than measured the model's first snap is, by run; NaN where Phi of either does not show it."""
     rows = Campaign(campaign.observations, straw, campaign.pool).misfits((), [np.empty(0)])[0]
     return {
         o.name: float(one.late_s[0]) if one is not None and len(one.late_s) else float("nan")
