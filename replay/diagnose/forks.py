@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from replay.diagnose.campaign import Campaign
-from replay.diagnose.hypothesis import REPEATS, REPEATS_MOUNT
+from replay.diagnose.hypothesis import REPEATS_MOUNT, repeat_steps
 from replay.diagnose.judge import run_by_run
 from replay.diagnose.misfit import Misfit
 from replay.diagnose.observation import SHORTEST, Observation
@@ -60,8 +60,8 @@ def _fork(one: Campaign, fit: Fit) -> float | None:
     first, *others = (row[0] for row in one.misfits(unknowns, [u, *points]))
     if first is None:
         return None
-    far = len(SIZES) - 1
-    ends = [_parting(observed, [first, *others[k : k + far]]) for k in range(0, len(others), far)]
+    each = len(SIZES) - 1
+    ends = [_parting(observed, [first, *others[k : k + each]]) for k in range(0, len(others), each)]
     at = min((end for end in ends if end is not None), default=np.inf)
     beyond = np.clip(first.shape**2 - 1, 0, None).sum(axis=0)
     costs = [robust_cost(one.vector) for one in (first, *others) if one is not None]
@@ -76,7 +76,7 @@ def _fork(one: Campaign, fit: Fit) -> float | None:
 def _calm(at: float, snaps_s: Sequence[float]) -> float:
     """The last moment up to then with no snap near."""
     while near := [t for t in snaps_s if abs(t - at) < BEFORE_S]:
-        at = min(near) - BEFORE_S * 1.001
+        at = min(near) - BEFORE_S * 1.001  # a little more, or rounding might leave it near for ever
     return at
 
 
@@ -84,14 +84,10 @@ def _repeats(fit: Fit) -> list[Floats]:
     """Directions (unknowns + 1,) in u by which repeats may differ, a standard deviation each; the last of u is how the
     straw is mounted."""
     e = np.eye(len(fit.u) + 1)
-    kinds = {
-        unknown.target: REPEATS[unknown.target] / unknown.scale * e[k]
-        for k, unknown in enumerate(fit.unknowns)
-        if unknown.target in REPEATS
-    }
-    dampings = [kind for target, kind in kinds.items() if target.startswith("straw.c_")]
-    both = [sum(dampings), dampings[0] - dampings[1]] if len(dampings) == 2 else []
-    return [*kinds.values(), e[-1], *both]
+    steps = {fit.unknowns[k].target: step * e[k] for k, step in repeat_steps(fit.unknowns).items()}
+    dampings = [step for target, step in steps.items() if target.startswith("straw.c_")]
+    both = [a + sign * b for a, b in itertools.combinations(dampings, 2) for sign in (1, -1)]
+    return [*steps.values(), e[-1], *both]
 
 
 def _parting(observed: Observation, ways: Sequence[Misfit | None]) -> float | None:

@@ -136,6 +136,11 @@ REPEATS = {"straw.E_pa": 1.5e-3, "straw.c_zeta_n_s_per_m": 0.03, "straw.c_phi_n_
 REPEATS_MOUNT = Unknown("straw.mount_rad", 2e-4, kind="linear")
 
 
+def repeat_steps(unknowns: Sequence[Unknown]) -> dict[int, float]:
+    """One standard deviation of what repeats differ by as a step in u, by the place of each unknown they differ in."""
+    return {k: REPEATS[one.target] / one.scale for k, one in enumerate(unknowns) if one.target in REPEATS}
+
+
 def along(where: str, cells: int) -> Floats:
     """How a constant differs from cell to cell, (cells,): in one cell by its number, or smoothly from -1 at the base to
     1 at the tip (``tilt``), or bent (``bow``); neither of these two changes the mean of a long straw.

@@ -9,7 +9,7 @@ import numpy as np
 
 from replay.diagnose.campaign import Campaign
 from replay.diagnose.contest import Contestant
-from replay.diagnose.hypothesis import REPEATS, REPEATS_MOUNT
+from replay.diagnose.hypothesis import REPEATS_MOUNT, repeat_steps
 from replay.diagnose.judge import Judgement, judge
 from replay.diagnose.search import Fit, measured_slopes
 
@@ -55,7 +55,6 @@ def allow_repeats(campaign: Campaign, fit: Fit) -> None:
     residual, moved = (
         campaign.residuals((*fit.unknowns, REPEATS_MOUNT), [np.append(fit.u, turned)])[0] for turned in (0.0, 1.0)
     )
-    kept = [k for k, unknown in enumerate(fit.unknowns) if unknown.target in REPEATS]
-    slopes = measured_slopes(campaign, fit.unknowns, fit.u, residual, kept)
-    scale = [REPEATS[fit.unknowns[k].target] / fit.unknowns[k].scale for k in kept]
-    campaign.allow(np.column_stack([moved - residual, slopes * scale]))
+    steps = repeat_steps(fit.unknowns)
+    slopes = measured_slopes(campaign, fit.unknowns, fit.u, residual, list(steps))
+    campaign.allow(np.column_stack([moved - residual, slopes * list(steps.values())]))

@@ -149,6 +149,8 @@ def until_they_fork(found: Inquiry, wide: Campaign, done: dict[str, float]) -> N
     """Look at runs only until they fork, as the best of those done or the base shows it, and carry these to their end
     once more."""
     campaign, rivals = found.campaign, sorted(done, key=lambda name: done[name])[:JUDGES]
+    if campaign.stop():
+        return
     fits = {name: found.singles[name].fit for name in rivals} | {"complete": found.null}
     ends = {name: forks(campaign, fit) for name, fit in fits.items()}
     name = min(ends, key=lambda name: _left_before(campaign, fits[name], ends[name]))
@@ -157,7 +159,7 @@ def until_they_fork(found: Inquiry, wide: Campaign, done: dict[str, float]) -> N
     rows = campaign.seen_until(ends[name])
     campaign.look_until(ends[name])
     wide.look_until(ends[name])
-    found.forked |= ends[name]
+    found.forked = ends[name]
     for known, one in found.singles.items():  # what was seen of all runs, and not of outlines, still holds
         if len(one.fit.slopes) == len(one.fit.residual):
             found.singles[known] = Contestant(one.hypothesis, replace(one.fit, slopes=one.fit.slopes[rows]))

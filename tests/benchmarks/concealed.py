@@ -44,7 +44,7 @@ def diagnosed(case: Case, ablate: bool = False, camera: bool = False) -> dict[st
         findings = conclude(found, brief=True)
     judgement, held = findings.judgement, findings.held
     least = min(judgement.excess.values())
-    return {  # rounded: rows of a whole deck are kept
+    return {  # rounded where there are many figures
         "name": case.name,
         "verdict": findings.verdict,
         "causes": findings.causes,

@@ -2,8 +2,9 @@
 
     python -m tests.benchmarks.hardest [--seed 20261127 --only final-049]
 
-Two causes at once, one of another form than the library's, that end as unknown with the curve of what is missing: the
-search looks everywhere. In threads as `straw diagnose` has them; reading the runs and drawing the page come on top.
+Two causes at once, one of another form than the library's: the search looks everywhere, and ends by the steps it took
+or as unknown, with the curve of what is missing. In threads as `straw diagnose` has them; reading the runs and drawing
+the page come on top.
 """
 
 from __future__ import annotations

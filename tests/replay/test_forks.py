@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from model.parameters import StrawParameters
 from replay.diagnose.campaign import Campaign
+from replay.diagnose.contest import Contestant
+from replay.diagnose.findings import _doubts
 from replay.diagnose.forks import _calm, forks
 from replay.diagnose.hypothesis import base_unknowns
+from replay.diagnose.inquiry import Inquiry
 from replay.diagnose.judge import NOISE_LEAVES, run_by_run, unexplained
 from replay.diagnose.observation import observe
 from replay.diagnose.search import descend
+from replay.diagnose.stages import until_they_fork
 from tests.apparatus.campaign import NONE, SCATTER, campaign, drawn
 from tests.apparatus.effects import Cause
 from tests.apparatus.straw import Straw
@@ -58,6 +63,44 @@ def test_a_run_that_went_one_of_two_ways_is_looked_at_until_they_part() -> None:
     whole_runs = sum(3 * len(run.time_s) + len(run.snaps_s) + 1 for run in runs[:-1])
     np.testing.assert_array_equal(rows[:whole_runs], np.arange(whole_runs))
     np.testing.assert_allclose(seen.residual[:-1], fit.residual[rows][:-1], atol=0.1)
+
+
+def test_when_a_run_forks_every_hypothesis_is_seen_again_without_what_came_after_and_a_note_says_so() -> None:
+    straw = drawn(FORKS, 0, SCATTER)
+    runs = [observe(run) for run in campaign((), FORKS, RUNS[1:], SCATTER, straw=straw)]
+    base = base_unknowns(known(straw))
+    with ThreadPoolExecutor(2) as pool:
+        whole = Campaign(runs, known(straw), pool)
+        wide = whole.only(RUNS[2:]).roughly()
+        null = descend(whole, base, np.zeros(len(base)), rounds=0)
+        what = whole.hypothesis(["tip_offset"])
+        one = descend(whole, (*base, *what.unknowns), np.append(null.u, 0.0), rounds=0)
+        # what was only seen in outlines has slopes of another length, which stay as they are
+        outlined = replace(one, slopes=one.slopes[:5])
+        singles = {"tip_offset": Contestant(what, one), "camera_roll": Contestant(what, outlined)}
+        found = Inquiry(whole, null, singles)
+        done = {"tip_offset": one.cost}
+        until_they_fork(found, wide, done)
+        left = unexplained(whole, found.null)
+    assert list(found.forked) == ["deploy-35kPa-3"]
+    assert left < NOISE_LEAVES < unexplained(Campaign(runs, BASE, pool), null)
+    for fit in (found.null, *(c.fit for c in found.singles.values())):
+        assert len(fit.residual) == sum(whole.size(o) for o in whole.observations) < len(null.residual)
+    assert done["tip_offset"] == found.singles["tip_offset"].cost < one.cost
+    assert found.singles["camera_roll"].fit.slopes is outlined.slopes
+    assert wide.observations[-1].end_s == whole.observations[-1].end_s < runs[-1].end_s
+    (note,) = [note for note in _doubts(found) if "two ways" in note]
+    assert note.startswith("run deploy-35kPa-3 is looked at until 0.")
+
+
+def test_a_search_that_is_stopped_asks_no_run_whether_it_forks() -> None:
+    run = observe(campaign((), 3, RUNS[2:3], NONE)[0])
+    with ThreadPoolExecutor(1) as pool:
+        whole = Campaign([run], BASE, pool, stop=lambda: True)
+        null = descend(whole, (), np.zeros(0), rounds=0)
+        played = whole.tally["played"]
+        until_they_fork(Inquiry(whole, null), whole, {})
+    assert whole.tally["played"] == played
 
 
 def test_a_run_in_which_a_cause_acts_is_not_taken_for_a_fork() -> None:
