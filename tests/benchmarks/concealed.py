@@ -5,7 +5,8 @@
 The SHA-256 of all labels is printed before the first analysis; `--split final` is for the end, with a seed nobody has
 looked at. One line of JSON per case; an interrupted benchmark goes on where it stopped, `--score` only counts what is
 there. `--ablate` takes each true cause out of the library: nothing may then be named. `--camera` paints every run as a
-video and diagnoses its track.
+video and diagnoses its track. Rows of whole decks are kept in `decks`, named by seed and by the commit that wrote them:
+`--out` goes on with one from a checkout of that commit, `--score` prints what came out.
 """
 
 from __future__ import annotations
