@@ -11,7 +11,7 @@ from model.parameters import StrawParameters
 from replay.diagnose.campaign import Campaign
 from replay.diagnose.hypothesis import base_unknowns
 from replay.diagnose.inquiry import Inquiry, Told, allow_repeats
-from replay.diagnose.judge import unexplained
+from replay.diagnose.judge import run_by_run, unexplained
 from replay.diagnose.knocks import deep
 from replay.diagnose.library import causes
 from replay.diagnose.observation import Observation
@@ -93,8 +93,8 @@ def _searched(campaign: Campaign, names: Sequence[str], thorough: bool, told: To
             f"run {unplayed[0]}: the straw cannot be played from where this run starts, neither with the constants "
             "given nor with those that fit; check initial_deployed and the straw, or leave the run out"
         )
-    wide = campaign.only(few_of(observations)).roughly()
-    left = unexplained(campaign, null)
+    left_each = run_by_run(campaign, null)
+    wide, left = campaign.only(few_of(observations, left_each)).roughly(), sum(left_each)
     known = null
     if left > EXPLAINED:  # the base may be stuck: outlines lead on, and only what they leave is missing
         known = descend(wide, base, start, rounds=ROUNDS, share=ROUGHLY)

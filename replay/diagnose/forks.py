@@ -15,10 +15,9 @@ from scipy.ndimage import uniform_filter1d
 
 from replay.diagnose.campaign import Campaign
 from replay.diagnose.hypothesis import REPEATS_MOUNT, repeat_steps
-from replay.diagnose.judge import run_by_run
+from replay.diagnose.judge import beyond_noise, run_by_run
 from replay.diagnose.misfit import Misfit
 from replay.diagnose.observation import SHORTEST, Observation
-from replay.diagnose.robust import robust_cost
 from replay.diagnose.search import Fit
 
 Floats = NDArray[np.float64]
@@ -34,6 +33,9 @@ FAR_OFF, TIMES = 300.0, 4.0
 #: Shares of what a far run leaves beyond noise: that lies after its fork, and that another way the straw may take there
 #: explains; only then what was recorded may be one of the ways of the same straw, of which there are many more.
 AFTER, EXPLAINS = 0.5, 1 / 3
+#: Where another way explains this share, the run has forked however little lies between the two, and not later than
+#: where this share of what that explains is still to come.
+ALL, TO_COME = 0.9, 0.98
 #: A run ends this long before it forks, and as long before the last snap that would be so near its end, s.
 BEFORE_S = 0.05
 
@@ -62,11 +64,16 @@ def _fork(one: Campaign, fit: Fit) -> float | None:
         return None
     each = len(SIZES) - 1
     ends = [_parting(observed, [first, *others[k : k + each]]) for k in range(0, len(others), each)]
-    at = min((end for end in ends if end is not None), default=np.inf)
+    at = min((end for end in ends if end is not None), default=float(np.inf))
     beyond = np.clip(first.shape**2 - 1, 0, None).sum(axis=0)
-    costs = [robust_cost(one.vector) for one in (first, *others) if one is not None]
-    explained = (costs[0] - min(costs)) / max(costs[0] - len(first.vector), 1.0)
-    if beyond[observed.time_s >= at].sum() < AFTER * beyond.sum() or explained < EXPLAINS:
+    ways = [one for one in (first, *others) if one is not None]
+    left = [beyond_noise(one.vector, one.shape.size) for one in ways]
+    explained = 1 - min(left) / max(left[0], 1.0)
+    if explained > ALL:
+        gained = (first.shape**2 - ways[int(np.argmin(left))].shape ** 2).sum(axis=0)
+        to_come = np.cumsum(gained[::-1])[::-1]
+        at = min(at, float(observed.time_s[max(np.flatnonzero(to_come > TO_COME * to_come[0]), default=0)]))
+    elif beyond[observed.time_s >= at].sum() < AFTER * beyond.sum() or explained < EXPLAINS:
         return None
     shown = np.isfinite(first.late_s)
     at = _calm(at - BEFORE_S, [*observed.snaps_s, *(observed.snaps_s + first.late_s)[shown]])

@@ -19,7 +19,7 @@ from replay.diagnose.contest import seen_again
 from replay.diagnose.dictionary import atoms
 from replay.diagnose.formula import Formula, formula, tangent
 from replay.diagnose.hypothesis import Unknown, applied
-from replay.diagnose.judge import NOISE_LEAVES, unexplained
+from replay.diagnose.judge import NOISE_LEAVES, run_by_run, unexplained
 from replay.diagnose.misfit import play
 from replay.diagnose.observation import Observation
 from replay.diagnose.robust import weights
@@ -213,7 +213,7 @@ def _unit(state: State, power: float) -> str:
 
 def curves(campaign: Campaign, null: Fit, told: Told = silent, states: Sequence[State] = STATES) -> list[Curve]:
     """Curves over the states that promise most, the best first; the best few are carried to their end."""
-    wide = campaign.only(few_of(campaign.observations)).roughly()
+    wide = campaign.only(few_of(campaign.observations, run_by_run(campaign, null))).roughly()
     # what is missing has dragged the base's constants away: damping and channel are taken at their word, no others
     calm = np.where([k.target in TAKEN_ALONG for k in null.unknowns], null.u, 0.0)
     known = seen_again(wide, replace(null, u=calm))

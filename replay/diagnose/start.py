@@ -21,6 +21,8 @@ C_ZETA = (1.0, 4.0, 8.0, 16.0, 32.0, 64.0, 150.0, 600.0)
 C_PHI = (0.4e-3, 0.8e-3, 1.6e-3, 3.2e-3, 6.4e-3, 12.8e-3)
 #: Runs looked at, and starts followed.
 LOOKED_AT, FOLLOWED = 3, 4
+#: What is left unexplained of a run that is looked at for that, at least, sigmas squared.
+FAR_OFF = 300.0
 
 
 def most_telling(observations: Sequence[Observation]) -> list[str]:
@@ -34,11 +36,15 @@ def most_telling(observations: Sequence[Observation]) -> list[str]:
     return [o.name for o in ranked[:LOOKED_AT]]
 
 
-def few_of(observations: Sequence[Observation]) -> list[str]:
-    """The most telling runs, and one that does not snap."""
+def few_of(observations: Sequence[Observation], left: Sequence[float]) -> list[str]:
+    """The most telling runs, one that does not snap, and of the other start configurations that of which most is
+    ``left`` unexplained (by run, sigmas squared), if more than noise: what only shows there is seen nowhere else."""
     still = [o.name for o in observations if len(o.snaps_s) == 0]
-    telling = most_telling(observations)
-    return telling + [name for name in still if name not in telling][:1]
+    few = most_telling(observations)
+    few += [name for name in still if name not in few][:1]
+    seen = {o.run.initial_deployed for o in observations if o.name in few}
+    others = [(-x, o.name) for o, x in zip(observations, left, strict=True) if o.run.initial_deployed not in seen]
+    return few + [name for x, name in sorted(others) if -x > FAR_OFF][:1]
 
 
 def base_start(campaign: Campaign, unknowns: tuple[Unknown, ...]) -> Floats:

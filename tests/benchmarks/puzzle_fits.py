@@ -139,7 +139,7 @@ def improved_for_all(campaign: Campaign) -> Fit:
     laws = tuple(_alike(k) if ".frustum_spread." in k.target else k for k in laws)
     unknowns = (*base_unknowns(campaign.straw), *laws)
     loose = campaign.roughly()
-    few = loose.only(few_of(campaign.observations))
+    few = loose.only(few_of(campaign.observations, [0.0] * len(campaign.observations)))
     ends = []
     for cell in (None, *snapping(campaign.observations)):
         weaker = {} if cell is None else {f"term.frustum_spread.E_relative.{cell}": WEAKER}

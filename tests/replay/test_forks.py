@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -12,12 +14,13 @@ from model.parameters import StrawParameters
 from replay.diagnose.campaign import Campaign
 from replay.diagnose.contest import Contestant
 from replay.diagnose.findings import _doubts
-from replay.diagnose.forks import _calm, forks
+from replay.diagnose.forks import _calm, _fork, forks
 from replay.diagnose.hypothesis import base_unknowns
 from replay.diagnose.inquiry import Inquiry
 from replay.diagnose.judge import NOISE_LEAVES, run_by_run, unexplained
+from replay.diagnose.misfit import Misfit
 from replay.diagnose.observation import observe
-from replay.diagnose.search import descend
+from replay.diagnose.search import Fit, descend
 from replay.diagnose.stages import until_they_fork
 from tests.apparatus.campaign import NONE, SCATTER, campaign, drawn
 from tests.apparatus.effects import Cause
@@ -114,6 +117,28 @@ def test_a_run_in_which_a_cause_acts_is_not_taken_for_a_fork() -> None:
         *others, acted = run_by_run(whole, fit)
         assert acted > 10 * max(*others, NOISE_LEAVES)
         assert forks(whole, fit) == {}
+
+
+@pytest.mark.parametrize(("share", "forked"), [(1.0, True), (0.5, False)])
+def test_a_run_forks_where_a_repeat_explains_nearly_all_of_it_though_little_lies_between_the_two(
+    share: float, forked: bool
+) -> None:
+    time_s, noise = np.arange(0, 4, 1 / 240), np.random.default_rng(0).normal(size=(3, 960))
+    burst = 6.0 * ((time_s > 2.0) & (time_s < 2.5))
+    run = SimpleNamespace(
+        name="deploy", time_s=time_s, snaps_s=np.array([1.0]), sigma=lambda _late_s: np.ones((3, 960))
+    )
+
+    def misfits(_unknowns: object, points: list[np.ndarray]) -> list[list[Misfit]]:
+        ways = [1.0, 1 - share, *[1.0] * (len(points) - 2)]  # of all repeats one goes another way
+        late = np.zeros(1)
+        return [[Misfit(noise + way * burst, np.zeros(2), late, np.zeros((3, 960)), 0)] for way in ways]
+
+    one = cast(Campaign, SimpleNamespace(observations=[run], misfits=misfits))
+    base = base_unknowns(BASE)
+    fit = Fit(base, np.zeros(len(base)), np.zeros(1), np.zeros((1, len(base))), 0.0, True)
+    at = _fork(one, fit)
+    assert (at == pytest.approx(1.95, abs=0.02)) if forked else at is None
 
 
 def test_a_run_ends_where_it_is_calm() -> None:
