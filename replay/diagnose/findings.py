@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -92,15 +92,13 @@ def conclude(found: Inquiry, notes: Sequence[str] = (), told: Told = silent, *, 
     campaign, judgement = found.campaign, found.judgement()
     probability = judgement.probability
     top = next(iter(probability))
-    names = [n for n in surviving(probability) if n != "unknown"] or [top]
     fitted = {c.name: c for c in found.contestants}
-    verdict, causes = _verdict(probability, top, names)
+    verdict, causes = verdict_of(probability)
     if not found.whole:  # what was not looked at counts as impossible in the probabilities, so nothing is settled
         verdict, causes = "ambiguous", [c for c in causes if c != "unknown"]
     best = fitted.get(top) if verdict not in ("complete", "unknown_physics") else None
     if verdict == "ambiguous":
         best = next((fitted[n] for n in probability if n in fitted), None)
-    rivals = [fitted[n] for n in names if n in fitted and n != (best.name if best else "")][:3]
     fit, straw_of = best.fit if best else found.null, campaign
     missing = None
     if found.whole and verdict == "unknown_physics" and not brief:
@@ -114,6 +112,9 @@ def conclude(found: Inquiry, notes: Sequence[str] = (), told: Told = silent, *, 
     experiment = None
     if found.whole and verdict in ("ambiguous", "unknown_physics") and not brief:
         nearest = sorted(found.singles.values(), key=lambda c: c.cost)[:2]  # of what is not the answer, but something
+        # what comes nearest survives where the cause is unknown, but explains nothing
+        survivors = surviving(probability) if verdict == "ambiguous" else []
+        rivals = [fitted[n] for n in survivors if n in fitted and fitted[n] is not best][:3]
         among = [c for c in (best, *rivals) if c]
         experiment = next_experiment(campaign, among or nearest, explain=bool(among))
     return Findings(
@@ -136,7 +137,10 @@ def conclude(found: Inquiry, notes: Sequence[str] = (), told: Told = silent, *, 
     )
 
 
-def _verdict(probability: dict[str, float] | Any, top: str, names: Sequence[str]) -> tuple[str, list[str]]:
+def verdict_of(probability: Mapping[str, float]) -> tuple[str, list[str]]:
+    """The contract's verdict and the causes it names, from probabilities, largest first."""
+    top = next(iter(probability))
+    names = [n for n in surviving(probability) if n != "unknown"] or [top]
     if top == "complete" and probability[top] > MORE_THAN_NOT:
         return "complete", []
     if top == "unknown" and probability[top] > MORE_THAN_NOT:

@@ -6,7 +6,7 @@ The SHA-256 of all labels is printed before the first analysis; `--split final` 
 looked at. One line of JSON per case; an interrupted benchmark goes on where it stopped, `--score` only counts what is
 there. `--ablate` takes each true cause out of the library: nothing may then be named. `--camera` paints every run as a
 video and diagnoses its track. Rows of whole decks are kept in `decks`, named by seed and by the commit that wrote them:
-`--out` goes on with one from a checkout of that commit, `--score` prints what came out.
+`--out` goes on with one from a checkout of that commit, `--score` prints what came out, `--again` by today's judge.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from replay.diagnose.library import causes
 from replay.diagnose.observation import observe
 from tests.apparatus.cases import RUN_IDS, Case, deck, generate, opened, recorded, seal
 from tests.benchmarks.concealed_film import filmed
-from tests.benchmarks.concealed_score import ablated, score
+from tests.benchmarks.concealed_score import ablated, judged_again, score
 
 #: A campaign of six of the eight runs, to save a quarter of the time.
 SIX = ("fold-25kPa", "deploy-35kPa-1", "fold-20kPa-2-5", "staircase", "deploy-35kPa-3", "deploy-30kPa-6")
@@ -73,6 +73,7 @@ def main() -> None:
     ask.add_argument("--only", nargs="+", metavar="NAME", help="these cases, as final-006")
     ask.add_argument("--out", type=Path, help="one line of JSON per case (default: a name by split, seed and way)")
     ask.add_argument("--score", action="store_true", help="diagnose nothing more")
+    ask.add_argument("--again", action="store_true", help="rows of an older version are weighed by today's judge")
     ask.add_argument("--ablate", action="store_true", help="single causes only, each taken out of the library")
     ask.add_argument("--camera", action="store_true", help="painted, filmed and tracked")
     args = ask.parse_args()
@@ -101,6 +102,8 @@ def main() -> None:
             out.write(json.dumps(row) + "\n")
             out.flush()
             print(f"{len(told)} of {len(cases)}", flush=True)
+    if args.again:
+        told = {name: judged_again(row) for name, row in told.items()}
     assert len(opened(every, sealed)) == len(every)
     print(ablated(cases, told) if args.ablate else score(cases, told))
 

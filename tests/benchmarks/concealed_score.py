@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
+from replay.diagnose.findings import verdict_of
 from replay.diagnose.hypothesis import MEASUREMENT
-from replay.diagnose.judge import by_cause, surviving
+from replay.diagnose.judge import by_cause, surviving, weighed
+from replay.diagnose.library import causes
 from tests.apparatus.cases import Case
 
 Row = Mapping[str, Any]
@@ -65,6 +67,17 @@ def score(cases: Sequence[Case], told: Mapping[str, Row]) -> str:
     cpu = sorted(float(r["cpu_s"]) for _, r in done)
     lines.append(f"CPU per case: median {cpu[len(cpu) // 2]:.0f} s, longest {cpu[-1]:.0f} s")
     return "\n".join(lines)
+
+
+def judged_again(row: Row, cells: int = 9) -> Row:
+    """The row with probabilities, verdict and causes by today's judge from what each hypothesis had left then."""
+    own = {name: len(unknowns) for name, (unknowns, _) in causes(cells).items()}
+    constants = {n: sum(own[part] for part in n.split("+")) for n in row["excess"] if n != "complete"}
+    probability = weighed(row["excess"], row["left_over"], constants)
+    verdict, named = verdict_of(probability)
+    if row["verdict"] != verdict_of(row["probability"])[0]:  # the search had been cut short, which settles nothing
+        verdict, named = "ambiguous", [cause for cause in named if cause != "unknown"]
+    return {**row, "probability": probability, "verdict": verdict, "causes": named}
 
 
 def ablated(cases: Sequence[Case], told: Mapping[str, Row]) -> str:

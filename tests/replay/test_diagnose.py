@@ -18,11 +18,11 @@ from replay.diagnose.campaign import Campaign
 from replay.diagnose.contest import Contestant, nothing_yet
 from replay.diagnose.diagnosis import inquire
 from replay.diagnose.experiment import Choice, _toml, menu
-from replay.diagnose.findings import _says, _verdict, conclude
+from replay.diagnose.findings import _says, conclude, verdict_of
 from replay.diagnose.hypothesis import base_unknowns
 from replay.diagnose.inquiry import Inquiry
 from replay.diagnose.instrument import Instrument
-from replay.diagnose.judge import by_cause, surviving, unknown_leaves
+from replay.diagnose.judge import UNKNOWN_AT_MOST, by_cause, surviving, unknown_leaves, weighed
 from replay.diagnose.library import causes
 from replay.diagnose.misfit import FINE_M, ROUGH_M, TOLERANCE_M, bend, misfit, most_steps_per_s, whitened
 from replay.diagnose.observation import observe
@@ -105,13 +105,13 @@ def test_the_clock_is_bent_at_the_snaps_and_nowhere_far_from_them():
 @pytest.mark.parametrize(("complete", "verdict"), [(0.6, "complete"), (0.45, "ambiguous")])
 def test_nothing_is_called_missing_only_where_that_is_more_probable_than_not(complete, verdict):
     rest = {"cohesion": (1 - complete) / 2, "squeeze_film": (1 - complete) / 2}
-    assert _verdict({"complete": complete, **rest}, "complete", list(rest))[0] == verdict
+    assert verdict_of({"complete": complete, **rest})[0] == verdict
 
 
 @pytest.mark.parametrize(("unknown", "verdict"), [(0.6, "unknown_physics"), (0.45, "ambiguous")])
 def test_a_cause_is_called_unknown_only_where_that_is_more_probable_than_not(unknown, verdict):
     rest = {"complete": (1 - unknown) / 2, "cohesion": (1 - unknown) / 2}
-    said, causes = _verdict({"unknown": unknown, **rest}, "unknown", list(rest))
+    said, causes = verdict_of({"unknown": unknown, **rest})
     assert said == verdict
     assert causes == (["unknown"] if verdict == "unknown_physics" else ["cohesion"])
 
@@ -190,7 +190,18 @@ def test_what_the_best_leaves_speaks_for_a_cause_nobody_thought_of_where_it_is_n
     assert unknown_leaves(100_573, 2_848) < 2_848
     assert unknown_leaves(64_486, 16_712) < 16_712 / 8
     # who explains everything need not fear it, unless little was to be explained
-    assert unknown_leaves(2_000, 0) == pytest.approx(200)
+    assert unknown_leaves(2_000, 0) == pytest.approx(400)
+
+
+def test_unknown_is_never_certain_and_leaves_the_rest_to_the_causes_that_come_nearest():
+    excess = {"complete": 40_000.0, "cohesion": 5_000.0, "asymmetry": 4_000.0, "gauge_gain": 39_000.0}
+    probability = weighed(excess, 4_000.0, {"cohesion": 6, "asymmetry": 9, "gauge_gain": 1})
+    assert list(probability)[:3] == ["unknown", "asymmetry", "cohesion"]
+    assert probability["unknown"] == pytest.approx(UNKNOWN_AT_MOST)
+    assert sum(probability.values()) == pytest.approx(1.0)
+    assert probability["gauge_gain"] < 0.02
+    assert probability["complete"] < 1e-3
+    assert verdict_of(probability) == ("unknown_physics", ["unknown"])
 
 
 def test_a_search_that_takes_too_many_steps_ends_by_itself_and_settles_nothing(plain, monkeypatch):
