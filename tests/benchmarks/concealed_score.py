@@ -30,7 +30,7 @@ def score(cases: Sequence[Case], told: Mapping[str, Row]) -> str:
     lines = [f"{len(done)} cases"]
     nulls = [(c, r) for c, r in done if c.kind == "null"]
     # what the refitted base leaves where nothing is concealed: less than most of that nothing can detect
-    limit = float(np.quantile([r["beyond_base"] for _, r in nulls], 0.95)) if nulls else 0.0
+    limit = float(np.quantile([_base_leaves(r) for _, r in nulls], 0.95)) if nulls else 0.0
     if nulls:
         alarms = sum(r["verdict"] not in ("complete",) for _, r in nulls)
         named = sum(r["verdict"] in ("missing_physics", "measurement_fault") for _, r in nulls)
@@ -38,7 +38,7 @@ def score(cases: Sequence[Case], told: Mapping[str, Row]) -> str:
         lines += [f"detection limit, 95th percentile of what nulls leave the base: {limit:.0f} sigma^2"]
     for kind in ("single", "instrument", "two", "hard_pair"):
         group = [(c, r) for c, r in done if c.kind == kind]
-        above = [(c, r) for c, r in group if r["beyond_base"] > limit]
+        above = [(c, r) for c, r in group if _base_leaves(r) > limit]
         for what, some in (("all", group), ("above the limit", above)):
             if some:
                 first = sum(_first(c, r) for c, r in some)
@@ -50,7 +50,7 @@ def score(cases: Sequence[Case], told: Mapping[str, Row]) -> str:
                 )
     unknown = [(c, r) for c, r in done if c.kind == "unknown"]
     if unknown:
-        seen = [(c, r) for c, r in unknown if r["beyond_base"] > limit]
+        seen = [(c, r) for c, r in unknown if _base_leaves(r) > limit]
         said = sum(r["verdict"] == "unknown_physics" for _, r in seen)
         doubt = sum(r["verdict"] in ("unknown_physics", "ambiguous") for _, r in seen)
         lines.append(f"outside the library, above the limit: unknown {_share(said, len(seen))}, or doubt {doubt}")
@@ -60,7 +60,9 @@ def score(cases: Sequence[Case], told: Mapping[str, Row]) -> str:
     physics = sum(bool(set(c.label) & set(MEASUREMENT)) and not set(r["causes"]) & set(MEASUREMENT) for c, r in wrong)
     faults = sum(not set(c.label) & set(MEASUREMENT) and set(r["causes"]) <= set(MEASUREMENT) for c, r in wrong)
     lines.append(f"instrument taken for physics {physics}, physics for instrument {faults}")
-    lines += _calibration(done)
+    lines += _calibration("calibration", done)
+    visible = [(c, r) for c, r in done if c.kind == "null" or _base_leaves(r) > limit]
+    lines += _calibration("nulls and above the limit", visible)
     lines += _coverage(done)
     lines += _held_out(done)
     lines += _limits(done)
@@ -129,7 +131,12 @@ def _wrong(case: Case, row: Row) -> bool:
     return not set(row["causes"]) <= {*case.label, *case.pair}
 
 
-def _calibration(done: Sequence[tuple[Case, Row]]) -> list[str]:
+def _base_leaves(row: Row) -> float:
+    """Misfit beyond noise that the base model with its own constants refitted leaves, sigmas squared."""
+    return float(row["excess"]["complete"])
+
+
+def _calibration(what: str, done: Sequence[tuple[Case, Row]]) -> list[str]:
     top = np.array([next(iter(r["probability"].values())) for _, r in done])
     right = np.array([_first(c, r) for c, r in done])
     out = []
@@ -137,7 +144,7 @@ def _calibration(done: Sequence[tuple[Case, Row]]) -> list[str]:
         here = (top >= low) & (top < high)
         if here.any():
             told = f"{np.mean(top[here]):.2f} said, {np.mean(right[here]):.2f} right"
-            out.append(f"calibration, {low:.2f} to {min(high, 1):.2f}: {told} of {np.count_nonzero(here)}")
+            out.append(f"{what}, {low:.2f} to {min(high, 1):.2f}: {told} of {np.count_nonzero(here)}")
     return out
 
 
