@@ -252,6 +252,13 @@ def taken_out(fit: Fit, kept: tuple[Unknown, ...]) -> Floats:
     return Straight(kept).step(fit.u[own], fit.slopes[:, own], fit.residual + fit.slopes @ gone, 0.0).end
 
 
+def only(campaign: Campaign, fit: Fit, kept: tuple[Unknown, ...]) -> Fit:
+    """The fit with only the unknowns ``kept``, where they are."""
+    targets = [unknown.target for unknown in fit.unknowns]
+    own = [targets.index(unknown.target) for unknown in kept]
+    return seen_again(campaign, replace(fit, unknowns=kept, u=fit.u[own], slopes=fit.slopes[:, own]))
+
+
 def _making_room(known: Fit, unknowns: tuple[Unknown, ...], point: Floats, residual: Floats) -> Floats:
     """The point with the constants known before moved as their slopes say is best, the new cause held."""
     n = len(known.u)

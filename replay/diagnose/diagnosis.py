@@ -15,6 +15,7 @@ from replay.diagnose.judge import run_by_run, unexplained
 from replay.diagnose.knocks import deep
 from replay.diagnose.library import causes
 from replay.diagnose.observation import Observation
+from replay.diagnose.pairs import in_pairs, in_their_place
 from replay.diagnose.search import Fit, descend
 from replay.diagnose.stages import (
     AFTERWARDS,
@@ -33,7 +34,6 @@ from replay.diagnose.stages import (
     finish_best,
     from_nearby,
     from_the_winner,
-    in_pairs,
     until_they_fork,
     weigh_anew,
 )
@@ -136,6 +136,7 @@ def _searched(campaign: Campaign, names: Sequence[str], thorough: bool, told: To
         told("pairs", len(names) + 3, total)
         if thorough or not enough:
             in_pairs(found, wide, names, thorough)
+            in_their_place(found, wide, names, thorough)
         if found.contestants[0].cost < before:  # the base may be led on by it: till then nothing is named for sure
             base_anew(found)
             found.whole = not campaign.stop() or unexplained(campaign, found.best) > EXPLAINED

@@ -14,7 +14,6 @@ from replay.diagnose.contest import (
     finish,
     followed,
     looks,
-    narrowed,
     nothing_yet,
     ranked,
     released,
@@ -24,7 +23,7 @@ from replay.diagnose.contest import (
     unfitted,
 )
 from replay.diagnose.forks import forks
-from replay.diagnose.hypothesis import Hypothesis, dragged, held
+from replay.diagnose.hypothesis import dragged, held
 from replay.diagnose.inquiry import Inquiry, Told, allow_repeats
 from replay.diagnose.judge import run_by_run, unexplained
 from replay.diagnose.knocks import knocked
@@ -71,9 +70,6 @@ FINISHED, FINISHED_NEARBY = 3, 1
 JUDGES = 2
 #: How many of the best are taken out to see whether what is left is fitted better from there.
 TAKEN_OUT = 3
-#: Causes that get partners; second causes tried by outlines, and from nearby, where linear reckoning is better; pairs
-#: carried on.
-PARTNERS, SECONDS, NEAR_SECONDS, PAIRS = 2, 9, 6, 3
 
 
 def by_outlines(
@@ -108,7 +104,7 @@ def by_outlines(
     further = [finish(wide, c, rounds=ROUNDS, share=ROUGHLY) for c in hopeful]
     for one in entered:
         found.keep(Contestant(one.hypothesis, seen_again(found.campaign, one.fit)))
-    _seen_fully(found, further, SEEN_FULLY * (1 + thorough))
+    seen_fully(found, further, SEEN_FULLY * (1 + thorough))
 
 
 def from_nearby(found: Inquiry, names: Sequence[str], most: int | None, thorough: bool, told: Told) -> None:
@@ -133,7 +129,7 @@ def from_nearby(found: Inquiry, names: Sequence[str], most: int | None, thorough
             found.keep(fitted)
 
 
-def _seen_fully(found: Inquiry, fitted: Sequence[Contestant], most: int, *, outlined: bool = True) -> None:
+def seen_fully(found: Inquiry, fitted: Sequence[Contestant], most: int, *, outlined: bool = True) -> None:
     """Take contestants that were fitted to outlines, or to a few runs, on to all that is seen, the best first."""
     campaign = found.campaign
     for k, one in enumerate(sorted(fitted, key=lambda c: c.cost)[:most]):
@@ -196,11 +192,11 @@ def base_anew(found: Inquiry) -> None:
     null, best = found.null, found.contestants[:TAKEN_OUT]
     close = null.cost - best[0].cost < CLOSE
     again = [descend(found.campaign, null.unknowns, null.u, rounds=ROUNDS)] if close else []
-    led = _without(found, null, best, most=TAKEN_OUT if close else 1, below=np.inf if close else null.cost)
+    led = without(found, null, best, most=TAKEN_OUT if close else 1, below=np.inf if close else null.cost)
     found.null = min((null, *again, *led), key=lambda fit: fit.cost)
 
 
-def _without(found: Inquiry, fit: Fit, others: Sequence[Contestant], most: int, below: float) -> list[Fit]:
+def without(found: Inquiry, fit: Fit, others: Sequence[Contestant], most: int, below: float) -> list[Fit]:
     """A fit once more from the best places to which linear reckoning leads when others' causes beside it are taken out,
     where it costs less than ``below`` already."""
     campaign, unknowns = found.campaign, fit.unknowns
@@ -226,7 +222,7 @@ def from_the_winner(found: Inquiry, wide: Campaign, names: Sequence[str], done: 
     first.sort(key=lambda c: c.cost)
     further = [finish(wide, one, rounds=ROUNDS, share=ROUGHLY) for one in first[: RIVALS // 2]]
     hopeful = HOPEFUL * seen_again(wide, winner.fit).cost
-    _seen_fully(found, [one for one in further if one.cost < hopeful], RIVALS // 3)
+    seen_fully(found, [one for one in further if one.cost < hopeful], RIVALS // 3)
     for name in list(found.singles):
         if wide.stop():
             return
@@ -250,55 +246,3 @@ def finish_best(found: Inquiry, most: int, done: dict[str, float], worth: float)
                 return
         found.singles[next_one.name] = finish(found.campaign, next_one, rounds=ROUNDS)
         done[next_one.name] = found.singles[next_one.name].cost
-
-
-def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], thorough: bool) -> None:
-    """The best single causes with a second one beside each, tried in a few runs: from nearby or, where much is left, by
-    outlines; the best pairs are carried on in all runs."""
-    campaign = found.campaign
-    singles = sorted(found.singles.values(), key=lambda c: c.cost)
-    best = singles[0]
-    outlined = unexplained(campaign, best.fit) > LOUD
-    few, rows = campaign.among([o.name for o in wide.observations])
-    where = wide if outlined else few
-    two: list[Contestant] = []
-    partners = 1 if campaign.leaves_out() else PARTNERS + thorough
-    for one in [c for c in singles if thorough or c.cost < NEARLY * best.cost][:partners]:
-        at = finish(wide, one, rounds=ROUNDS, share=ROUGHLY).fit if outlined else narrowed(one.fit, rows)
-        two += _beside(where, at, one.hypothesis, [n for n in names if n not in one.hypothesis.causes], thorough)
-    better: dict[str, Contestant] = {}
-    for pair in sorted(two, key=lambda c: c.cost):  # either of a pair's causes may have been the first
-        better.setdefault(pair.name, pair)
-    two = sorted((followed(where, pair) for pair in list(better.values())[: PAIRS + 1]), key=lambda c: c.cost)
-    if outlined:
-        two = [finish(wide, pair, rounds=ROUNDS, share=ROUGHLY) for pair in two[:PAIRS]]
-    _seen_fully(found, two, PAIRS + 2 * thorough, outlined=outlined)
-    first = sorted(found.pairs.values(), key=lambda c: c.cost)[:PAIRS]
-    for pair in first if outlined else ():  # from nearby they were carried to their end at once
-        close = pair.cost < first[0].cost + CLOSE and not campaign.stop()
-        if close and (pair is first[0] or not campaign.leaves_out()):
-            found.keep(finish(campaign, pair, rounds=ROUNDS))
-    for name in dict.fromkeys((best.name, *first[0].hypothesis.causes)) if first else ():
-        led_on(found, name)
-
-
-def led_on(found: Inquiry, name: str) -> None:
-    """Fit a single cause once more from where its pairs lead when what is beside it is taken out: fitted less well
-    than they, it would make them look needed."""
-    beside = [c for c in found.contestants if name in c.hypothesis.causes and c.name != name]
-    single = found.singles[name]
-    for fit in _without(found, single.fit, beside[:TAKEN_OUT], most=1, below=np.inf):
-        found.keep(Contestant(single.hypothesis, fit))
-
-
-def _beside(where: Campaign, at: Fit, first: Hypothesis, names: Sequence[str], thorough: bool) -> list[Contestant]:
-    """A first cause with each of some others, the most promising ones, a little way from several starts."""
-    out: list[Contestant] = []
-    most = SECONDS if where.rough else NEAR_SECONDS
-    known = [at] if where.rough else known_well(where, at)
-    seen = looks(where, at, names) + ([] if where.rough else nothing_yet(where, at, names))
-    for group in ranked(seen, at)[: None if thorough else most]:
-        if where.stop():
-            break
-        out.append(tried(where, known, group[: 2 if where.rough else 1], onto=first))
-    return out

@@ -26,9 +26,10 @@ from replay.diagnose.judge import UNKNOWN_AT_MOST, by_cause, surviving, unknown_
 from replay.diagnose.library import causes
 from replay.diagnose.misfit import FINE_M, ROUGH_M, TOLERANCE_M, bend, misfit, most_steps_per_s, whitened
 from replay.diagnose.observation import observe
+from replay.diagnose.pairs import in_their_place, led_on
 from replay.diagnose.search import Fit, descend
 from replay.diagnose.snaps import crossings, levels_of
-from replay.diagnose.stages import CLOSE, HOPELESS, base_anew, from_the_winner, led_on
+from replay.diagnose.stages import CLOSE, HOPELESS, base_anew, from_the_winner
 from replay.paper.runs import DEPLOYMENT
 from rig.protocol import load_protocol
 from tests.apparatus.campaign import NONE, campaign
@@ -285,6 +286,23 @@ def test_a_single_cause_that_is_stuck_is_led_on_by_its_pair():
     alone = found.singles["gauge_offset"].fit
     assert alone.cost < pair.cost + HOPELESS  # the pair's second cause is not needed
     assert alone.cost < len(alone.residual) < stuck.cost  # only noise is left
+
+
+def test_what_looks_like_one_of_a_pair_is_heard_in_its_place():
+    concealed = (Cause("camera_roll", 0.02), Cause("poiseuille_loss", 2e9, "Carreau, thinning"))
+    seen = [observe(run) for run in campaign(concealed, 6, ("fold-25kPa", "staircase"), NONE)]
+    with ThreadPoolExecutor(2) as pool:
+        whole = Campaign(seen, BASE, pool)
+        base = base_unknowns(BASE)
+        null = descend(whole, base, np.zeros(len(base)), rounds=6)
+        loss, bent = (whole.hypothesis([name]) for name in ("poiseuille_loss", "intrinsic_curvature"))
+        wrong = bent.beside(loss)
+        start = np.concatenate([np.zeros(len(base)), loss.starts[0], bent.starts[0]])
+        pair = descend(whole, (*base, *wrong.unknowns), start, rounds=12)
+        found = Inquiry(whole, null, {}, {wrong.name: Contestant(wrong, pair)})
+        in_their_place(found, whole.roughly(), ["camera_roll", "clock_offset", *wrong.causes], False)
+    assert set(found.contestants[0].hypothesis.causes) == {"camera_roll", "poiseuille_loss"}
+    assert found.contestants[0].cost < pair.cost - HOPELESS
 
 
 def test_simulations_that_fail_are_counted_also_in_a_part_of_the_campaign(plain):
