@@ -73,6 +73,7 @@ def main() -> None:
     ask.add_argument("--only", nargs="+", metavar="NAME", help="these cases, as final-006")
     ask.add_argument("--out", type=Path, help="one line of JSON per case (default: a name by split, seed and way)")
     ask.add_argument("--score", action="store_true", help="diagnose nothing more")
+    ask.add_argument("--limit", type=float, metavar="SIGMA2", help="detection limit (default: by the deck's own nulls)")
     ask.add_argument("--again", action="store_true", help="rows of an older version are weighed by today's judge")
     ask.add_argument("--ablate", action="store_true", help="single causes only, each taken out of the library")
     ask.add_argument("--camera", action="store_true", help="painted, filmed and tracked")
@@ -105,7 +106,7 @@ def main() -> None:
     if args.again:
         told = {name: judged_again(row) for name, row in told.items()}
     assert len(opened(every, sealed)) == len(every)
-    print(ablated(cases, told) if args.ablate else score(cases, told))
+    print(ablated(cases, told) if args.ablate else score(cases, told, args.limit))
 
 
 if __name__ == "__main__":

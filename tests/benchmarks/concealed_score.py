@@ -22,20 +22,21 @@ CONFIDENT = 0.8
 BINS = (0.0, 0.5, 0.8, 0.95, 1.0 + 1e-9)
 
 
-def score(cases: Sequence[Case], told: Mapping[str, Row]) -> str:
-    """A report in lines."""
+def score(cases: Sequence[Case], told: Mapping[str, Row], limit: float | None = None) -> str:
+    """A report in lines. ``limit``: what counts as seen, sigmas squared, in place of what the deck's own nulls say."""
     done = [(case, told[case.name]) for case in cases if case.name in told]
     if not done:
         return "no case was diagnosed"
     lines = [f"{len(done)} cases"]
     nulls = [(c, r) for c, r in done if c.kind == "null"]
     # what the refitted base leaves where nothing is concealed: less than most of that nothing can detect
-    limit = float(np.quantile([_base_leaves(r) for _, r in nulls], 0.95)) if nulls else 0.0
+    if limit is None:
+        limit = float(np.quantile([_base_leaves(r) for _, r in nulls], 0.95)) if nulls else 0.0
     if nulls:
         alarms = sum(r["verdict"] not in ("complete",) for _, r in nulls)
         named = sum(r["verdict"] in ("missing_physics", "measurement_fault") for _, r in nulls)
         lines += [f"nulls: false alarms {_share(alarms, len(nulls))}, of them naming something {named}"]
-        lines += [f"detection limit, 95th percentile of what nulls leave the base: {limit:.0f} sigma^2"]
+        lines += [f"detection limit, 95th percentile of what nulls leave the base if not given: {limit:.0f} sigma^2"]
     for kind in ("single", "instrument", "two", "hard_pair"):
         group = [(c, r) for c, r in done if c.kind == kind]
         above = [(c, r) for c, r in group if _base_leaves(r) > limit]
@@ -67,7 +68,7 @@ def score(cases: Sequence[Case], told: Mapping[str, Row]) -> str:
     lines += _held_out(done)
     lines += _limits(done)
     cpu = sorted(float(r["cpu_s"]) for _, r in done)
-    lines.append(f"CPU per case: median {cpu[len(cpu) // 2]:.0f} s, longest {cpu[-1]:.0f} s")
+    lines.append(f"CPU per case: median {cpu[len(cpu) // 2]:.0f}, mean {np.mean(cpu):.0f}, most {cpu[-1]:.0f} s")
     return "\n".join(lines)
 
 
