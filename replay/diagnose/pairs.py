@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from replay.diagnose.campaign import Campaign
 from replay.diagnose.contest import (
@@ -44,7 +45,7 @@ def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], thorough: boo
     two: list[Contestant] = []
     partners = 1 if campaign.leaves_out() else PARTNERS + thorough
     for one in [c for c in singles if thorough or c.cost < NEARLY * best.cost][:partners]:
-        at = finish(wide, one, rounds=ROUNDS, share=ROUGHLY).fit if outlined else narrowed(one.fit, rows)
+        at = finish(wide, one, rounds=ROUNDS, share=ROUGHLY).fit if outlined else _seen_in(few, rows, one)
         two += _beside(where, at, one.hypothesis, [n for n in names if n not in one.hypothesis.causes], most)
     better: dict[str, Contestant] = {}
     for pair in sorted(two, key=lambda c: c.cost):  # either of a pair's causes may have been the first
@@ -86,6 +87,13 @@ def led_on(found: Inquiry, name: str) -> None:
     single = found.singles[name]
     for fit in without(found, single.fit, beside[:TAKEN_OUT], most=1, below=np.inf):
         found.keep(Contestant(single.hypothesis, fit))
+
+
+def _seen_in(few: Campaign, rows: NDArray[np.intp], one: Contestant) -> Fit:
+    """A contestant as a few runs show it; one whose slopes only outlines have shown is fitted to these runs first."""
+    if len(one.fit.slopes) == len(one.fit.residual):
+        return narrowed(one.fit, rows)
+    return finish(few, one).fit
 
 
 def _beside(where: Campaign, at: Fit, first: Hypothesis, names: Sequence[str], most: int | None) -> list[Contestant]:

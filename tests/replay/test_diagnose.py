@@ -15,7 +15,7 @@ from model.simulate import sampled
 from replay.cli import main
 from replay.diagnose import diagnosis
 from replay.diagnose.campaign import Campaign
-from replay.diagnose.contest import Contestant, nothing_yet
+from replay.diagnose.contest import Contestant, nothing_yet, seen_again
 from replay.diagnose.diagnosis import inquire
 from replay.diagnose.experiment import Choice, _toml, menu
 from replay.diagnose.findings import _says, conclude, verdict_of
@@ -26,7 +26,7 @@ from replay.diagnose.judge import UNKNOWN_AT_MOST, by_cause, surviving, unknown_
 from replay.diagnose.library import causes
 from replay.diagnose.misfit import FINE_M, ROUGH_M, TOLERANCE_M, bend, misfit, most_steps_per_s, whitened
 from replay.diagnose.observation import observe
-from replay.diagnose.pairs import in_their_place, led_on
+from replay.diagnose.pairs import in_pairs, in_their_place, led_on
 from replay.diagnose.search import Fit, descend
 from replay.diagnose.snaps import crossings, levels_of
 from replay.diagnose.stages import CLOSE, HOPELESS, base_anew, from_the_winner
@@ -286,6 +286,21 @@ def test_a_single_cause_that_is_stuck_is_led_on_by_its_pair():
     alone = found.singles["gauge_offset"].fit
     assert alone.cost < pair.cost + HOPELESS  # the pair's second cause is not needed
     assert alone.cost < len(alone.residual) < stuck.cost  # only noise is left
+
+
+def test_a_cause_that_only_outlines_have_shown_gets_its_partners_too(plain):
+    with ThreadPoolExecutor(2) as pool:
+        whole = Campaign(plain[:1], BASE, pool)
+        base, what = base_unknowns(BASE), whole.hypothesis(["gauge_gain"])
+        null = descend(whole, base, np.zeros(len(base)), rounds=0)
+        outlined = descend(whole.roughly(), (*base, *what.unknowns), np.zeros(len(base) + 1), rounds=1)
+        one = Contestant(what, seen_again(whole, outlined))
+        assert len(one.fit.slopes) != len(one.fit.residual)
+        late = whole.hypothesis(["clock_offset"])
+        other = descend(whole, (*base, *late.unknowns), np.zeros(len(base) + 1), rounds=0)
+        found = Inquiry(whole, null, {"gauge_gain": one, "clock_offset": Contestant(late, other)})
+        in_pairs(found, whole.roughly(), ["gauge_gain", "clock_offset"], True)
+    assert [set(name.split("+")) for name in found.pairs] == [{"gauge_gain", "clock_offset"}]
 
 
 def test_what_looks_like_one_of_a_pair_is_heard_in_its_place():
