@@ -245,17 +245,21 @@ def unfitted(campaign: Campaign, known: Fit, look: Look) -> Contestant:
 
 def taken_out(fit: Fit, kept: tuple[Unknown, ...]) -> Floats:
     """u of the unknowns ``kept`` where linear reckoning sees least misfit with nothing of the fit's other strengths."""
-    targets = [unknown.target for unknown in fit.unknowns]
-    own = [targets.index(unknown.target) for unknown in kept]
+    own = _places(fit, kept)
     gone = Straight(fit.unknowns).way(fit.u, np.zeros(len(fit.u)))
     gone *= [unknown.kind == "strength" and k not in own for k, unknown in enumerate(fit.unknowns)]
     return Straight(kept).step(fit.u[own], fit.slopes[:, own], fit.residual + fit.slopes @ gone, 0.0).end
 
 
-def only(campaign: Campaign, fit: Fit, kept: tuple[Unknown, ...]) -> Fit:
-    """The fit with only the unknowns ``kept``, where they are."""
+def _places(fit: Fit, some: tuple[Unknown, ...]) -> list[int]:
+    """Where some unknowns stand among the fit's."""
     targets = [unknown.target for unknown in fit.unknowns]
-    own = [targets.index(unknown.target) for unknown in kept]
+    return [targets.index(unknown.target) for unknown in some]
+
+
+def only(campaign: Campaign, fit: Fit, kept: tuple[Unknown, ...]) -> Fit:
+    """The fit with only the unknowns ``kept``, where they are, as the campaign shows it."""
+    own = _places(fit, kept)
     return seen_again(campaign, replace(fit, unknowns=kept, u=fit.u[own], slopes=fit.slopes[:, own]))
 
 

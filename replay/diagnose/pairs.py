@@ -70,11 +70,12 @@ def in_their_place(found: Inquiry, wide: Campaign, names: Sequence[str], thoroug
     if len(pair.hypothesis.causes) == 1:
         return
     few, rows = campaign.among([o.name for o in wide.observations])
-    worth = narrowed(pair.fit, rows).cost + CLOSE
+    there = narrowed(pair.fit, rows)
+    worth = there.cost + CLOSE
     others = [name for name in names if name not in pair.hypothesis.causes]
     for name in pair.hypothesis.causes:
         kept = campaign.hypothesis([name])
-        at = narrowed(only(campaign, pair.fit, (*found.null.unknowns, *kept.unknowns)), rows)
+        at = only(few, there, (*found.null.unknowns, *kept.unknowns))
         tries = sorted(_beside(few, at, kept, others, ALIKE * (1 + thorough)), key=lambda c: c.cost)
         near = [followed(few, one) for one in tries[:1] if one.cost < FAR * worth]
         seen_fully(found, [one for one in near if one.cost < worth], 1, outlined=False)

@@ -1,4 +1,4 @@
-"""Stages of an inquiry: causes by outlines, from nearby, from the winner's constants, finished, in pairs."""
+"""Stages of an inquiry: causes by outlines, from nearby, from the winner's constants, finished, the base once more."""
 
 from __future__ import annotations
 

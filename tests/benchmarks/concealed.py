@@ -44,13 +44,11 @@ def diagnosed(case: Case, ablate: bool = False, camera: bool = False) -> dict[st
         found = inquire([observe(run) for run in made.runs], BASE, library=library, executor=pool)
         findings = conclude(found, brief=True)
     judgement, held = findings.judgement, findings.held
-    least = min(judgement.excess.values())
     return {  # rounded where there are many figures
         "name": case.name,
         "verdict": findings.verdict,
         "causes": findings.causes,
         "probability": {name: round(p, 6) for name, p in judgement.probability.items()},
-        "beyond_base": judgement.excess["complete"] - least,
         "left_over": judgement.left_over,
         "excess": {name: round(left, 1) for name, left in judgement.excess.items()},
         "parameters": findings.parameters,

@@ -30,13 +30,13 @@ def score(cases: Sequence[Case], told: Mapping[str, Row], limit: float | None = 
     lines = [f"{len(done)} cases"]
     nulls = [(c, r) for c, r in done if c.kind == "null"]
     # what the refitted base leaves where nothing is concealed: less than most of that nothing can detect
-    if limit is None:
-        limit = float(np.quantile([_base_leaves(r) for _, r in nulls], 0.95)) if nulls else 0.0
+    own = float(np.quantile([_base_leaves(r) for _, r in nulls], 0.95)) if nulls else 0.0
+    limit = own if limit is None else limit
     if nulls:
         alarms = sum(r["verdict"] not in ("complete",) for _, r in nulls)
         named = sum(r["verdict"] in ("missing_physics", "measurement_fault") for _, r in nulls)
         lines += [f"nulls: false alarms {_share(alarms, len(nulls))}, of them naming something {named}"]
-        lines += [f"detection limit, 95th percentile of what nulls leave the base if not given: {limit:.0f} sigma^2"]
+        lines += [f"95th percentile of what nulls leave the base: {own:.0f} sigma^2; detection limit: {limit:.0f}"]
     for kind in ("single", "instrument", "two", "hard_pair"):
         group = [(c, r) for c, r in done if c.kind == kind]
         above = [(c, r) for c, r in group if _base_leaves(r) > limit]
