@@ -213,6 +213,8 @@ def _runs(commands: argparse._SubParsersAction[_Parser]) -> None:
     p = action("list", "what recordings there are", run=False)
     p.add_argument("--tag", metavar="TAG", help="only with this tag")
     p.add_argument("--specimen", metavar="NAME", help="only of this specimen")
+    p.add_argument("--where", default="", metavar="FILTER", help="as 'specimen = straw-7 and (cycle > 20 or starred)'")
+    p.add_argument("--sort", metavar="COLUMN", help="a column or key of the metadata; --sort=-start: latest first")
     p.add_argument("--rebuild", action="store_true", help="read every file anew")
     _json(p)
     p = action("show", "all that is known of one recording")
@@ -221,6 +223,13 @@ def _runs(commands: argparse._SubParsersAction[_Parser]) -> None:
     p = action("tag", "put tags on a recording")
     p.add_argument("tags", nargs="+", metavar="TAG")
     p.add_argument("--remove", action="store_true", help="take them off")
+    for name, text in (
+        ("star", "put a star on a recording"),
+        ("archive", "take a recording out of the lab's table; the file stays"),
+        ("lock", "lock a recording against being archived"),
+    ):
+        p = action(name, text)
+        p.add_argument("--remove", action="store_true", help="take that back")
     p = action("note", "write a note beside a recording")
     p.add_argument("text", nargs="+", metavar="TEXT")
     p = action("attach", "enter a run's video and other files into its manifest")
