@@ -53,6 +53,7 @@ def parser() -> argparse.ArgumentParser:
         metavar="HOST:PORT",
         help="a page to watch the run with the model beside it (this machine only, any port)",
     )
+    p.add_argument("--watched", action="store_true", help=argparse.SUPPRESS)  # straw lab has the orders, the page VENT
     p.add_argument("--fast", action="store_true", help="with --emulate: as fast as the arithmetic, not in real time")
     p.add_argument("--tip", type=Path, metavar="TIP.mcap", help="with --emulate: what a perfect camera would have seen")
     _straw(p, "the straw behind the emulator")
@@ -72,6 +73,10 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--picture", type=Path, metavar="P.png", help="the projection's uncertainty over the picture")
     _json(p)
 
+    p = _command(rig_commands, "tell", "hold, resume, stop or vent a run that goes on", module="rig_tell")
+    p.add_argument("order", choices=("hold", "resume", "stop", "vent", "state"))
+    p.add_argument("run", nargs="?", type=Path, metavar="RUN.mcap", help="its recording (whatever runs in --dir)")
+    p.add_argument("--dir", type=Path, default=Path(), metavar="DIR", help="where the recordings are (.)")
     p = _command(rig_commands, "show", "draw a protocol, and check it against its limits", module="rig_show")
     p.add_argument("protocol", type=Path, metavar="P.toml")
     p.add_argument("-o", "--output", type=Path, metavar="PICTURE", help="png, svg or pdf (the protocol's name, png)")

@@ -22,6 +22,7 @@ from rig.controller import Controller, make_controller
 from rig.emulate import Emulation, emulator_of
 from rig.guarded import GuardedController
 from rig.limits import PressureLimits
+from rig.orders import Orders
 from rig.protocol import PressureProtocol, load_protocol
 from rig.run import Run
 from rig.run_derived import write_tip
@@ -47,7 +48,7 @@ def live_of(args: argparse.Namespace, straw: StrawParameters, protocol: Pressure
         raise ReplayError("--live shows a run in real time; leave out --fast")
     check_new(args.output)
     prepare()
-    return Live(straw, protocol, args.live)
+    return Live(straw, protocol, args.live, args.output, args.watched)
 
 
 def _run(args: argparse.Namespace, straw: StrawParameters, protocol: PressureProtocol, live: Live | None) -> int:
@@ -66,7 +67,9 @@ def _run(args: argparse.Namespace, straw: StrawParameters, protocol: PressurePro
         f"{protocol.name}: {outcome.cycles} samples at {outcome.rate_hz:.1f} Hz, {outcome.missed} missed; "
         f"recorded in {outcome.path}"
     )
-    return 0
+    if outcome.stopped:
+        say(f"{protocol.name}: {outcome.stopped}")
+    return 1 if outcome.stopped else 0
 
 
 def drive_emulated(
@@ -148,12 +151,14 @@ def drive(
     **metadata: str,
 ) -> Outcome:
     """Run a protocol on a controller and record it, with a bar; ``metadata`` joins ``straw.run``."""
-    with controller as opened, progress_bar(f"drive {protocol.name}", "ms") as progress:
+    with (
+        controller as opened,
+        orders_of(opened, protocol, output, live) as reached_at,
+        progress_bar(f"drive {protocol.name}", "ms") as progress,
+    ):
 
         def reached(now_s: float, whole_s: float, measured_pa: float) -> None:
             progress(round(now_s * 1e3), round(whole_s * 1e3))
-            if live:
-                live.send(now_s, measured_pa)
 
         return run_protocol(
             opened,
@@ -163,4 +168,25 @@ def drive(
             led=led,
             metadata={"cells": str(cells), **metadata},
             progress=reached,
+            operator=reached_at.operator if reached_at else None,
         )
+
+
+def orders_of(
+    controller: Controller, protocol: PressureProtocol, output: Path, live: Live | None
+) -> Orders | nullcontext[None]:
+    """Where orders to the run are taken, if it is to be watched."""
+    if live is None:
+        return nullcontext()
+    guardian = None
+    if isinstance(controller, GuardedController):
+        guardian = {"pid": controller.guardian_pid, "heartbeat_s": controller.heartbeat_s}
+    about = {
+        "url": live.url,
+        "protocol": protocol.name,
+        "specimen": protocol.specimen,
+        "duration_s": protocol.duration_s,
+        "limits": str(controller.limits.and_also(protocol.limits)),
+        "guardian": guardian,
+    }
+    return Orders(output, live, about)
