@@ -39,12 +39,11 @@ def parser() -> argparse.ArgumentParser:
     rig_commands = rig.add_subparsers(title="commands", metavar="COMMAND", required=True)
     p = _command(rig_commands, "run", "drive a protocol and record the run", module="rig_run")
     p.add_argument("protocol", type=Path, metavar="P.toml")
-    where = p.add_mutually_exclusive_group(required=True)
-    where.add_argument("--port", metavar="URL", help="serial port, by-id path, or socket://host:port")
-    where.add_argument("--emulate", action="store_true", help="no hardware: an emulator with the straw behind it")
-    _controller(p)
+    _rig(p)
     p.add_argument("-o", "--output", type=Path, required=True, metavar="RUN.mcap", help="the recording")
-    p.add_argument("--rate", type=float, default=100.0, metavar="HZ", help="samples a second (100)")
+    p.add_argument("--rate", type=float, metavar="HZ", help="samples a second (100)")
+    p.add_argument("--specimen", metavar="NAME", help="which straw, over what the protocol says")
+    p.add_argument("--cycle", type=_seed, metavar="N", help="how often it was cycled before, likewise")
     p.add_argument("--led", action="store_true", help="blink a code on the trigger output, for the camera's clock")
     p.add_argument(
         "--live",
@@ -73,6 +72,13 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--picture", type=Path, metavar="P.png", help="the projection's uncertainty over the picture")
     _json(p)
 
+    p = _command(
+        rig_commands, "check", "is all well: wiring, readings, the vent without and with pressure", "rig_check"
+    )
+    _rig(p)
+    p.add_argument("--pressure", type=float, default=2.0, metavar="KPA", help="to vent from; 0: not at all (2)")
+    _straw(p, "the straw behind the emulator")
+    _json(p)
     p = _command(rig_commands, "tell", "hold, resume, stop or vent a run that goes on", module="rig_tell")
     p.add_argument("order", choices=("hold", "resume", "stop", "vent", "state"))
     p.add_argument("run", nargs="?", type=Path, metavar="RUN.mcap", help="its recording (whatever runs in --dir)")
@@ -254,8 +260,16 @@ def _runs(commands: argparse._SubParsersAction[_Parser]) -> None:
     _json(p)
 
 
-def _controller(p: argparse.ArgumentParser) -> None:
-    p.add_argument("--controller", default="ob1-mk4", metavar="NAME", help="ob1-mk4 (default), ob1-sdk or alicat")
+def _rig(p: argparse.ArgumentParser) -> None:
+    p.add_argument("--rig", type=Path, metavar="rig.toml", help="what stands on the table; flags go before it")
+    where = p.add_mutually_exclusive_group()
+    where.add_argument("--port", metavar="URL", help="serial port, by-id path, or socket://host:port")
+    where.add_argument("--emulate", action="store_true", help="no hardware: an emulator with the straw behind it")
+    _controller(p, None)
+
+
+def _controller(p: argparse.ArgumentParser, default: str | None = "ob1-mk4") -> None:
+    p.add_argument("--controller", default=default, metavar="NAME", help="ob1-mk4 (default), ob1-sdk or alicat")
     p.add_argument("--limits", metavar="MIN,MAX[,RATE]", help="in kPa, kPa/s, below all else: --limits=-40,60,50")
     p.add_argument("--setting", action="append", default=[], metavar="KEY=VALUE", help="of the driver, as unit=B")
 

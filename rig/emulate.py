@@ -23,7 +23,8 @@ class Emulation:
 
     ``name`` is a controller of ``rig.controllers`` that has an emulator. Each of ``addresses`` is ``"host:port"``
     (port 0 for any) or ``"pty"``; the one device answers on all of them, ``urls`` says where. The straw hangs on
-    channel 1. Time is real unless ``clock`` is a SteppedClock, which the program that drives it has to share.
+    channel 1, on further ``channels`` hangs a closed line. Time is real unless ``clock`` is a SteppedClock, which the
+    program that drives it has to share.
     """
 
     def __init__(
@@ -36,12 +37,13 @@ class Emulation:
         faults: Faults | None = None,
         clock: Clock | None = None,
         step_s: float = STEP_S,
+        channels: tuple[int, ...] = (1,),
     ) -> None:
         emulator = emulator_of(name)
         self.plant = plant or PressurePlant()
         self.twin = Twin(stepper, self.plant, clock, step_s=step_s)
         self.clock = self.twin.clock
-        self.device = emulator({1: self.plant})
+        self.device = emulator({**{channel: PressurePlant(seed=channel) for channel in channels}, 1: self.plant})
         lock = threading.Lock()
         self.wires: list[Wire] = []
         try:

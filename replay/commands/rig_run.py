@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import ast
 from collections.abc import Collection
 from contextlib import nullcontext
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 
 from model.parameters import StrawParameters, load_straw
 from model.simulate import Stepper
+from replay.commands.rig_of import settings_of, take_rig
 from replay.errors import ReplayError
 from replay.live.feed import Live
 from replay.output import check_new, write_json
@@ -21,7 +21,6 @@ from rig.clock import SteppedClock
 from rig.controller import Controller, make_controller
 from rig.emulate import Emulation, emulator_of
 from rig.guarded import GuardedController
-from rig.limits import PressureLimits
 from rig.orders import Orders
 from rig.protocol import PressureProtocol, load_protocol
 from rig.run import Run
@@ -34,8 +33,11 @@ from tracking.trace import TipTrace
 
 def run(args: argparse.Namespace) -> int:
     """Run the protocol and say what was recorded."""
+    rig = take_rig(args)
     protocol = load_protocol(args.protocol)
     straw = load_straw(args.straw)
+    if rig is not None:
+        protocol.check_limits(rig.limits)
     with live_of(args, straw, protocol) as live:
         return _run(args, straw, protocol, live)
 
@@ -59,8 +61,8 @@ def _run(args: argparse.Namespace, straw: StrawParameters, protocol: PressurePro
     elif args.fast or args.tip:
         raise ReplayError("--fast and --tip belong to --emulate: a real rig runs in real time and is filmed")
     else:
-        rig = GuardedController(args.controller, args.port, **settings_of(args))
-        outcome = drive(rig, protocol, args.output, straw.cells, args.rate, args.led, live)
+        rig = GuardedController(args.controller, args.port, **channels_of(args, protocol))
+        outcome = drive(rig, protocol, args.output, straw.cells, args.rate, args.led, live, **about_of(args))
     if args.json:
         write_json(args.json, {"recording": str(outcome.path), "cycles": outcome.cycles, "missed": outcome.missed})
     print(
@@ -72,6 +74,17 @@ def _run(args: argparse.Namespace, straw: StrawParameters, protocol: PressurePro
     return 1 if outcome.stopped else 0
 
 
+def channels_of(args: argparse.Namespace, protocol: PressureProtocol) -> dict[str, Any]:
+    """The controller's settings; where nobody says which channels are in use, those that the protocol drives."""
+    return {"channels": tuple(part.channel for part in protocol.parts), **settings_of(args)}
+
+
+def about_of(args: argparse.Namespace) -> dict[str, str]:
+    """What the command line says of the specimen, over what the protocol says."""
+    given = {"specimen": args.specimen, "cycle": args.cycle, "rig": args.rig}
+    return {key: str(value) for key, value in given.items() if value is not None}
+
+
 def drive_emulated(
     args: argparse.Namespace, straw: StrawParameters, protocol: PressureProtocol, live: Live | None = None
 ) -> Outcome:
@@ -79,13 +92,16 @@ def drive_emulated(
     clock = SteppedClock() if args.fast else None
     if args.tip:
         check_new(args.tip)
-    with emulation(straw, protocol.initial_deployed, args.controller, clock=clock) as emulated:
+    settings = channels_of(args, protocol)
+    with emulation(
+        straw, protocol.initial_deployed, args.controller, clock=clock, channels=settings["channels"]
+    ) as emulated:
         rig = (
-            make_controller(args.controller, emulated.url, clock=clock, **settings_of(args))
+            make_controller(args.controller, emulated.url, clock=clock, **settings)
             if clock
-            else GuardedController(args.controller, emulated.url, **settings_of(args))
+            else GuardedController(args.controller, emulated.url, **settings)
         )
-        outcome = drive(rig, protocol, args.output, straw.cells, args.rate, args.led, live)
+        outcome = drive(rig, protocol, args.output, straw.cells, args.rate, args.led, live, **about_of(args))
     if args.tip:
         write_true_tip(args.tip, read_run(outcome.path), emulated.twin.history)
     return outcome
@@ -107,28 +123,6 @@ def write_true_tip(path: Path, recorded: Run, truth: TwinHistory) -> None:
         recorded.sha256,
         recorded.zero_time_ns,
     )
-
-
-def settings_of(args: argparse.Namespace) -> dict[str, Any]:
-    """Limits and driver settings as given on the command line."""
-    settings: dict[str, Any] = {}
-    for text in args.setting:
-        key, equals, value = text.partition("=")
-        if not equals or not key.isidentifier():
-            raise ReplayError(f"--setting {text}: expected KEY=VALUE, as unit=B or regulators=4,0,0,0")
-        try:
-            settings[key] = ast.literal_eval(value)
-        except (ValueError, SyntaxError):
-            settings[key] = value  # text needs no quotes
-    if args.limits:
-        try:
-            low, high, *rate = (float(part) * 1e3 for part in args.limits.split(","))
-            settings["limits"] = PressureLimits(low, high, *rate)
-        except (ValueError, TypeError):
-            raise ReplayError(
-                f"--limits {args.limits}: expected MIN,MAX or MIN,MAX,RATE in kPa, as -40,60,50"
-            ) from None
-    return settings
 
 
 def emulation(
