@@ -107,6 +107,16 @@ def parser() -> argparse.ArgumentParser:
 
     _runs(commands)
 
+    p = _command(commands, "lab", "catalogue and operator's panel in a local page")
+    p.add_argument("folder", nargs="?", metavar="FOLDER", help="where the recordings are (the rig's, else the current)")
+    p.add_argument("--rig", type=Path, metavar="rig.toml", help="what stands on the table")
+    p.add_argument(
+        "--emulate", action="store_true", help="no hardware: every run on an emulator with the straw behind it"
+    )
+    p.add_argument("--listen", default="127.0.0.1:0", metavar="HOST:PORT", help="this machine only, any port")
+    p.add_argument("--remote", action="store_true", help="--listen may name an address that others can reach")
+    p.add_argument("--no-browser", action="store_true", help="print the address, open nothing")
+
     p = _command(commands, "track", "from a video to the tip's X, Z and Phi")
     p.add_argument("videos", type=Path, nargs="+", metavar="VIDEO", help="a file, or the chapters of one recording")
     p.add_argument("--camera", type=Path, required=True, metavar="CAMERA.json", help="lens, and placement if known")

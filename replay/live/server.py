@@ -41,19 +41,25 @@ LARGEST = 65536
 BEAT_S = 0.5
 
 
-def page_of(straw: StrawParameters, protocol: PressureProtocol, orders: bool) -> str:
-    """The report's page with an empty run in it, which fills as the run goes on; ``orders``: with hold and stop."""
+def run_of(straw: StrawParameters, protocol: PressureProtocol, orders: bool) -> dict[str, Any]:
+    """An empty run for the report's page, which fills as the run goes on; ``orders``: with hold and stop."""
     signals = {
         name: {"title": title, "unit": unit, "factor": factor, "known": False, "metrics": None}
         for name, (title, unit, factor) in SHOWN.items()
     }
-    run: dict[str, Any] = {
+    return {
         "live": True, "id": protocol.name, "role": "running", "specimen": protocol.specimen, "cycle": protocol.cycle,
         "deployed": ",".join(map(str, protocol.initial_deployed)) or "none", "file": "", "sha": "", "lost": [],
         "events": [], "snaps": [], "snapping": [], "pairs": [], "signals": signals, "straw": straw_data(straw),
         "toml": straw.to_toml(), "duration": protocol.duration_s, "zero": protocol.zero_s, "orders": orders,
+        "limits": [protocol.limits.min_pa / 1e3, protocol.limits.max_pa / 1e3],
     }  # fmt: skip
+
+
+def page_of(straw: StrawParameters, protocol: PressureProtocol, orders: bool) -> str:
+    """The report's page with the empty run in it."""
     says = "Running: the model under the pressure as it is measured."
+    run = run_of(straw, protocol, orders)
     return assemble(protocol.name, says, [run], "live", (*SCRIPTS, "vent", "live"))
 
 
@@ -82,10 +88,12 @@ class Page:
 
     async def _tell(self, asked: WebSocket) -> None:
         follower, rows_sent, events_sent, beat_s = self.follower, 0, 0, 0.0
+        shown = asked.query_params.get("rows") != "0"  # a page that only wants to be able to vent needs no curves
         while True:
             ended = follower.ended.is_set()
             rows, events = follower.rows[rows_sent:], follower.events[events_sent:]
             rows_sent, events_sent = rows_sent + len(rows), events_sent + len(events)
+            rows = rows if shown else []
             if rows or events or time.monotonic() > beat_s:
                 beat_s = time.monotonic() + BEAT_S
                 guardian = (

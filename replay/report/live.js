@@ -90,5 +90,11 @@ document.addEventListener("keydown", (e) => { if (["ArrowLeft", "n", "p", "Home"
 $("#time").addEventListener("input", () => { following = false; });
 $("#charts").addEventListener("mouseenter", () => { following = false; });
 $("#charts").addEventListener("mouseleave", () => { following = true; });
-drawOrders(runs[0]);
-follow(runs[0]);
+if (runs[0].rows) { // predicted, not run: all of it is there
+  take(runs[0], runs[0].rows);
+  grow(runs[0]);
+  onVentKey(() => { if (parent !== window) parent.postMessage("vent", "*"); });
+} else {
+  drawOrders(runs[0]);
+  follow(runs[0]);
+}
