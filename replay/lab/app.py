@@ -112,6 +112,8 @@ class Lab:
             asked = None
         if not isinstance(asked, dict):
             return JSONResponse({"error": "expected a JSON object"}, 400)
+        if asked.get("who"):
+            self.bench.control.heard(str(asked["who"])[:40], str(asked.get("name", "")))
         return await _said(lambda a: ACTIONS[action](self, a), asked, VENTING if action == "vent" else None)
 
     async def _made(self, request: Request) -> Response:

@@ -7,6 +7,7 @@ import json
 import subprocess
 import time
 import urllib.request
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -22,7 +23,8 @@ class Tab:
     """One page; ``js`` evaluates and waits for promises, ``until`` waits for a truth."""
 
     def __init__(self, url: str) -> None:
-        self._socket = connect(url, max_size=2**26, open_timeout=20)
+        self.stack = ExitStack()
+        self._socket = self.stack.enter_context(connect(url, max_size=2**26, open_timeout=20))
         self._count = 0
         self.errors: list[str] = []
         self.call("Page.enable")
@@ -79,6 +81,7 @@ class Browser:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self._tabs = ExitStack()
 
     def __enter__(self) -> Self:
         profile = self.folder / "profile"
@@ -93,6 +96,7 @@ class Browser:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
+        self._tabs.close()
         self._process.terminate()
         self._process.wait(timeout=10)
 
@@ -100,6 +104,7 @@ class Browser:
         request = urllib.request.Request(f"http://127.0.0.1:{self._port}/json/new?about:blank", method="PUT")
         with urllib.request.urlopen(request, timeout=20) as answer:
             tab = Tab(json.loads(answer.read())["webSocketDebuggerUrl"])
+        self._tabs.push(tab.stack)
         if url != "about:blank":
             tab.goto(url)
         return tab
