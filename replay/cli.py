@@ -54,6 +54,7 @@ def parser() -> argparse.ArgumentParser:
     )
     p.add_argument("--watched", action="store_true", help=argparse.SUPPRESS)  # straw lab has the orders, the page VENT
     p.add_argument("--fast", action="store_true", help="with --emulate: as fast as the arithmetic, not in real time")
+    p.add_argument("--no-film", action="store_true", help="leave the rig's camera alone")
     p.add_argument("--tip", type=Path, metavar="TIP.mcap", help="with --emulate: what a perfect camera would have seen")
     _straw(p, "the straw behind the emulator")
     _json(p)

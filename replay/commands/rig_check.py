@@ -12,8 +12,11 @@ from replay.commands.rig_run import emulation
 from replay.errors import ReplayError
 from replay.output import write_json
 from replay.progress import say
+from rig.camera.gopro import GoPro
 from rig.controller import Controller
+from rig.errors import RigError
 from rig.guarded import GuardedController
+from rig.rig_file import load_rig
 
 SETTLE_S = 1.0
 #: Within so much of what it was told a channel follows: the OB1's own accuracy is 100 Pa a step, its drift some more.
@@ -46,11 +49,27 @@ def report(controller: Controller, args: argparse.Namespace) -> int:
         print(f"{key:<12} {value}")
     for row in found["channels"]:
         print(f"channel {row['channel']}: {row['says']}")
-    well = all(row["well"] for row in found["channels"])
-    print("all is well" if well else "something is wrong: look at tubes, valves and supply of the channels above")
+    found["camera"] = camera_says(args)
+    if found["camera"]:
+        print(found["camera"]["says"])
+    well = all(row["well"] for row in found["channels"]) and found["camera"].get("well", True)
+    print("all is well" if well else "something is wrong: look at what is named above: tubes, valves, supply, camera")
     if args.json:
         write_json(args.json, found | {"well": well})
     return 0 if well else 1
+
+
+def camera_says(args: argparse.Namespace) -> dict[str, Any]:
+    """Whether the rig's camera answers; empty where there is none to ask."""
+    camera = load_rig(args.rig).camera if args.rig else None
+    if camera is None or camera.kind != "gopro":
+        return {}
+    try:
+        with GoPro(camera.address) as gopro:
+            count = len(gopro.clips())
+    except RigError as error:
+        return {"well": False, "says": f"camera: NOT WELL: {error}"}
+    return {"well": True, "says": f"camera: well: {camera.address} answers, {count} files on its card"}
 
 
 def checked(controller: Controller, pressure_pa: float) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from model.parameters import StrawParameters, load_straw
 from model.simulate import Stepper
 from replay.commands.rig_of import settings_of, take_rig
 from replay.errors import ReplayError
+from replay.filming import Filming
 from replay.live.feed import Live
 from replay.output import check_new, write_json
 from replay.progress import prepare, progress_bar, say
@@ -38,7 +39,10 @@ def run(args: argparse.Namespace) -> int:
     straw = load_straw(args.straw)
     if rig is not None:
         protocol.check_limits(rig.limits)
-    with live_of(args, straw, protocol) as live:
+    camera = rig.camera if rig and not args.no_film else None
+    if camera and args.fast:
+        raise ReplayError("--fast is no time to film: add --no-film, or leave out --fast")
+    with Filming(camera, args.output), live_of(args, straw, protocol) as live:
         return _run(args, straw, protocol, live)
 
 
