@@ -22,7 +22,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from model.errors import ModelError
 from replay.errors import ReplayError
 from replay.lab.bench import Bench
-from replay.lab.guard import Door, Guard
+from replay.lab.guard import FILM, Door, Guard
 from replay.lab.library import Library
 from replay.lab.pages import page, vent_key
 from replay.lab.protocols import drawn, known_protocols
@@ -30,11 +30,13 @@ from replay.lab.record import compared, record, specimen
 from replay.lab.table import view
 from replay.lab.work import Jobs, Predictor
 from rig.errors import RigError
+from rig.manifest import seal
 from rig.recover import recover
 
 #: What a person's input can be wrong in: one line, status 400. (Trackers' errors come from commands, as text.)
 COMPLAINTS = (RigError, ReplayError, ModelError, ValueError, KeyError, TypeError)
 TELL_S = 0.25
+FILMS = (".mp4", ".mov", ".avi", ".mkv", ".360")
 #: For pages that hold what recordings say: they run their scripts, and are nobody to this server.
 APART = {"content-security-policy": "sandbox allow-scripts"}
 #: Threads of their own: a VENT never waits behind a table.
@@ -72,6 +74,7 @@ class Lab:
             Route("/api/job", self._answer(lambda q: self._jobs().as_data(q["id"]))),
             Route("/made/{job}", self._made),
             Route("/predicted/{id}", self._predicted),
+            Route(FILM, self._film, methods=["POST"]),
             Route("/api/{action}", self._act, methods=["POST"]),
             WebSocketRoute("/ws", self._talk),
         ]
@@ -115,6 +118,27 @@ class Lab:
         if asked.get("who"):
             self.bench.control.heard(str(asked["who"])[:40], str(asked.get("name", "")))
         return await _said(lambda a: ACTIONS[action](self, a), asked, VENTING if action == "vent" else None)
+
+    async def _film(self, request: Request) -> Response:
+        """A film that was dropped on a run's page: laid beside the recording and entered in its manifest."""
+        try:
+            recording = self.library.path(self.library.entry(request.query_params["name"]))
+            film = film_of(recording, request.query_params["file"])
+            part = film.with_name(film.name + ".part")
+            with part.open("wb") as stream:
+                async for chunk in request.stream():
+                    await asyncio.to_thread(stream.write, chunk)
+            part.rename(film)
+        except COMPLAINTS as error:
+            return JSONResponse({"error": " ".join(str(error).split())}, 400)
+        except OSError as error:
+            return JSONResponse({"error": f"the film cannot be written: {error.strerror}; check the space"}, 400)
+
+        def entered(_: object) -> dict[str, str]:
+            seal(recording, [film])
+            return {"film": film.name}
+
+        return await _said(entered, {})
 
     async def _made(self, request: Request) -> Response:
         """A page that a job made, without any right of the lab's own pages; its VENT key reaches the page around it."""
@@ -179,6 +203,17 @@ async def _said(of: Callable[[Any], Any], asked: Any, pool: ThreadPoolExecutor |
         missing = isinstance(error, KeyError)
         text = f"{error.args[0]} is missing" if missing and error.args else str(error)
         return JSONResponse({"error": " ".join(text.split())}, 400)
+
+
+def film_of(recording: Path, name: str) -> Path:
+    """Where a film is laid: beside its recording, under its own name after the run's; RigError where that is taken."""
+    plain = Path(name.replace("\\", "/")).name
+    if Path(plain).suffix.lower() not in FILMS:
+        raise RigError(f"{plain!r} is no film; expected one of {', '.join(FILMS)}")
+    film = recording.with_name(f"{recording.name.removesuffix('.part').removesuffix('.mcap')}-{plain}")
+    if film.exists():
+        raise RigError(f"{film.name} is there already and is not overwritten")
+    return film
 
 
 def _queue(lab: Lab, asked: dict[str, Any]) -> Any:

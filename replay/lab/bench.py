@@ -150,6 +150,7 @@ class Bench:
             "emulated": self.emulated,
             "rig": self.rig.name if self.rig else "emulator" if self.emulated else "",
             "limits": str(self.rig.limits) if self.rig else "",
+            "camera": self.rig.camera.kind if self.rig and self.rig.camera else "",
             "armed": self.armed,
             "starting": starting and self._recording is not None and self._recording.name,
             "finishing": starting and self._seen,

@@ -1,7 +1,8 @@
-"""An Open GoPro as its HTTP port shows it, written from the public specification; ``python -m rig.camera.gopro_emulator``.
+"""An Open GoPro as its HTTP port shows it, written from the public specification.
 
-Commands are answered at once and carried out after ``delay_s``. ``film`` makes the bytes of a clip from the seconds it
-lasted; chapters end at ``chapter_bytes``. Faults are planted by ``break_off_at``: the next downloads end there.
+``python -m rig.camera.gopro_emulator`` serves one. Commands are answered at once and carried out after ``delay_s``.
+``film`` makes the bytes of a clip from the seconds it lasted; chapters end at ``chapter_bytes``. Faults are planted by
+``break_off_at``: the next downloads end there.
 """
 
 from __future__ import annotations

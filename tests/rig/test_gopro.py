@@ -1,4 +1,4 @@
-"""A GoPro is started, stopped, and its film fetched whole, whatever the cable does; against the specification's words."""
+"""A GoPro is started, stopped, and its film fetched whole, whatever the cable does; against its specification."""
 
 from __future__ import annotations
 

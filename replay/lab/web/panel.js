@@ -60,6 +60,7 @@ onState(({ bench: b }) => {
   $("#going").innerHTML = !b.ready ? 'No rig. Start the lab with <code>--rig rig.toml</code>, or with <code>--emulate</code>.'
     : run ? `<dl class="facts"><dt>run</dt><dd>${html(run.recording.split(/[\\/]/).at(-1))}</dd><dt>state</dt><dd class="${run.state === "running" ? "ok" : "warn"}"><b>${html(run.state)}</b></dd><dt>since</dt><dd>${Math.max(0, (Date.now() - run.since_ns / 1e6) / 1000).toFixed(0)} s of ${run.duration_s.toFixed(0)} s</dd><dt>limits</dt><dd>${html(run.limits)}</dd><dt>guardian</dt><dd>${run.guardian ? `process ${run.guardian.pid}; vents when the run is silent for ${run.guardian.heartbeat_s} s` : "none"}</dd></dl>`
     : b.starting ? `<b class="ok">${html(b.starting)} is ${b.finishing ? "being finished" : "starting"}…</b>` : `${html(b.rig)}${b.emulated && b.rig !== "emulator" ? " (emulated)" : ""}: idle${b.limits ? `, limits ${html(b.limits)}` : ""}${b.armed ? ', <b class="warn">armed</b>' : ""}`;
+  $("#camera").innerHTML = b.camera === "gopro" ? "The camera is started and stopped with the run, its film fetched." : b.camera ? `<b class="${run || b.starting ? "warn" : ""}">Camera by hand: press its shutter ${run || b.starting ? "now, and again when the run has ended" : "when the run starts"};</b> then drop the film on the run's page.` : "";
   const can = b.ready && (mine || free);
   $("#arm").disabled = !can;
   $("#arm").textContent = b.armed ? "disarm" : "arm";

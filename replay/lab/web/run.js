@@ -44,5 +44,16 @@ $("#newTag").addEventListener("keydown", async (e) => { if (e.key === "Enter") f
 $("#newNote").addEventListener("keydown", (e) => { if (e.key === "Enter" && e.target.value.trim()) { sayIt("note", e.target.value.trim()); e.target.value = ""; } });
 addEventListener("resize", () => shown && drawCurves($("#curves"), [{ signals: shown.signals }], shown.events));
 document.addEventListener("theme", () => shown && drawCurves($("#curves"), [{ signals: shown.signals }], shown.events));
+async function takeFilm(file) {
+  if (!file || !shown) return;
+  $("#film").textContent = `copying ${file.name} (${(file.size / 1e6).toFixed(0)} MB)…`;
+  const answer = await fetch(pageOf("/api/film", { name: shown.name, file: file.name }), { method: "POST", headers: { "Content-Type": "application/octet-stream", "X-Straw": "1" }, body: file }).catch((e) => ({ ok: false, json: () => ({ error: e.message }) }));
+  const said = await answer.json();
+  $("#film").textContent = answer.ok ? `${said.film} lies beside the run. Track it: straw track ${said.film} --run ${shown.name} --camera CAMERA.json -o TIP.mcap` : said.error;
+  if (answer.ok) loadRun();
+}
+$("#pickFilm").addEventListener("change", (e) => takeFilm(e.target.files[0]));
+$("#drop").addEventListener("dragover", (e) => e.preventDefault());
+$("#drop").addEventListener("drop", (e) => { e.preventDefault(); takeFilm(e.dataTransfer.files[0]); });
 keys({ b: () => history.back() });
 loadRun();
