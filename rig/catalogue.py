@@ -100,7 +100,10 @@ def known(folder: Path) -> dict[str, Entry]:
 
 def save(folder: Path, entries: list[Entry]) -> None:
     """Write the index, for the next time."""
-    data = {"version": VERSION, "recordings": [vars(entry) for entry in entries]}
+    data = {
+        "version": VERSION,
+        "recordings": [{one.name: getattr(entry, one.name) for one in fields(Entry)} for entry in entries],
+    }
     part = folder / f"{INDEX}.{os.getpid()}.part"  # two may build it at once
     try:
         part.write_text(json.dumps(data), encoding="utf-8")

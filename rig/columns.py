@@ -69,17 +69,25 @@ def metadata_names(entries: Iterable[Entry]) -> list[str]:
 
 
 def value_of(entry: Entry, name: str) -> Value:
-    """What a column, or a key of the recording's own metadata, says of an entry."""
-    column = COLUMNS.get(name)
-    if column is not None:
-        return column.value(entry)
-    said = entry.metadata.get(name)
-    if not said:
+    """What a column, or a key of the recording's own metadata, says of an entry; worked out once an entry."""
+    known = entry.__dict__.get("_values")
+    if known is None:
+        known = entry.__dict__["_values"] = {}
+    if name not in known:
+        column = COLUMNS.get(name)
+        known[name] = column.value(entry) if column else _told(entry.metadata.get(name))
+    value: Value = known[name]
+    return value
+
+
+def _told(text: str | None) -> Value:
+    """Metadata are text; a number among them is one."""
+    if not text:
         return None
     try:
-        return float(said)
+        return float(text)
     except ValueError:
-        return said
+        return text
 
 
 def differing(entries: list[Entry], names: Iterable[str]) -> list[str]:

@@ -46,6 +46,7 @@ def run(args: argparse.Namespace) -> int:
     server.stdin.flush()
     said = json.loads(server.stdout.readline() or '{"error": "its server ended at once"}')
     if "error" in said:
+        server.communicate()
         raise ReplayError(f"the lab of {folder}: {said['error']}")
     tell(folder, said)
     show(said["url"], args)
@@ -56,6 +57,7 @@ def run(args: argparse.Namespace) -> int:
     finally:
         server.stdin.close()
         leave(folder, server)
+        server.stdout.close()
     return 0
 
 

@@ -19,7 +19,7 @@ class Person:
     """One page: the name its user gave, and when it was last heard."""
 
     name: str
-    heard_s: float = field(default_factory=time.monotonic)
+    heard_s: float = field(default_factory=lambda: time.monotonic())
 
 
 class Control:

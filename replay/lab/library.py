@@ -55,7 +55,7 @@ class Library:
         self._closed = True
         self._look.set()
         if self._pool:
-            self._pool.shutdown(wait=False, cancel_futures=True)
+            self._pool.shutdown(cancel_futures=True)
 
     def look(self) -> None:
         """Look soon: something happened in the folder."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import re
 import statistics
 import subprocess
@@ -94,8 +95,9 @@ def measured(folder: Path, browser: Browser, pictures: Path | None) -> None:
             total = tab.js("fetch('/api/runs').then((a) => a.json()).then((d) => d.of)")
             print(f"{turn}: all {total} recordings known after {time.monotonic() - began_s:.1f} s")
             if turn == "with index":
-                views(tab, total)
-                memory(folder)
+                server = json.loads((folder / ".straw-lab" / "lab.json").read_text())["pid"]
+                views(tab, total, server)
+                memory(server)
                 if pictures:
                     tab.js("location.href = '/?group=specimen&sort=-start'")
                     time.sleep(1)
@@ -103,22 +105,29 @@ def measured(folder: Path, browser: Browser, pictures: Path | None) -> None:
             lab.terminate()
 
 
-def views(tab: Tab, total: int) -> None:
+def cpu_ms(process: int) -> float:
+    """What a process has used so far; on a busy machine the only figure that is its own."""
+    fields = Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()
+    return 1e3 * (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def views(tab: Tab, total: int, server: int) -> None:
     """Each view as the page asks for it, with its answer drawn."""
     for view in VIEWS:
-        times = []
+        times, before_ms = [], cpu_ms(server)
         for turn in range(7):
             fresh = {**view, "where": f"{view.get('where', '')}{' ' * turn}"}  # not the one that is remembered
             script = f"""(async () => {{
                 Object.assign(look, {{where: '', sort: '', group: '', differs: ''}}, {fresh!r});
                 const t = performance.now(); await load(false); return performance.now() - t; }})()"""
             times.append(float(tab.js(script)))
-        print(f"{total} recordings, {view}: {statistics.median(times):.0f} ms, worst {max(times):.0f} ms")
+        used_ms = (cpu_ms(server) - before_ms) / len(times)
+        said = f"{statistics.median(times):.0f} ms, worst {max(times):.0f} ms; server {used_ms:.0f} ms of processor"
+        print(f"{total} recordings, {view}: {said}")
 
 
-def memory(folder: Path) -> None:
+def memory(server: int) -> None:
     """Resident memory of the server."""
-    server = json.loads((folder / ".straw-lab" / "lab.json").read_text())["pid"]
     lines = Path(f"/proc/{server}/status").read_text().splitlines()
     megabytes = {key: int(line.split()[1]) / 1e3 for line in lines for key in ("VmRSS", "VmHWM") if key in line}
     print(f"server: {megabytes['VmRSS']:.0f} MB, at most {megabytes['VmHWM']:.0f} MB")
