@@ -121,7 +121,7 @@ def test_a_film_is_laid_beside_its_run_and_entered_in_its_manifest(lab: ServedLa
     assert lab.raw("POST", "/api/film?name=a.mcap&file=GX01.MP4", headers, "again")[0] == 400
     assert lab.raw("POST", "/api/film?name=a.mcap&file=x.html", headers, "page")[0] == 400
     assert lab.raw("POST", "/api/film?name=a.mcap&file=y.MP4", {**headers, "Content-Type": "text/plain"}, "f")[0] == 415
-    assert main(["runs", "verify", "a", "--dir", str(lab.lab.library.folder)]) == 0
+    assert main(["runs", "verify", "a.mcap", "--dir", str(lab.lab.library.folder)]) == 0
 
 
 def test_a_second_lab_of_a_folder_finds_the_first(lab: ServedLab, capsys: pytest.CaptureFixture[str]) -> None:
