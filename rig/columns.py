@@ -47,7 +47,7 @@ COLUMNS: dict[str, Column] = {
     "protocol": Column("protocol", lambda e: e.protocol or None, "what was driven"),
     "cycle": Column("cycle", lambda e: float(e.cycle), "how often the specimen was cycled before"),
     "deployed": Column("deployed", _deployed, "cells deployed at the start"),
-    "duration": Column("s", lambda e: e.duration_s, "how long it is, in seconds"),
+    "duration": Column("length / s", lambda e: e.duration_s, "how long it is, in seconds"),
     "lowest": Column("lowest / kPa", lambda e: _pressure(e, min), "lowest measured pressure"),
     "highest": Column("highest / kPa", lambda e: _pressure(e, max), "highest measured pressure"),
     "status": Column("status", lambda e: "damaged" if e.problem else e.status or None, "success, abort, fail, damaged"),

@@ -199,7 +199,8 @@ class Bench:
         recording = folder / f"{name}.mcap"
         command = [*STRAW, "rig", "run", str(toml), "-o", str(recording), "--live", f"{self.host}:0", "--watched"]
         command += ["--rig", str(self.rig.path)] if self.rig else []
-        command += ["--emulate"] if self.emulated else []
+        if self.emulated:  # and what a perfect camera would have seen, as a track
+            command += ["--emulate", "--tip", str(folder / f"{name}-tip.mcap")]
         if item.specimen:
             command += ["--specimen", item.specimen, "--cycle", str(self.next_cycle(item.specimen))]
         self._recording, self._item, self._log, self._seen = recording, item.id, log, False

@@ -16,7 +16,7 @@ function drawCurves(box, runs, events) {
     place.innerHTML = `<h3>${html(name)} <span class="soft"></span></h3>`;
     box.append(place);
     const data = uPlot.join(shown.map((s) => [s.time_s, s.values]));
-    const axis = (label) => ({ stroke: color("soft"), grid: { stroke: color("line"), width: 1 }, ticks: { stroke: color("line") }, label, labelSize: 16, size: label.startsWith("time") ? 40 : 56, font: "12px system-ui", labelFont: "11px system-ui" });
+    const axis = (label) => ({ space: label.startsWith("time") ? 50 : 28, stroke: color("soft"), grid: { stroke: color("line"), width: 1 }, ticks: { stroke: color("line") }, label, labelSize: 16, size: label.startsWith("time") ? 40 : 56, font: "12px system-ui", labelFont: "11px system-ui" });
     plots.push(new uPlot({
       width: box.clientWidth, height: 170, legend: { show: false }, scales: { x: { time: false } },
       cursor: { sync: { key: "runs" }, drag: { x: true, y: false } },
