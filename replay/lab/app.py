@@ -303,4 +303,5 @@ ACTIONS: dict[str, Callable[[Lab, dict[str, Any]], Any]] = {
     "say": _say,
     "recover": _recover,
     "job": _job,
+    "stopjob": lambda lab, asked: lab._jobs().stop(str(asked["id"])),
 }

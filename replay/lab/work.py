@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import secrets
+import shutil
 import subprocess
 import sys
 import threading
@@ -15,6 +16,8 @@ from typing import Any
 
 from rig.errors import RigError
 
+#: Whoever drives a rig goes first, also on a small machine.
+LAST = (found, "-n", "10") if (found := shutil.which("nice")) else ()
 STRAW = (sys.executable, "-m", "replay.cli")
 #: The predicting process ends when nobody asked it for so long: it holds a compiled model.
 IDLE_S = 300.0
@@ -88,6 +91,7 @@ class Job:
     took_s: float = 0.0
     code: int | None = None
     said: str = ""
+    process: subprocess.Popen[str] | None = field(default=None, repr=False)
 
     def as_data(self) -> dict[str, Any]:
         """For the page."""
@@ -140,18 +144,31 @@ class Jobs:
         page = bool(list(folder.glob("*.html")))
         return {"id": job_id, "title": title, "seconds": 0, "running": False, "well": True, "said": "", "page": page}
 
+    def stop(self, job_id: str) -> dict[str, Any]:
+        """End a job that takes too long; what it has printed stays."""
+        job = self.jobs.get(job_id)
+        if job is None or job.code is not None:
+            raise RigError("that job does not work any more")
+        if job.process is None:
+            job.code, job.said = 130, "stopped before its turn came"
+        else:
+            job.process.terminate()
+        return job.as_data()
+
     def _work(self, job: Job, command: list[str]) -> None:
         with self._turn:
+            if job.code is not None:  # stopped before its turn came
+                return
             try:
-                done = subprocess.run(
-                    [*STRAW, *command],
+                job.process = subprocess.Popen(
+                    [*LAST, *STRAW, *command],
                     stdin=subprocess.DEVNULL,
                     stdout=subprocess.PIPE,
                     stderr=subprocess.STDOUT,
                     text=True,
-                    check=False,
                 )
-                job.said, job.code = done.stdout, done.returncode
+                job.said = job.process.communicate()[0]
+                job.code = job.process.returncode
             except OSError as error:
                 job.said, job.code = str(error), 2
             job.took_s = time.monotonic() - job.began_s
