@@ -108,7 +108,11 @@ class Bench:
         process = self._process
         if not runs and process is not None and process.poll() is None:  # between its start and its first sign of life
             _signal(process.pid)
-            told = ["the run that was about to start was told to end"]
+            told = [
+                "the run is being finished, and has vented"
+                if self._seen
+                else "the run that was starting was told to end"
+            ]
         if not told:
             told = [self._vent_idle()]
         text = f"VENT by {name}: {'; '.join(told)}"
