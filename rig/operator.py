@@ -29,7 +29,7 @@ class Operator:
         self._lock = threading.Lock()
         self._ended_by = ""
         self._held_from_s: float | None = None
-        self._held_s = 0.0
+        self.held_s = 0.0  # so long the protocol stood still until now
         self._wants_hold = False
         self._said: deque[tuple[str, str]] = deque()
 
@@ -55,12 +55,12 @@ class Operator:
         if self._wants_hold and self._held_from_s is None:
             self._held_from_s = now_s
         elif not self._wants_hold and self._held_from_s is not None:
-            self._held_s += now_s - self._held_from_s
+            self.held_s += now_s - self._held_from_s
             self._held_from_s = None
         if self._held_from_s is not None and now_s - self._held_from_s > LONGEST_HOLD_S:
             self._ended_by = self._ended_by or f"vented after {LONGEST_HOLD_S:g} s of being held"
         self.check()
-        return (now_s if self._held_from_s is None else self._held_from_s) - self._held_s
+        return (now_s if self._held_from_s is None else self._held_from_s) - self.held_s
 
     def check(self) -> None:
         """Raise StoppedError when somebody ended the run."""

@@ -82,7 +82,7 @@ def compared(library: Library, names: Sequence[str]) -> dict[str, Any]:
     if not names or len(names) > MOST:
         raise RigError(f"{len(names)} recordings are chosen; choose 1 to {MOST} to lay over each other")
     entries = [library.entry(name) for name in names]
-    keys = sorted({key for e in entries for key in e.metadata} - UNTELLING)
+    keys = sorted({key for e in entries for key in e.metadata} - UNTELLING - {"initial_deployed"})
     settings = {}
     for key in ("specimen", "protocol", "cycle", "deployed", *keys):
         values = [_plain(value_of(entry, key)) for entry in entries]
