@@ -11,7 +11,8 @@ from rig.errors import LinkLostError, RigError
 
 T = TypeVar("T")
 POLL_S = 0.02  # how long one read may wait; changing a port's timeout per call would reconfigure the port each time
-WRITE_S = 0.5  # a request is some twenty bytes, 10 ms on the slowest line
+WRITE_S = 0.3  # a request is some twenty bytes, 10 ms on the slowest line
+OPEN_S = 6.0  # pyserial waits for a socket for 5 s
 
 
 class Line:
@@ -25,9 +26,11 @@ class Line:
         self.port = port
         self.baud = baud
         self._serial: Any = None
+        self.progress: Callable[..., None] = lambda next_s=0.0: None  # see Controller.progress
 
     def open(self) -> None:
         """Open at 8N1 without handshake, alone: a second program on the same port would mix up the replies."""
+        self.progress(OPEN_S)
         import serial  # here, so that programs which only read recordings never load it
 
         alone: dict[str, Any] = {} if "://" in self.port else {"exclusive": True}
@@ -41,6 +44,7 @@ class Line:
                 "or close the program that holds it"
             ) from None
         _low_latency(self.port)
+        self.progress()
 
     def close(self) -> None:
         """Close the port; never raises."""
@@ -111,6 +115,7 @@ class Line:
     def _guarded(self, use: Callable[[Any], T]) -> T:
         if self._serial is None:
             raise LinkLostError(f"port {self.port} is not open; open it first")
+        self.progress()
         try:
             return use(self._serial)
         except (OSError, TypeError, ValueError) as error:  # pyserial turns a vanished fd into TypeError

@@ -23,7 +23,8 @@ class LineController(Controller):
 
     def __init__(self, line: Line, **settings: Any) -> None:
         super().__init__(**settings)
-        self._line = line
+        self._line, self.port = line, line.port
+        line.progress = lambda next_s=0.0: self.progress(next_s)
         self._behind = False  # an answer may still be on its way
 
     @abstractmethod

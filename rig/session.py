@@ -55,7 +55,7 @@ def run_protocol(
         raise RigError(f"protocol {protocol.name} wants channel {protocol.channel}, in use: {controller.channels}")
     if not 0.0 < rate_hz <= 1000.0:
         raise RigError(f"loop rate {rate_hz:g} Hz must be above 0 and at most 1000")
-    with controller.narrowed(protocol.limits), Interrupts() as interrupts:
+    with controller.narrowed(protocol.limits), Interrupts("interrupted: venting first") as interrupts:
         outcome = _Session(controller, protocol, Path(path), rate_hz, metadata or {}, progress, interrupts, led).run()
         interrupts.check()  # a signal that came during the last vent still counts
         return outcome
