@@ -76,6 +76,18 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("protocol", type=Path, metavar="P.toml")
     p.add_argument("-o", "--output", type=Path, metavar="PICTURE", help="png, svg or pdf (the protocol's name, png)")
     _json(p)
+    p = _command(
+        rig_commands, "vent", "let the pressure out of one controller, or of all known ones", module="rig_ports"
+    )
+    _port(p)
+    p = _command(
+        rig_commands, "read", "what one controller reads, or all known ones; nothing is set", module="rig_ports"
+    )
+    _port(p)
+    p = _command(rig_commands, "ports", "serial ports, and those that were driven before", module="rig_ports")
+    p.add_argument("--identify", action="store_true", help="ask each which controller it is; nothing is set")
+    p.set_defaults(action="ports")
+    _json(p)
     p = _command(rig_commands, "snap-search", "find the pressure at which a cell snaps", module="rig_snap_search")
     where = p.add_mutually_exclusive_group(required=True)
     where.add_argument("--port", metavar="URL", help="serial port, by-id path, or socket://host:port")
@@ -244,6 +256,16 @@ def _controller(p: argparse.ArgumentParser) -> None:
     p.add_argument("--controller", default="ob1-mk4", metavar="NAME", help="ob1-mk4 (default), ob1-sdk or alicat")
     p.add_argument("--limits", metavar="MIN,MAX[,RATE]", help="in kPa, kPa/s, below all else: --limits=-40,60,50")
     p.add_argument("--setting", action="append", default=[], metavar="KEY=VALUE", help="of the driver, as unit=B")
+
+
+def _port(p: argparse.ArgumentParser) -> None:
+    p.add_argument("--port", metavar="URL", help="serial port, by-id path, or socket://host:port (all that are known)")
+    p.add_argument(
+        "--controller", metavar="NAME", help="ob1-mk4, ob1-sdk or alicat (what was driven there, or ob1-mk4)"
+    )
+    p.add_argument("--setting", action="append", default=[], metavar="KEY=VALUE", help="of the driver, as unit=B")
+    p.set_defaults(action=p.prog.split()[-1], limits=None)
+    _json(p)
 
 
 def _seed(text: str) -> int:

@@ -15,6 +15,7 @@ from rig.apart import start_apart
 from rig.controller import Controller, make_controller
 from rig.errors import LinkLostError
 from rig.last_word import SILENT_S, Orders, Silence
+from rig.ports import remember
 from rig.reading import Answer
 
 START_S = 20.0  # until the first sign of life: a slow disk, a scanner of viruses
@@ -30,11 +31,19 @@ class GuardedController(Controller):
     read counts, ``beat`` does where there is nothing to ask. A script that is silent for longer is vented, and its
     sets and reads are refused until the controller is opened again. If a vent cannot be confirmed the guardian stays
     behind for up to ``patience_s`` and vents when the link returns. A guardian that gives no sign of life is ended,
-    and its standby vents. ``settings`` are the driver's.
+    and its standby vents. Unless ``remembered`` is False, as for an emulator of one's own, ``straw rig vent`` finds
+    the port again. ``settings`` are the driver's.
     """
 
     def __init__(
-        self, name: str, port: str, *, heartbeat_s: float = 2.0, patience_s: float = 600.0, **settings: Any
+        self,
+        name: str,
+        port: str,
+        *,
+        heartbeat_s: float = 2.0,
+        patience_s: float = 600.0,
+        remembered: bool = True,
+        **settings: Any,
     ) -> None:
         driver = make_controller(name, port, **settings)  # checks the settings here; it is opened over there only
         self.name, self.port, self.span = driver.name, port, driver.span
@@ -46,6 +55,8 @@ class GuardedController(Controller):
         self._asked = 0
         self._lost_s = float("-inf")
         self._record = ""
+        self._remembered = remembered
+        self._is_remembered = False
 
     @property
     def guardian_pid(self) -> int | None:
@@ -59,6 +70,7 @@ class GuardedController(Controller):
             threading.Thread(target=_listen, args=(self._process.stdout, self._answers), daemon=True).start()
             try:
                 self._exchange(self._orders, START_S)
+                self._remember(self._process.pid)  # nothing is under pressure yet
                 if self._record:
                     self._call("note", self._record)
                 return
@@ -76,6 +88,11 @@ class GuardedController(Controller):
         with suppress(Exception):  # gone already, or it finds out by the closed pipe
             self._call("close")
         self._let_go()
+
+    def _remember(self, guardian_pid: int) -> None:
+        if self._remembered:
+            remember(self.port, self.name, self._orders.settings, guardian_pid)
+            self._is_remembered = True
 
     def _send(self, channel: int, pressure_pa: float) -> bytes:
         raw: bytes = self._call("set", channel, pressure_pa)
@@ -155,6 +172,8 @@ class GuardedController(Controller):
             process.stdin.close() if process.stdin else None
         try:
             process.wait(timeout=GONE_S)
+            if self._is_remembered:
+                self._remember(0)
         except subprocess.TimeoutExpired:
             process.returncode = 0  # it stays behind to vent when the link returns, and is nobody's zombie after us
 

@@ -15,7 +15,8 @@ NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")  # not every system has all 
 class Interrupts:
     """While entered, stop signals only set ``pending``; call ``check`` wherever stopping is safe.
 
-    ``says`` is printed at once when the first one comes. Outside the main thread Python allows no handlers; then signals do not arrive here and this does nothing.
+    ``says`` is printed at once when the first one comes. Outside the main thread Python allows no handlers; then
+    signals do not arrive here and this does nothing.
     """
 
     def __init__(self, says: str = "") -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import ast
 from collections.abc import Collection
 from contextlib import nullcontext
 from pathlib import Path
@@ -17,11 +16,11 @@ from replay.errors import ReplayError
 from replay.live.feed import Live
 from replay.output import check_new, write_json
 from replay.progress import prepare, progress_bar, say
+from replay.settings import settings_of
 from rig.clock import SteppedClock
 from rig.controller import Controller, make_controller
 from rig.emulate import Emulation, emulator_of
 from rig.guarded import GuardedController
-from rig.limits import PressureLimits
 from rig.protocol import PressureProtocol, load_protocol
 from rig.run import Run
 from rig.run_derived import write_tip
@@ -80,7 +79,7 @@ def drive_emulated(
         rig = (
             make_controller(args.controller, emulated.url, clock=clock, **settings_of(args))
             if clock
-            else GuardedController(args.controller, emulated.url, **settings_of(args))
+            else GuardedController(args.controller, emulated.url, remembered=False, **settings_of(args))
         )
         outcome = drive(rig, protocol, args.output, straw.cells, args.rate, args.led, live)
     if args.tip:
@@ -104,28 +103,6 @@ def write_true_tip(path: Path, recorded: Run, truth: TwinHistory) -> None:
         recorded.sha256,
         recorded.zero_time_ns,
     )
-
-
-def settings_of(args: argparse.Namespace) -> dict[str, Any]:
-    """Limits and driver settings as given on the command line."""
-    settings: dict[str, Any] = {}
-    for text in args.setting:
-        key, equals, value = text.partition("=")
-        if not equals or not key.isidentifier():
-            raise ReplayError(f"--setting {text}: expected KEY=VALUE, as unit=B or regulators=4,0,0,0")
-        try:
-            settings[key] = ast.literal_eval(value)
-        except (ValueError, SyntaxError):
-            settings[key] = value  # text needs no quotes
-    if args.limits:
-        try:
-            low, high, *rate = (float(part) * 1e3 for part in args.limits.split(","))
-            settings["limits"] = PressureLimits(low, high, *rate)
-        except (ValueError, TypeError):
-            raise ReplayError(
-                f"--limits {args.limits}: expected MIN,MAX or MIN,MAX,RATE in kPa, as -40,60,50"
-            ) from None
-    return settings
 
 
 def emulation(
