@@ -60,6 +60,14 @@ def parser() -> argparse.ArgumentParser:
     p = _command(rig_commands, "emulate", "a controller on the wire with the straw behind it", module="rig_emulate")
     p.add_argument("--controller", default="ob1-mk4", metavar="NAME", help="kind of controller (ob1-mk4)")
     p.add_argument("--listen", default="127.0.0.1:0", metavar="URL", help="host:port, or pty (127.0.0.1, any port)")
+    p.add_argument(
+        "--setting",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="of the emulated instrument: frame=mass (alicat: the six values that its PyPI client reads), baud=38400",
+    )
+    p.set_defaults(limits=None)
     p.add_argument("--deployed", default="", metavar="CELLS", help="cells deployed at the start, as 1,4 (none)")
     p.add_argument("--faults", type=float, default=0.0, metavar="SHARE", help="spoil this share of exchanges (0)")
     p.add_argument("--seed", type=_seed, default=0, help="seed of the faults (0)")

@@ -18,7 +18,8 @@ from replay.metrics import Metrics
 from replay.series import Series, differ, tip_series
 from rig.clock import SteppedClock
 from rig.controller import make_controller
-from rig.protocol import PressureProtocol, load_protocol, protocol_from_toml
+from rig.protocol import PressureProtocol
+from rig.protocol_toml import load_protocol, protocol_from_toml
 from rig.run import Run
 from rig.run_read import read_run
 

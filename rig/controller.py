@@ -215,7 +215,8 @@ class Controller(ABC):
                     failures.append(str(error))
         if failures:
             raise RigError(
-                f"{self.name}: THE VENT IS NOT CONFIRMED: {failures[0]}; vent by hand now, or with: {self.vent_command}"
+                f"{self.name}: THE VENT IS NOT CONFIRMED, vent by hand now, or with `{self.vent_command}`: "
+                f"{failures[0]}"
             )
 
     @final

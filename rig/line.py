@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from rig.errors import LinkLostError, RigError
+from rig.errors import LinkLostError, NoAnswerError
 
 T = TypeVar("T")
 POLL_S = 0.02  # how long one read may wait; changing a port's timeout per call would reconfigure the port each time
@@ -18,7 +18,7 @@ OPEN_S = 6.0  # pyserial waits for a socket for 5 s
 class Line:
     """A serial port by name (``COM3``, ``/dev/ttyUSB0``), by-id path, or URL (``socket://host:port``).
 
-    Every fault of the port is a ``LinkLostError``; silence, and a request not taken in time, a plain ``RigError``. Each
+    Every fault of the port is a ``LinkLostError``; silence, and a request not taken in time, a ``NoAnswerError``. Each
     has one line that says which port and what to do.
     """
 
@@ -72,14 +72,14 @@ class Line:
         return self._guarded(read_waiting)
 
     def write(self, request: bytes) -> None:
-        """Send all bytes of the request; RigError when they were not taken in time, which is an answer missed."""
+        """Send all bytes of the request; NoAnswerError when they were not taken in time, which is an answer missed."""
         from serial import SerialTimeoutException
 
         def send(port: Any) -> None:
             try:
                 port.write(request)
             except SerialTimeoutException:  # also when this computer stood still: no reason to call the cable cut
-                raise RigError(
+                raise NoAnswerError(
                     f"port {self.port}: {request!r} was not taken within {WRITE_S:g} s; check that this computer is "
                     "not too busy, and the instrument on"
                 ) from None
@@ -87,15 +87,14 @@ class Line:
         self._guarded(send)
 
     def read_until(self, until: bytes, timeout_s: float) -> bytes:
-        """Bytes up to and including ``until``; RigError when it does not come within ``timeout_s`` seconds."""
+        """Bytes up to and including ``until``; NoAnswerError when it does not come within ``timeout_s`` seconds."""
         deadline = time.monotonic() + timeout_s
         reply = b""
         while not reply.endswith(until):
             if time.monotonic() > deadline:
                 heard = f"only {reply!r}" if reply else "nothing"
-                raise RigError(
-                    f"port {self.port}: {heard} within {timeout_s:g} s; check that the right instrument is on"
-                )
+                within = f"{max(timeout_s, 0.0):.2g} s"
+                raise NoAnswerError(f"port {self.port}: {heard} within {within}; check that the right instrument is on")
             reply += self._guarded(lambda port: bytes(port.read(1)))
         return reply
 

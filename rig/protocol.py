@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -93,22 +92,3 @@ class PressureProtocol:
                 raise RigError(
                     f"protocol {self.name}: up to {t:g} s there is {how}, limit {rate / 1e3:g} kPa/s; use a slower ramp"
                 )
-
-
-def load_protocol(path: str | Path) -> PressureProtocol:
-    """Read a protocol file; raises RigError with one line naming file, section, entry and cure."""
-    path = Path(path)
-    try:
-        text = path.read_bytes().decode()
-    except OSError as error:
-        raise RigError(f"protocol {path} cannot be read: {error.strerror or error}; check the name") from None
-    except UnicodeDecodeError:
-        raise RigError(f"protocol {path} is not a text file; a protocol is TOML, see rig/protocols") from None
-    return protocol_from_toml(text, path.name)
-
-
-def protocol_from_toml(text: str, name: str) -> PressureProtocol:
-    """Compile TOML text; ``name`` says where it came from in errors. Raises RigError with one line."""
-    from rig.protocol_toml import compile_toml
-
-    return compile_toml(text, name)

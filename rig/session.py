@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from rig.controller import Controller
-from rig.errors import LimitError, LinkLostError, RigError
+from rig.errors import LimitError, LinkLostError, NoAnswerError, RigError
 from rig.interrupts import Interrupts
 from rig.led import BURST_S, blink
 from rig.protocol import PressureProtocol
@@ -15,7 +16,10 @@ from rig.run import CELLS
 from rig.run_write import RunWriter
 
 ARM_S = 0.2  # between writing the file's head, which names the run's zero, and the start
-MISSES = 3  # cycles in a row that may fail before the run is given up
+MISSES = 3  # readings in a row that may be refused, or not be believed, before the run is given up
+#: Without an answer for so long the run is given up: two answers in a row that come 2 s late, and catching up after
+#: each. Meanwhile nothing is set.
+PATIENCE_S = 5.0
 BEAT_S = 0.5  # a long wait between two samples is no silence
 Progress = Callable[[float, float, float], None]  # (time s, duration s, measured Pa)
 
@@ -130,7 +134,7 @@ class _Session:
         protocol, controller = self.protocol, self.controller
         steps = list(protocol.steps_s)
         told_pa: float | None = None
-        misses = 0
+        misses, answered_s = 0, time.monotonic()
         measured_pa = 0.0
         self.wait_until(0.0)
         self.event("start", protocol.name)
@@ -151,16 +155,16 @@ class _Session:
                     self.writer.reading(reading)
                     if reading.channel == protocol.channel:
                         measured_pa = reading.pressure_pa
-                misses = 0
+                misses, answered_s = 0, time.monotonic()
             except (LinkLostError, LimitError):
                 raise
             except RigError as error:  # one garbled answer is no reason to end a run, but it is on record
                 if self.writer.failed:
                     raise
-                misses += 1
+                misses += not isinstance(error, NoAnswerError)
                 self.missed += 1
                 self.event("fault", str(error))
-                if misses >= MISSES:
+                if misses >= MISSES or time.monotonic() - answered_s > PATIENCE_S:
                     raise
             self.cycles += 1
             self.run_s = self.now_s()

@@ -21,7 +21,8 @@ from rig.clock import SteppedClock
 from rig.controller import Controller, make_controller
 from rig.emulate import Emulation, emulator_of
 from rig.guarded import GuardedController
-from rig.protocol import PressureProtocol, load_protocol
+from rig.protocol import PressureProtocol
+from rig.protocol_toml import load_protocol
 from rig.run import Run
 from rig.run_derived import write_tip
 from rig.run_read import read_run

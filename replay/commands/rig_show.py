@@ -10,7 +10,8 @@ import numpy as np
 from replay.commands.simulate import outlet_of
 from replay.errors import ReplayError
 from replay.output import write_json
-from rig.protocol import PressureProtocol, load_protocol
+from rig.protocol import PressureProtocol
+from rig.protocol_toml import load_protocol
 
 KPA = 1e3
 

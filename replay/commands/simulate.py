@@ -14,7 +14,8 @@ from model.simulate import Prediction, simulate
 from replay.output import check_new, write_json
 from replay.progress import prepare
 from rig.plant import PressurePlant
-from rig.protocol import PressureProtocol, load_protocol
+from rig.protocol import PressureProtocol
+from rig.protocol_toml import load_protocol
 from rig.run_derived import write_prediction
 from tracking.trace import TipTrace
 

@@ -139,8 +139,12 @@ async def main():
         locked = await instrument.is_locked()
         await instrument.unlock()
         firmware = await instrument.get_firmware()
+        await instrument.tare_pressure()
+        pid = (await instrument.get_pid())["loop_type"]
+        ramp = (await instrument.get_maxramp())["max_ramp"]
         await instrument.set_pressure(0.0)
-        print([first["pressure"], first["control_point"], second["pressure"], second["setpoint"], locked, firmware])
+        values = [first["pressure"], first["control_point"], second["pressure"], second["setpoint"]]
+        print([*values, locked, firmware, pid, ramp])
 
 asyncio.run(main())
 """
@@ -153,8 +157,8 @@ def test_a_client_that_nobody_here_wrote_works_against_the_emulator(straw: objec
         pytest.skip("the PyPI package alicat is not here: pip install it, or name a Python in STRAW_ALICAT_PYTHON")
     plant = PressurePlant(noise_pa=0.0, resolution_pa=10.0)
     # The package (0.9.0) cannot read the short frames of a PCD, so the emulator plays an MCD that regulates pressure.
-    with Emulation(straw, "alicat", *(["pty"] if os.name == "posix" else []), "127.0.0.1:0", plant=plant) as emulation:
-        emulation.device.gas = "Air"  # type: ignore[attr-defined]
+    addresses = ["pty", "127.0.0.1:0"] if os.name == "posix" else ["127.0.0.1:0"]
+    with Emulation(straw, "alicat", *addresses, plant=plant, device={"frame": "mass"}) as emulation:
         for url in emulation.urls:
             time.sleep(0.3)  # until what the one before told it has decayed
             said = subprocess.run(
@@ -163,4 +167,6 @@ def test_a_client_that_nobody_here_wrote_works_against_the_emulator(straw: objec
                 text=True,
                 timeout=30,
             )
-            assert said.stdout.strip() == "[0.0, 'gauge pressure', -12.5, -12.5, True, 'A   10v05.0-R24']", said.stderr
+            assert (
+                said.stdout.strip() == "[0.0, 'gauge pressure', -12.5, -12.5, True, 'A   10v05.0-R24', 'PD/PDF', 0.0]"
+            ), said.stderr

@@ -10,7 +10,7 @@ import scipy.signal
 
 from rig.errors import RigError
 from rig.limits import PressureLimits
-from rig.protocol import load_protocol, protocol_from_toml
+from rig.protocol_toml import load_protocol, protocol_from_toml
 
 HEAD = 'pressure_unit = "kPa"\ninitial_deployed = [1, 4]\n'
 HOLD = "[[main]]\nhold = 0\nfor_s = 1\n"

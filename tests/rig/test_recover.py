@@ -93,7 +93,7 @@ def test_what_needs_no_recovery_or_allows_none_is_one_line(tmp_path: Path) -> No
 SCRIPT = """
 import resource, sys
 from rig.guarded import GuardedController
-from rig.protocol import protocol_from_toml
+from rig.protocol_toml import protocol_from_toml
 from rig.session import run_protocol
 protocol = protocol_from_toml('pressure_unit = "kPa"\\ninitial_deployed=[]\\nmain = [{ hold = -25, for_s = 60 }]', "p")
 with GuardedController("ob1-mk4", sys.argv[1]) as controller:

@@ -241,7 +241,8 @@ def test_a_killed_run_keeps_its_record_and_the_guardian_notes_its_vent_beside_it
     emulation: Emulation, script: Callable[..., Script], tmp_path: Path
 ) -> None:
     one = script(
-        "from rig.protocol import protocol_from_toml; from rig.session import run_protocol; run_protocol(controller, "
+        "from rig.protocol_toml import protocol_from_toml; from rig.session import run_protocol; "
+        "run_protocol(controller, "
         "protocol_from_toml('pressure_unit = \"kPa\"\\ninitial_deployed = []\\nmain = [{ hold = -25, for_s = 60 }]', "
         f"'long.toml'), {str(tmp_path / 'run.mcap')!r})"
     )
