@@ -15,13 +15,18 @@ from rig.clock import SteppedClock
 from rig.controller import make_controller
 from rig.controllers.alicat import Alicat, decode_frame, encode_set
 from rig.emulate import Emulation
+from rig.emulator import Emulator
 from rig.emulators.alicat import AlicatEmulator
 from rig.errors import RigError
 from rig.guarded import GuardedController
 from rig.plant import PressurePlant
 from rig.protocol import PressureProtocol
+from rig.protocol_toml import protocol_from_toml
+from rig.reading import Reading
 from rig.run_read import read_run
 from rig.session import run_protocol
+from rig.wire import Sent
+from tests.benchmarks.soak import misread
 
 EXCHANGES = (Path(__file__).parent / "exchanges" / "alicat.txt").read_text().splitlines()
 PAIRS = [
@@ -170,3 +175,37 @@ def test_a_client_that_nobody_here_wrote_works_against_the_emulator(straw: objec
             assert (
                 said.stdout.strip() == "[0.0, 'gauge pressure', -12.5, -12.5, True, 'A   10v05.0-R24', 'PD/PDF', 0.0]"
             ), said.stderr
+
+
+def test_answers_that_come_late_end_no_run_and_are_on_record(straw: object, tmp_path: Path) -> None:
+    class LateNowAndThen:
+        """The 20th exchange is answered 0.7 s late, the 60th 1.9 s, each long after the driver's patience."""
+
+        count = 0
+
+        def answer(self, device: Emulator, line: bytes, time_s: float) -> Sent:
+            self.count += 1
+            return Sent(device.answer(line, time_s), late_s={20: 0.7, 60: 1.9}.get(self.count, 0.0))
+
+    protocol = protocol_from_toml(
+        'pressure_unit = "kPa"\ninitial_deployed = []\nmain = [{ ramp = [0, 20], for_s = 5.0 }]', "slow.toml"
+    )
+    plant = PressurePlant(noise_pa=0.0, resolution_pa=10.0)
+    with (
+        Emulation(straw, "alicat", plant=plant, faults=LateNowAndThen(), latency_s=0.0) as emulation,
+        make_controller("alicat", emulation.url) as controller,
+    ):
+        read, wrong = controller.read, []
+
+        def judged() -> tuple[Reading, ...]:
+            readings = read()
+            wrong.append(misread(readings[0], plant, emulation, controller))
+            return readings
+
+        controller.read = judged  # type: ignore[method-assign]
+        outcome = run_protocol(controller, protocol, tmp_path / "run.mcap")
+    run = read_run(tmp_path / "run.mcap")
+    assert run.metadata["exit_status"] == "success"
+    assert outcome.missed == len([event for event in run.events if event.kind == "fault"]) > 0
+    assert [text for text in wrong if text] == []  # every reading was the pressure of the time that it claims
+    assert len(wrong) == outcome.cycles - outcome.missed
