@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import time
 from abc import abstractmethod
+from collections import deque
 from collections.abc import Sequence
 from typing import Any, TypeAlias
 
@@ -12,8 +13,8 @@ from rig.controller import Controller
 from rig.errors import LinkLostError, NoAnswerError, RigError
 from rig.line import Line
 
-#: An answer may be so late and is still waited for: not asked for again, which would only make the queue longer.
-LATE_S = 2.5
+LATE_S = 2.5  # an answer may be so late: as long is an instrument asked who it is, and is a vent sent
+ASK_AGAIN_S = 0.6  # a mark may be lost as well; asked more often, what is only late would grow into a queue
 VENT_REFUSALS = 3
 Mark: TypeAlias = "tuple[bytes, re.Pattern[bytes]]"  # a request, and what only its answer looks like
 
@@ -23,8 +24,8 @@ class LineController(Controller):
 
     After an exchange that failed, its answer may still be on its way and would be taken for the next one's. Instruments
     answer in order, so before the next request ``_catch_up`` asks for one of the ``marks``: requests whose answers name
-    them and change nothing. Once the mark's answer is there, nothing older comes. Marks take turns, so that the answer
-    to an earlier one is not taken for the present one's either.
+    them and change nothing. Once the last mark's answer is there, nothing older comes. Marks take turns, and an answer
+    counts for the oldest mark that it can belong to, so that a late one is not taken for the last one's either.
     """
 
     terminator: bytes
@@ -36,7 +37,8 @@ class LineController(Controller):
         line.progress = lambda next_s=0.0: self.progress(next_s)
         self._behind = False  # an answer may still be on its way
         self._turn = 0
-        self._owed_until_s = -float("inf")  # so long the answer to the last mark may still come
+        self._owed: deque[int] = deque()  # marks whose answers may still come, oldest first
+        self._asked_s = -float("inf")
 
     @abstractmethod
     def _identify(self) -> None:
@@ -62,7 +64,7 @@ class LineController(Controller):
             while True:
                 try:
                     self._identify()
-                    self._owed_until_s = -float("inf")  # of a link before this one
+                    self._owed.clear()  # of a link before this one
                     self._catch_up()
                     break
                 except NoAnswerError:
@@ -78,22 +80,27 @@ class LineController(Controller):
 
     def _catch_up(self) -> None:
         """Pass over all that was asked before; NoAnswerError where the mark's answer does not come, or not yet."""
-        if time.monotonic() > self._owed_until_s:
+        if not self._owed:
             self._line.drain()
+        if not self._owed or time.monotonic() > self._asked_s + ASK_AGAIN_S:
             self._ask_mark()
         deadline_s = time.monotonic() + self.timeout_s
         while True:
             reply = self._line.read_until(self.terminator, deadline_s - time.monotonic())
-            if self.marks[self._turn][1].fullmatch(reply):
-                self._owed_until_s = -float("inf")
-                return
-            if not self._is_whole(reply):  # it may have been the mark's
+            mark = next((mark for mark in self._owed if self.marks[mark][1].fullmatch(reply)), None)
+            if mark is not None:
+                while self._owed.popleft() != mark:
+                    pass  # its answer was lost, or this would not be there
+                if not self._owed:
+                    return
+            elif not self._is_whole(reply):  # it may have been the last mark's
                 self._ask_mark()
 
     def _ask_mark(self) -> None:
         self._turn = (self._turn + 1) % len(self.marks)
         self._line.write(self.marks[self._turn][0])
-        self._owed_until_s = time.monotonic() + LATE_S
+        self._owed.append(self._turn)
+        self._asked_s = time.monotonic()
 
     def _ask(self, request: bytes) -> bytes:
         """One exchange, in step with the instrument."""

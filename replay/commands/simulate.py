@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +12,7 @@ from model.parameters import load_straw
 from model.simulate import Prediction, simulate
 from replay.output import check_new, write_json
 from replay.progress import prepare
-from rig.plant import PressurePlant
-from rig.protocol import PressureProtocol
+from rig.outlet import Outlet
 from rig.protocol_toml import load_protocol
 from rig.run_derived import write_prediction
 from tracking.trace import TipTrace
@@ -31,7 +29,7 @@ def run(args: argparse.Namespace) -> int:
     straw, protocol = load_straw(args.straw), load_protocol(args.protocol)
     check_new(args.output)
     prepare()
-    outlet = outlet_of(protocol)
+    outlet = Outlet(protocol)
     time_s = np.arange(0.0, protocol.duration_s, 1 / RATE_HZ)
     p = simulate(straw, outlet, time_s, protocol.initial_deployed)
     metadata = {
@@ -59,19 +57,6 @@ def run(args: argparse.Namespace) -> int:
         f"Z {p.z_m[-1] * 1e3:.2f} mm, Phi {math.degrees(p.phi_rad[-1]):.2f} deg; written to {args.output}"
     )
     return 0
-
-
-def outlet_of(protocol: PressureProtocol) -> Callable[[Floats], Floats]:
-    """Pressure at the outlet (Pa, of seconds) of the controller that the emulator has, told each millisecond."""
-    plant = PressurePlant()
-    grid = np.arange(0.0, protocol.duration_s + 1e-3, 1e-3)
-    told_pa, outlet_pa = 0.0, []
-    for time_s, wanted_pa in zip(grid.tolist(), protocol(grid).tolist(), strict=True):
-        if wanted_pa != told_pa:
-            plant.command(time_s, wanted_pa)
-            told_pa = wanted_pa
-        outlet_pa.append(plant.pressure(time_s))
-    return lambda time_s: np.asarray(np.interp(time_s, grid, outlet_pa))
 
 
 def trace_of(p: Prediction, time_s: Floats) -> TipTrace:
