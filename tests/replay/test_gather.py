@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -46,3 +47,11 @@ def test_a_track_alone_asks_for_its_run(tmp_path: Path) -> None:
     recording(tmp_path / "raw.mcap", tip=False)
     with pytest.raises(ReplayError, match="the run it was tracked from"):
         gather([tracked(tmp_path / "raw.mcap", tmp_path / "tip.mcap")])
+
+
+def test_the_same_recording_twice_is_said(tmp_path: Path) -> None:
+    recording(tmp_path / "raw.mcap")
+    shutil.copy(tmp_path / "raw.mcap", tmp_path / "copy.mcap")
+    for other in ("raw.mcap", "copy.mcap"):
+        with pytest.raises(ReplayError, match=rf"{other}: the same recording as .*raw\.mcap; give it once"):
+            gather([tmp_path / "raw.mcap", tmp_path / other])
