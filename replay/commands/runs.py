@@ -169,7 +169,8 @@ def verify(args: argparse.Namespace) -> int:
         write_json(args.json, {"files": len(recorded) + len(unknown), **names, "problems": problems})
     for text in problems:
         print(text)
-    print(f"{len(recorded)} files as recorded, {len(problems)} problems, {len(unknown)} unknown" + _unknown(unknown))
+    counts = f"{len(recorded)} files as recorded, {len(problems)} changed or damaged, {len(unknown)} unknown"
+    print(counts + _unknown(unknown))
     return 1 if problems else 0
 
 

@@ -16,6 +16,9 @@ from tests.replay.test_cli import recording
 from tracking.trace import TipTrace
 
 
+TRACKS = {"a.mcap": 0.0, "b.mcap": 0.1}
+
+
 def tracked(raw: Path, path: Path, later_s: float = 0.0) -> Path:
     """A track of a run, its file's zero ``later_s`` after the run's."""
     run = read_run(raw)
@@ -38,7 +41,7 @@ def test_a_track_is_laid_beside_the_pressure_of_its_run_on_the_absolute_clock(tm
 
 def test_two_tracks_of_one_run_are_not_chosen_between(tmp_path: Path) -> None:
     recording(tmp_path / "raw.mcap", tip=False)
-    tips = [tracked(tmp_path / "raw.mcap", tmp_path / name) for name in ("a.mcap", "b.mcap")]
+    tips = [tracked(tmp_path / "raw.mcap", tmp_path / name, later_s) for name, later_s in TRACKS.items()]
     with pytest.raises(ReplayError, match=r"b\.mcap: a second track of .*raw\.mcap"):
         gather([tmp_path / "raw.mcap", *tips])
 

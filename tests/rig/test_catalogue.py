@@ -148,7 +148,7 @@ def test_a_run_that_was_changed_says_so_when_it_is_opened(folder: Path) -> None:
 def test_verify_answers_no_when_anything_is_wrong(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     at = ["--dir", str(folder)]
     assert main(["runs", "verify", "a", "b", *at]) == 0
-    assert "2 files as recorded, 0 problems, 0 unknown" in capsys.readouterr().out
+    assert "2 files as recorded, 0 changed or damaged, 0 unknown" in capsys.readouterr().out
     assert main(["runs", "verify", *at, "--json", str(folder / "v.json")]) == 1
     problems = json.loads((folder / "v.json").read_text())["problems"]
     assert len(problems) == 2  # the part and the foreign file
@@ -261,7 +261,7 @@ def test_verify_tells_recorded_unknown_and_changed_apart(folder: Path, capsys: p
     assert [Path(name).name for name in said["recorded"]] == ["a.mcap"]
     assert sorted(Path(name).name for name in said["unknown"]) == ["a-tip.mcap", "b.mcap"]
     assert "all as recorded" not in (out := capsys.readouterr().out)
-    assert "1 files as recorded, 0 problems, 2 unknown: no checksum was kept of" in out
+    assert "1 files as recorded, 0 changed or damaged, 2 unknown: no checksum was kept of" in out
     assert main(["runs", "attach", str(folder / "a.mcap"), str(folder / "a-tip.mcap")]) == 0
     assert main(["runs", "verify", *at]) == 0
     assert [Path(name).name for name in json.loads((folder / "v.json").read_text())["unknown"]] == ["b.mcap"]
@@ -285,7 +285,7 @@ def test_a_damaged_checksum_file_is_called_that_and_its_run_can_be_read(
     assert main(["runs", "verify", "a", "--dir", str(folder)]) == 1
     said = capsys.readouterr().out
     assert f"manifest {manifest_of(run)}" in said
-    assert "0 files as recorded, 1 problems, 1 unknown" in said
+    assert "0 files as recorded, 1 changed or damaged, 1 unknown" in said
 
 
 def test_to_recover_nothing_is_no_success(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

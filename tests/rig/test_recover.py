@@ -79,7 +79,7 @@ def test_what_needs_no_recovery_or_allows_none_is_one_line(tmp_path: Path) -> No
     with pytest.raises(RigError, match="is whole: nothing to recover"):
         recover(path)
     part = tmp_path / "run.mcap.part"
-    part.write_bytes(path.read_bytes()[:900])
+    part.write_bytes(path.read_bytes()[:-100])
     with pytest.raises(RigError, match="exists and is not overwritten"):
         recover(part)
     with pytest.raises(RigError, match="cannot be read"):
