@@ -45,6 +45,7 @@ def parser() -> argparse.ArgumentParser:
     _controller(p)
     p.add_argument("-o", "--output", type=Path, required=True, metavar="RUN.mcap", help="the recording")
     p.add_argument("--rate", type=float, default=100.0, metavar="HZ", help="samples a second (100)")
+    _about(p)
     p.add_argument("--led", action="store_true", help="blink a code on the trigger output, for the camera's clock")
     p.add_argument(
         "--live",
@@ -111,6 +112,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--repeats", type=int, default=1, metavar="N", help="searches (1)")
     p.add_argument("--ask", action="store_true", help="on a rig without a flow sensor: somebody says what snapped")
     p.add_argument("-o", "--output", type=Path, metavar="RUN.mcap", help="record all of it")
+    _about(p)
     _straw(p, "the straw behind the emulator")
     _json(p)
 
@@ -274,6 +276,13 @@ def _port(p: argparse.ArgumentParser) -> None:
     p.add_argument("--setting", action="append", default=[], metavar="KEY=VALUE", help="of the driver, as unit=B")
     p.set_defaults(action=p.prog.split()[-1], limits=None)
     _json(p)
+
+
+def _about(p: argparse.ArgumentParser) -> None:
+    p.add_argument("--operator", default="", metavar="NAME", help="who runs it, for the record")
+    p.add_argument("--note", action="append", default=[], metavar="TEXT", help="what else should be known; may repeat")
+    p.add_argument("--tag", action="append", default=[], metavar="TAG", help="as straw runs tag; may repeat")
+    p.add_argument("--meta", action="append", default=[], metavar="KEY=VALUE", help="any other fact, for the record")
 
 
 def _seed(text: str) -> int:

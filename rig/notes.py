@@ -27,11 +27,16 @@ def notes_of(run: Path) -> Path:
     return run.with_name(run.name + SUFFIX)
 
 
+def check_word(kind: str, text: str) -> None:
+    """Raise RigError where this cannot be a note, or a tag."""
+    if not text.strip() or (kind != "note" and not text.replace("-", "").replace("_", "").replace(".", "").isalnum()):
+        raise RigError(f"{kind} {text!r}: expected {'some text' if kind == 'note' else 'one word, as good or re-run'}")
+
+
 def say(run: Path, kind: str, text: str) -> None:
     """Append a "note", a "tag", or an "untag"; nothing that was said before is touched."""
     text = " ".join(text.split())
-    if not text or (kind != "note" and not text.replace("-", "").replace("_", "").replace(".", "").isalnum()):
-        raise RigError(f"{kind} {text!r}: expected {'some text' if kind == 'note' else 'one word, as good or re-run'}")
+    check_word(kind, text)
     said = {"time": datetime.now(UTC).isoformat(timespec="seconds"), kind: text}
     line = json.dumps(said, ensure_ascii=False).encode() + b"\n"
     try:

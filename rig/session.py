@@ -118,7 +118,7 @@ class _Session:
             status, reason = "success", "the protocol ended"
         except RigError as error:
             reason = str(error)
-            raise RigError(f"{error}; what was recorded is kept in {self.writer.path}") from None
+            raise RigError(f"{error}; what was recorded is kept in {self.writer.kept}") from None
         except (KeyboardInterrupt, SystemExit) as stop:
             status, reason = "abort", "Ctrl-C" if isinstance(stop, KeyboardInterrupt) else "the program was told to end"
             raise
@@ -198,7 +198,7 @@ class _Session:
             }
             self.writer.finish(closing)
         if vent_error is not None:
-            raise RigError(f"{vent_error} ({reason}); what was recorded is kept in {self.writer.path}")
+            raise RigError(f"{vent_error} ({reason}); what was recorded is kept in {self.writer.kept}")
 
     def now_s(self) -> float:
         return (self.controller.clock.monotonic_ns() - self.start_ns) * 1e-9

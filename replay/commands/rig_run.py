@@ -12,6 +12,7 @@ import numpy as np
 
 from model.parameters import StrawParameters, load_straw
 from model.simulate import Stepper
+from replay.about_run import about_run, note_run
 from replay.errors import ReplayError
 from replay.live.feed import Live
 from replay.output import check_new, write_json
@@ -35,6 +36,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the protocol and say what was recorded."""
     protocol = load_protocol(args.protocol)
     straw = load_straw(args.straw)
+    about_run(args)  # what is wrong with it is said before anything else happens
     with live_of(args, straw, protocol) as live:
         return _run(args, straw, protocol, live)
 
@@ -53,13 +55,18 @@ def live_of(args: argparse.Namespace, straw: StrawParameters, protocol: Pressure
 def _run(args: argparse.Namespace, straw: StrawParameters, protocol: PressureProtocol, live: Live | None) -> int:
     if live:
         say(f"look at {live.url} while it runs")
-    if args.emulate:
-        outcome = drive_emulated(args, straw, protocol, live)
-    elif args.fast or args.tip:
+    if (args.fast or args.tip) and not args.emulate:
         raise ReplayError("--fast and --tip belong to --emulate: a real rig runs in real time and is filmed")
-    else:
-        rig = GuardedController(args.controller, args.port, **settings_of(args))
-        outcome = drive(rig, protocol, args.output, straw.cells, args.rate, args.led, live)
+    check_new(args.output)
+    try:
+        if args.emulate:
+            outcome = drive_emulated(args, straw, protocol, live)
+        else:
+            rig = GuardedController(args.controller, args.port, **settings_of(args))
+            outcome = drive(rig, protocol, args.output, straw.cells, args.rate, args.led, live, **about_run(args))
+    finally:
+        if args.output.exists():  # a run that failed or was interrupted is a recording, too
+            note_run(args, args.output)
     if args.json:
         write_json(args.json, {"recording": str(outcome.path), "cycles": outcome.cycles, "missed": outcome.missed})
     print(
@@ -82,7 +89,7 @@ def drive_emulated(
             if clock
             else GuardedController(args.controller, emulated.url, remembered=False, **settings_of(args))
         )
-        outcome = drive(rig, protocol, args.output, straw.cells, args.rate, args.led, live)
+        outcome = drive(rig, protocol, args.output, straw.cells, args.rate, args.led, live, **about_run(args))
     if args.tip:
         write_true_tip(args.tip, read_run(outcome.path), emulated.twin.history)
     return outcome

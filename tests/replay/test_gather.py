@@ -15,7 +15,6 @@ from rig.run_read import read_run
 from tests.replay.test_cli import recording
 from tracking.trace import TipTrace
 
-
 TRACKS = {"a.mcap": 0.0, "b.mcap": 0.1}
 
 

@@ -85,7 +85,7 @@ def test_what_needs_no_recovery_or_allows_none_is_one_line(tmp_path: Path) -> No
     with pytest.raises(RigError, match="cannot be read"):
         recover(tmp_path / "missing.part")
     part.write_bytes(b"\x89MCAP0\r\n" + b"\xff" * 100)
-    with pytest.raises(RigError, match="holds nothing that can be read"):
+    with pytest.raises(RigError, match="holds no message that can be read"):
         recover(part)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["run.mcap", "run.mcap.part"]
 
