@@ -13,7 +13,8 @@ from rig.controller import Controller
 from rig.errors import LinkLostError, NoAnswerError, RigError
 from rig.line import Line
 
-LATE_S = 2.5  # an answer may be so late: as long is an instrument asked who it is, and is a vent sent
+LATE_S = 2.5  # an answer may be so late: as long is an instrument asked who it is
+VENT_S = 4.0  # a vent is two answers on some instruments; as long it is sent until both came
 ASK_AGAIN_S = 0.6  # a mark may be lost as well; asked more often, what is only late would grow into a queue
 VENT_REFUSALS = 3
 Mark: TypeAlias = "tuple[bytes, re.Pattern[bytes]]"  # a request, and what only its answer looks like
@@ -113,7 +114,7 @@ class LineController(Controller):
 
     def _vent(self, channel: int) -> None:
         """Unlike any other set, a vent is sent at once, whatever is still on its way, and repeated until confirmed."""
-        until_s, refusals = time.monotonic() + LATE_S, 0
+        until_s, refusals = time.monotonic() + VENT_S, 0
         while True:
             try:
                 if self._behind:

@@ -196,7 +196,13 @@ class _Session:
                 "cycles": str(self.cycles),
                 "missed_readings": str(self.missed),
             }
-            self.writer.finish(closing)
+            try:
+                self.writer.finish(closing)
+            except RigError as error:  # a full disk
+                kept = self.writer.kept
+                raise RigError(
+                    f"{error}; vent {closing['vent']}; what was recorded is kept in {kept}: straw runs recover {kept}"
+                ) from None
         if vent_error is not None:
             raise RigError(f"{vent_error} ({reason}); what was recorded is kept in {self.writer.kept}")
 

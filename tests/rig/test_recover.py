@@ -121,6 +121,7 @@ def test_a_disk_that_fills_up_vents_ends_the_run_and_keeps_what_was_written(
     _, said = process.communicate(timeout=40)
     assert process.returncode == 1
     assert "cannot be written: File too large; check space" in said
+    assert f"what was recorded is kept in {tmp_path / 'run.mcap.part'}" in said
     sets = [line for _, line in emulation.wire.received if line.startswith(b"<PRESS!")]
     assert sets[-2:].count(b"<PRESS!:0:0\n") == 2  # the session's vent, and the controller's on closing
     assert b"<PRESS!:0:-250\n" in sets
