@@ -33,6 +33,10 @@ def parser() -> argparse.ArgumentParser:
     _straw(p)
     p.add_argument("--protocol", type=Path, required=True, metavar="P.toml")
     p.add_argument("-o", "--output", type=Path, required=True, metavar="OUT.mcap", help="the prediction")
+    p.add_argument(
+        "--from", type=float, dest="start", metavar="S", help="predict only from here, s after the run's zero"
+    )
+    p.add_argument("--to", type=float, dest="end", metavar="S", help="predict only up to here")
     _json(p)
 
     rig = commands.add_parser("rig", help="drive a pressure controller, or emulate one")

@@ -26,6 +26,7 @@ class Line:
         self.port = port
         self.baud = baud
         self._serial: Any = None
+        self._begun = b""  # an answer whose end has not come yet
         self.progress: Callable[..., None] = lambda next_s=0.0: None  # see Controller.progress
 
     def open(self) -> None:
@@ -48,7 +49,7 @@ class Line:
 
     def close(self) -> None:
         """Close the port; never raises."""
-        port, self._serial = self._serial, None
+        port, self._serial, self._begun = self._serial, None, b""
         if port is None:
             return
         socket = getattr(port, "_socket", None)
@@ -69,7 +70,8 @@ class Line:
                 stale += port.read(port.in_waiting)
             return stale
 
-        return self._guarded(read_waiting)
+        begun, self._begun = self._begun, b""
+        return begun + self._guarded(read_waiting)
 
     def write(self, request: bytes) -> None:
         """Send all bytes of the request; NoAnswerError when they were not taken in time, which is an answer missed."""
@@ -87,12 +89,16 @@ class Line:
         self._guarded(send)
 
     def read_until(self, until: bytes, timeout_s: float) -> bytes:
-        """Bytes up to and including ``until``; NoAnswerError when it does not come within ``timeout_s`` seconds."""
+        """Bytes up to and including ``until``; NoAnswerError when it does not come within ``timeout_s`` seconds.
+
+        What came of it is kept for the next call, or it would be taken for the end of another answer.
+        """
         deadline = time.monotonic() + timeout_s
-        reply = b""
+        reply, self._begun = self._begun, b""
         while not reply.endswith(until):
             if time.monotonic() > deadline:
                 heard = f"only {reply!r}" if reply else "nothing"
+                self._begun = reply
                 within = f"{max(timeout_s, 0.0):.2g} s"
                 raise NoAnswerError(f"port {self.port}: {heard} within {within}; check that the right instrument is on")
             reply += self._guarded(lambda port: bytes(port.read(1)))
