@@ -55,7 +55,7 @@ class McapWriter:
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
         # Two chunks a second for weeks would fill the memory with their index, which is needed only at the end.
-        self._chunks = tempfile.SpooledTemporaryFile(SPOOLED_BYTES)  # noqa: SIM115  closed in finish
+        self._chunks = tempfile.SpooledTemporaryFile(SPOOLED_BYTES)  # noqa: SIM115  close() does
         self._chunk_count, self._last_ns = 0, 0
         self._first_ns: int | None = None
         self._attachments: list[AttachmentIndex] = []
@@ -124,6 +124,9 @@ class McapWriter:
         crc = zlib.crc32(struct.pack("<BQQQ", Opcode.FOOTER, 20, *places), zlib.crc32(offsets, crc))
         self._write(offsets + _bytes(Footer(*places, crc)) + MAGIC)
         self._stream.flush()
+
+    def close(self) -> None:
+        """Let go of what was kept for the end; the stream is the caller's."""
         self._chunks.close()
 
     def _summary(self) -> Iterator[tuple[Opcode, Iterable[bytes]]]:
