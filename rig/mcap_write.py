@@ -124,9 +124,10 @@ class McapWriter:
         crc = zlib.crc32(struct.pack("<BQQQ", Opcode.FOOTER, 20, *places), zlib.crc32(offsets, crc))
         self._write(offsets + _bytes(Footer(*places, crc)) + MAGIC)
         self._stream.flush()
+        self.close()
 
     def close(self) -> None:
-        """Let go of what was kept for the end; the stream is the caller's."""
+        """Let go of what was kept for the end, where there will be none; the stream is the caller's."""
         self._chunks.close()
 
     def _summary(self) -> Iterator[tuple[Opcode, Iterable[bytes]]]:
