@@ -19,7 +19,7 @@ from rig.ports import remember
 from rig.reading import Answer
 
 START_S = 20.0  # until the first sign of life: a slow disk, a scanner of viruses
-GONE_S = 0.5  # how long one that was told to end, or was killed, may take
+GONE_S = 1.0  # how long one that was told to end, or was killed, may take
 RELEASE_S = 3.0  # after a guardian's death its standby holds the port while it vents
 Answers = queue.SimpleQueue[tuple[int, Any] | None]
 
