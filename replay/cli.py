@@ -33,6 +33,10 @@ def parser() -> argparse.ArgumentParser:
     _straw(p)
     p.add_argument("--protocol", type=Path, required=True, metavar="P.toml")
     p.add_argument("-o", "--output", type=Path, required=True, metavar="OUT.mcap", help="the prediction")
+    p.add_argument(
+        "--from", type=float, dest="start", metavar="S", help="predict only from here, s after the run's zero"
+    )
+    p.add_argument("--to", type=float, dest="end", metavar="S", help="predict only up to here")
     _json(p)
 
     rig = commands.add_parser("rig", help="drive a pressure controller, or emulate one")
@@ -45,6 +49,7 @@ def parser() -> argparse.ArgumentParser:
     _controller(p)
     p.add_argument("-o", "--output", type=Path, required=True, metavar="RUN.mcap", help="the recording")
     p.add_argument("--rate", type=float, default=100.0, metavar="HZ", help="samples a second (100)")
+    _about(p)
     p.add_argument("--led", action="store_true", help="blink a code on the trigger output, for the camera's clock")
     p.add_argument(
         "--live",
@@ -60,6 +65,14 @@ def parser() -> argparse.ArgumentParser:
     p = _command(rig_commands, "emulate", "a controller on the wire with the straw behind it", module="rig_emulate")
     p.add_argument("--controller", default="ob1-mk4", metavar="NAME", help="kind of controller (ob1-mk4)")
     p.add_argument("--listen", default="127.0.0.1:0", metavar="URL", help="host:port, or pty (127.0.0.1, any port)")
+    p.add_argument(
+        "--setting",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="of the emulated instrument: frame=mass (alicat: the six values that its PyPI client reads), baud=38400",
+    )
+    p.set_defaults(limits=None)
     p.add_argument("--deployed", default="", metavar="CELLS", help="cells deployed at the start, as 1,4 (none)")
     p.add_argument("--faults", type=float, default=0.0, metavar="SHARE", help="spoil this share of exchanges (0)")
     p.add_argument("--seed", type=_seed, default=0, help="seed of the faults (0)")
@@ -76,6 +89,18 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("protocol", type=Path, metavar="P.toml")
     p.add_argument("-o", "--output", type=Path, metavar="PICTURE", help="png, svg or pdf (the protocol's name, png)")
     _json(p)
+    p = _command(
+        rig_commands, "vent", "let the pressure out of one controller, or of all known ones", module="rig_ports"
+    )
+    _port(p)
+    p = _command(
+        rig_commands, "read", "what one controller reads, or all known ones; nothing is set", module="rig_ports"
+    )
+    _port(p)
+    p = _command(rig_commands, "ports", "serial ports, and those that were driven before", module="rig_ports")
+    p.add_argument("--identify", action="store_true", help="ask each which controller it is; nothing is set")
+    p.set_defaults(action="ports")
+    _json(p)
     p = _command(rig_commands, "snap-search", "find the pressure at which a cell snaps", module="rig_snap_search")
     where = p.add_mutually_exclusive_group(required=True)
     where.add_argument("--port", metavar="URL", help="serial port, by-id path, or socket://host:port")
@@ -91,6 +116,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--repeats", type=int, default=1, metavar="N", help="searches (1)")
     p.add_argument("--ask", action="store_true", help="on a rig without a flow sensor: somebody says what snapped")
     p.add_argument("-o", "--output", type=Path, metavar="RUN.mcap", help="record all of it")
+    _about(p)
     _straw(p, "the straw behind the emulator")
     _json(p)
 
@@ -244,6 +270,23 @@ def _controller(p: argparse.ArgumentParser) -> None:
     p.add_argument("--controller", default="ob1-mk4", metavar="NAME", help="ob1-mk4 (default), ob1-sdk or alicat")
     p.add_argument("--limits", metavar="MIN,MAX[,RATE]", help="in kPa, kPa/s, below all else: --limits=-40,60,50")
     p.add_argument("--setting", action="append", default=[], metavar="KEY=VALUE", help="of the driver, as unit=B")
+
+
+def _port(p: argparse.ArgumentParser) -> None:
+    p.add_argument("--port", metavar="URL", help="serial port, by-id path, or socket://host:port (all that are known)")
+    p.add_argument(
+        "--controller", metavar="NAME", help="ob1-mk4, ob1-sdk or alicat (what was driven there, or ob1-mk4)"
+    )
+    p.add_argument("--setting", action="append", default=[], metavar="KEY=VALUE", help="of the driver, as unit=B")
+    p.set_defaults(action=p.prog.split()[-1], limits=None)
+    _json(p)
+
+
+def _about(p: argparse.ArgumentParser) -> None:
+    p.add_argument("--operator", default="", metavar="NAME", help="who runs it, for the record")
+    p.add_argument("--note", action="append", default=[], metavar="TEXT", help="what else should be known; may repeat")
+    p.add_argument("--tag", action="append", default=[], metavar="TAG", help="as straw runs tag; may repeat")
+    p.add_argument("--meta", action="append", default=[], metavar="KEY=VALUE", help="any other fact, for the record")
 
 
 def _seed(text: str) -> int:

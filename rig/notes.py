@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import BinaryIO
 
 from rig.errors import RigError
 
@@ -25,17 +27,31 @@ def notes_of(run: Path) -> Path:
     return run.with_name(run.name + SUFFIX)
 
 
+def check_word(kind: str, text: str) -> None:
+    """Raise RigError where this cannot be a note, or a tag."""
+    if not text.strip() or (kind != "note" and not text.replace("-", "").replace("_", "").replace(".", "").isalnum()):
+        raise RigError(f"{kind} {text!r}: expected {'some text' if kind == 'note' else 'one word, as good or re-run'}")
+
+
 def say(run: Path, kind: str, text: str) -> None:
     """Append a "note", a "tag", or an "untag"; nothing that was said before is touched."""
     text = " ".join(text.split())
-    if not text or (kind != "note" and not text.replace("-", "").replace("_", "").replace(".", "").isalnum()):
-        raise RigError(f"{kind} {text!r}: expected {'some text' if kind == 'note' else 'one word, as good or re-run'}")
-    line = json.dumps({"time": datetime.now(UTC).isoformat(timespec="seconds"), kind: text}, ensure_ascii=False)
+    check_word(kind, text)
+    said = {"time": datetime.now(UTC).isoformat(timespec="seconds"), kind: text}
+    line = json.dumps(said, ensure_ascii=False).encode() + b"\n"
     try:
-        with notes_of(run).open("a", encoding="utf-8") as stream:
-            stream.write(line + "\n")
+        with notes_of(run).open("ab+") as stream:
+            torn = stream.tell() > 0 and not _ends_a_line(stream)  # by whoever was cut while writing it
+            stream.write(b"\n" + line if torn else line)
+        if line not in notes_of(run).read_bytes().splitlines(keepends=True):
+            raise OSError(0, "what was written is not there")
     except OSError as error:
         raise RigError(f"{notes_of(run)} cannot be written: {error.strerror}; check the folder") from None
+
+
+def _ends_a_line(stream: BinaryIO) -> bool:
+    stream.seek(-1, os.SEEK_END)
+    return stream.read(1) == b"\n"
 
 
 def read_notes(run: Path) -> Notes:

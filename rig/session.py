@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from rig.controller import Controller
-from rig.errors import LimitError, LinkLostError, RigError
+from rig.errors import LimitError, LinkLostError, NoAnswerError, RigError
 from rig.interrupts import Interrupts
 from rig.led import BURST_S, blink
 from rig.protocol import PressureProtocol
@@ -15,7 +16,10 @@ from rig.run import CELLS
 from rig.run_write import RunWriter
 
 ARM_S = 0.2  # between writing the file's head, which names the run's zero, and the start
-MISSES = 3  # cycles in a row that may fail before the run is given up
+MISSES = 3  # readings in a row that may be refused, or not be believed, before the run is given up
+#: Without an answer for so long the run is given up: two answers in a row that come 2 s late, and catching up after
+#: each. Meanwhile nothing is set.
+PATIENCE_S = 5.0
 BEAT_S = 0.5  # a long wait between two samples is no silence
 Progress = Callable[[float, float, float], None]  # (time s, duration s, measured Pa)
 
@@ -55,7 +59,7 @@ def run_protocol(
         raise RigError(f"protocol {protocol.name} wants channel {protocol.channel}, in use: {controller.channels}")
     if not 0.0 < rate_hz <= 1000.0:
         raise RigError(f"loop rate {rate_hz:g} Hz must be above 0 and at most 1000")
-    with controller.narrowed(protocol.limits), Interrupts() as interrupts:
+    with controller.narrowed(protocol.limits), Interrupts("interrupted: venting first") as interrupts:
         outcome = _Session(controller, protocol, Path(path), rate_hz, metadata or {}, progress, interrupts, led).run()
         interrupts.check()  # a signal that came during the last vent still counts
         return outcome
@@ -114,7 +118,7 @@ class _Session:
             status, reason = "success", "the protocol ended"
         except RigError as error:
             reason = str(error)
-            raise RigError(f"{error}; what was recorded is kept in {self.writer.path}") from None
+            raise RigError(f"{error}; what was recorded is kept in {self.writer.kept}") from None
         except (KeyboardInterrupt, SystemExit) as stop:
             status, reason = "abort", "Ctrl-C" if isinstance(stop, KeyboardInterrupt) else "the program was told to end"
             raise
@@ -130,7 +134,7 @@ class _Session:
         protocol, controller = self.protocol, self.controller
         steps = list(protocol.steps_s)
         told_pa: float | None = None
-        misses = 0
+        misses, answered_s = 0, time.monotonic()
         measured_pa = 0.0
         self.wait_until(0.0)
         self.event("start", protocol.name)
@@ -151,16 +155,16 @@ class _Session:
                     self.writer.reading(reading)
                     if reading.channel == protocol.channel:
                         measured_pa = reading.pressure_pa
-                misses = 0
+                misses, answered_s = 0, time.monotonic()
             except (LinkLostError, LimitError):
                 raise
             except RigError as error:  # one garbled answer is no reason to end a run, but it is on record
                 if self.writer.failed:
                     raise
-                misses += 1
+                misses += not isinstance(error, NoAnswerError)
                 self.missed += 1
                 self.event("fault", str(error))
-                if misses >= MISSES:
+                if misses >= MISSES or time.monotonic() - answered_s > PATIENCE_S:
                     raise
             self.cycles += 1
             self.run_s = self.now_s()
@@ -192,9 +196,15 @@ class _Session:
                 "cycles": str(self.cycles),
                 "missed_readings": str(self.missed),
             }
-            self.writer.finish(closing)
+            try:
+                self.writer.finish(closing)
+            except RigError as error:  # a full disk
+                kept = self.writer.kept
+                raise RigError(
+                    f"{error}; vent {closing['vent']}; what was recorded is kept in {kept}: straw runs recover {kept}"
+                ) from None
         if vent_error is not None:
-            raise RigError(f"{vent_error} ({reason}); what was recorded is kept in {self.writer.path}")
+            raise RigError(f"{vent_error} ({reason}); what was recorded is kept in {self.writer.kept}")
 
     def now_s(self) -> float:
         return (self.controller.clock.monotonic_ns() - self.start_ns) * 1e-9

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import ast
 from collections.abc import Collection
 from contextlib import nullcontext
 from pathlib import Path
@@ -13,16 +12,18 @@ import numpy as np
 
 from model.parameters import StrawParameters, load_straw
 from model.simulate import Stepper
+from replay.about_run import about_run, note_run
 from replay.errors import ReplayError
 from replay.live.feed import Live
 from replay.output import check_new, write_json
 from replay.progress import prepare, progress_bar, say
+from replay.settings import settings_of
 from rig.clock import SteppedClock
 from rig.controller import Controller, make_controller
 from rig.emulate import Emulation, emulator_of
 from rig.guarded import GuardedController
-from rig.limits import PressureLimits
-from rig.protocol import PressureProtocol, load_protocol
+from rig.protocol import PressureProtocol
+from rig.protocol_toml import load_protocol
 from rig.run import Run
 from rig.run_derived import write_tip
 from rig.run_read import read_run
@@ -35,6 +36,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the protocol and say what was recorded."""
     protocol = load_protocol(args.protocol)
     straw = load_straw(args.straw)
+    about_run(args)  # what is wrong with it is said before anything else happens
     with live_of(args, straw, protocol) as live:
         return _run(args, straw, protocol, live)
 
@@ -53,13 +55,18 @@ def live_of(args: argparse.Namespace, straw: StrawParameters, protocol: Pressure
 def _run(args: argparse.Namespace, straw: StrawParameters, protocol: PressureProtocol, live: Live | None) -> int:
     if live:
         say(f"look at {live.url} while it runs")
-    if args.emulate:
-        outcome = drive_emulated(args, straw, protocol, live)
-    elif args.fast or args.tip:
+    if (args.fast or args.tip) and not args.emulate:
         raise ReplayError("--fast and --tip belong to --emulate: a real rig runs in real time and is filmed")
-    else:
-        rig = GuardedController(args.controller, args.port, **settings_of(args))
-        outcome = drive(rig, protocol, args.output, straw.cells, args.rate, args.led, live)
+    check_new(args.output)
+    try:
+        if args.emulate:
+            outcome = drive_emulated(args, straw, protocol, live)
+        else:
+            rig = GuardedController(args.controller, args.port, **settings_of(args))
+            outcome = drive(rig, protocol, args.output, straw.cells, args.rate, args.led, live, **about_run(args))
+    finally:
+        if args.output.exists():  # a run that failed or was interrupted is a recording, too
+            note_run(args, args.output)
     if args.json:
         write_json(args.json, {"recording": str(outcome.path), "cycles": outcome.cycles, "missed": outcome.missed})
     print(
@@ -80,9 +87,9 @@ def drive_emulated(
         rig = (
             make_controller(args.controller, emulated.url, clock=clock, **settings_of(args))
             if clock
-            else GuardedController(args.controller, emulated.url, **settings_of(args))
+            else GuardedController(args.controller, emulated.url, remembered=False, **settings_of(args))
         )
-        outcome = drive(rig, protocol, args.output, straw.cells, args.rate, args.led, live)
+        outcome = drive(rig, protocol, args.output, straw.cells, args.rate, args.led, live, **about_run(args))
     if args.tip:
         write_true_tip(args.tip, read_run(outcome.path), emulated.twin.history)
     return outcome
@@ -104,28 +111,6 @@ def write_true_tip(path: Path, recorded: Run, truth: TwinHistory) -> None:
         recorded.sha256,
         recorded.zero_time_ns,
     )
-
-
-def settings_of(args: argparse.Namespace) -> dict[str, Any]:
-    """Limits and driver settings as given on the command line."""
-    settings: dict[str, Any] = {}
-    for text in args.setting:
-        key, equals, value = text.partition("=")
-        if not equals or not key.isidentifier():
-            raise ReplayError(f"--setting {text}: expected KEY=VALUE, as unit=B or regulators=4,0,0,0")
-        try:
-            settings[key] = ast.literal_eval(value)
-        except (ValueError, SyntaxError):
-            settings[key] = value  # text needs no quotes
-    if args.limits:
-        try:
-            low, high, *rate = (float(part) * 1e3 for part in args.limits.split(","))
-            settings["limits"] = PressureLimits(low, high, *rate)
-        except (ValueError, TypeError):
-            raise ReplayError(
-                f"--limits {args.limits}: expected MIN,MAX or MIN,MAX,RATE in kPa, as -40,60,50"
-            ) from None
-    return settings
 
 
 def emulation(

@@ -18,7 +18,8 @@ from replay.live.feed import READING
 from replay.live.follow import Follower
 from replay.report.data import SHOWN, straw_data
 from replay.report.page import SCRIPTS, assemble
-from rig.protocol import PressureProtocol, protocol_from_toml
+from rig.protocol import PressureProtocol
+from rig.protocol_toml import protocol_from_toml
 
 UPDATES_HZ = 30.0
 #: After the run's end the page is served for so long, for what is on its way to get there.

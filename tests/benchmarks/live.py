@@ -18,7 +18,7 @@ from model.parameters import StrawParameters
 from replay.commands.rig_run import drive, emulation
 from replay.live.feed import Live
 from rig.guarded import GuardedController
-from rig.protocol import protocol_from_toml
+from rig.protocol_toml import protocol_from_toml
 from rig.run_read import read_run
 
 TURN_S, RATE_HZ = 2.0, 100.0
