@@ -100,14 +100,10 @@ def track_to_file(
 def quality(tracked: Track) -> dict[str, Any]:
     """The columns of ``/tip/quality``."""
     assert tracked.record is not None
-    kept: list[tuple[NDArray[Any], ...]] = []
-    for _, rows in tracked.record.chunks():
-        reasons = [reason.decode() for reason in rows["reason"]]
-        kept.append((rows["contrast"], rows["widths"].max(axis=1), np.array(reasons, dtype=object)))
-    contrast, blur, reason = (np.concatenate(parts) for parts in zip(*kept, strict=True))
-    said = np.where((reason == "") & ~tracked.trace.valid, "the corners fit no pose, or a repeated picture", reason)
+    kept = [(rows["contrast"], rows["widths"].max(axis=1)) for _, rows in tracked.record.chunks()]
+    contrast, blur = (np.concatenate(parts) for parts in zip(*kept, strict=True))
     grades = {"rms_px": tracked.rms_px, "corners": tracked.corners, "contrast": contrast.astype(float)}
-    return {**grades, "blur_px": blur.astype(float), "reason": said}
+    return {**grades, "blur_px": blur.astype(float), "reason": tracked.said}
 
 
 def corners(tracked: Track) -> Iterator[tuple[NDArray[np.float64], NDArray[np.bool_]] | None]:

@@ -59,7 +59,7 @@ def draw(picture: NDArray[np.uint8], track: Track, index: int, row: Any) -> None
         _axes(picture, track, x, z, phi)
         text += f"X {x * 1e3:8.3f} mm  Z {z * 1e3:8.3f} mm  Phi {np.degrees(phi):7.2f} deg"
     else:
-        text += f"not valid: {row['reason'].decode() or 'see the report'}"
+        text += f"not valid: {track.said[index]}"
     cv2.rectangle(picture, (0, 0), (picture.shape[1], 46), (0, 0, 0), -1)
     cv2.putText(picture, text, (12, 32), cv2.FONT_HERSHEY_SIMPLEX, 0.9, _WHITE if valid else _RED, 2, cv2.LINE_AA)
 

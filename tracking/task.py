@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections import Counter
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -28,9 +28,8 @@ class Track:
     """What a video says about the tip.
 
     ``rms_px`` (n,): reprojection residual per coordinate and frame, ``corners`` (n,): how many corners it rests on (NaN
-    and 0 where invalid). ``camera``: the one used, with ``world_from_camera``, ``board_turn_rad`` and ``line_s`` as
-    found; ``trace.time_s`` is when the shutter passed the board's middle. ``invalid``: how many frames are not valid,
-    by reason. ``rest_frames``: how many still frames placed the camera (0 when its place was given). ``residual_px``
+    and 0 where invalid), ``said`` (n,): why a frame is not valid, "" where it is. ``camera``: the one used, with ``world_from_camera``, ``board_turn_rad`` and ``line_s`` as
+    found; ``trace.time_s`` is when the shutter passed the board's middle. ``rest_frames``: how many still frames placed the camera (0 when its place was given). ``residual_px``
     (corners, 2): the mean over all frames of what the corners miss by, and ``spread_px`` (corners, 2) its deviation.
     ``exposure_s``: by the camera's telemetry, or by the smear; ``lag_px``: what the codec's prediction lags by, and
     what was put right (see ``noise``). ``never_seen``: corners of the board that no frame shows.
@@ -42,7 +41,7 @@ class Track:
     decode: DecodeReport
     camera: Camera
     board: Board
-    invalid: Mapping[str, int]
+    said: NDArray[np.object_]
     rest_frames: int
     turn_sigma_rad: tuple[float, float]
     line_sigma_s: float
@@ -53,6 +52,11 @@ class Track:
     lag_px: float = 0.0
     never_seen: int = 0
     record: Record | None = None
+
+    @property
+    def invalid(self) -> dict[str, int]:
+        """How many frames are not valid, by reason, the commonest first."""
+        return dict(Counter(text for text in self.said.tolist() if text).most_common())
 
 
 @dataclass(frozen=True)

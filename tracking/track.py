@@ -20,11 +20,9 @@ from tracking.follow import Follower
 from tracking.record import Record
 from tracking.solve import Gathered, solved
 from tracking.task import Task, Track
-from tracking.video import DecodeReport, Gap, Picture, ahead, frames_missing
+from tracking.video import DecodeReport, Gap, ahead, frames_missing
 
 _AHEAD = 24  # pictures decoded while the board is searched for, which takes 0.1 s: 75 MB of 1080p
-_STRIDE = 32  # rows between the pixels compared when looking for repeated pictures
-_SAME = 0.8  # of them: a copy keeps as many, and so do still scenes; the board's motion decides (see ``views``)
 
 
 def track(
@@ -85,14 +83,12 @@ def _follow(
     after_s = float(before["time_s"][0]) if len(before) else -math.inf
     if ends := record.ends():
         follower.take_over(*ends)
-    corrupt, last = 0, None
+    corrupt = 0
     pictures = ahead(timeline.frames(after_s), _AHEAD)
     try:
         for frame in pictures:
-            sample = frame.luma[_STRIDE // 2 :: _STRIDE, :: 2 * _STRIDE].copy()
-            repeats = last is not None and _same(sample, last)
-            record.add(frame, frame.corrupt - corrupt, repeats, follower.look(frame.luma, frame.time_s))
-            corrupt, last = frame.corrupt, sample
+            record.add(frame, frame.corrupt - corrupt, follower.look(frame.luma, frame.time_s))
+            corrupt = frame.corrupt
             gathered.take()
             if progress:
                 progress(len(record), max(timeline.expected, len(record)))
@@ -103,10 +99,6 @@ def _follow(
         what = f"{timeline.paths[0]}: not one of {timeline.expected} frames could be decoded"
         raise TrackingError(f"{what}; copy the file again")
     return _account(record, timeline, timeline.corrupt - corrupt)
-
-
-def _same(one: Picture, other: Picture) -> bool:
-    return bool(np.count_nonzero(one == other) >= _SAME * one.size)
 
 
 def _account(record: Record, timeline: Timeline, corrupt: int) -> DecodeReport:
