@@ -147,7 +147,7 @@ def _fit_all(
     timeline: Timeline,
 ) -> Track:
     n, plane, line_s = len(record), settled.plane, settled.camera.line_s or 0.0
-    points_m = apply(settled.camera.tip_from_board, work.board.corner_points_m())
+    points_m = apply(settled.camera.tip_from_board, settled.points_m)
     eye_m = plane.world_from_camera[(0, 2), 3]
     state, sigma = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
     time_s, rms_px, corners = np.empty(n), np.full(n, np.nan), np.zeros(n, np.int64)
