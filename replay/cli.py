@@ -68,6 +68,7 @@ def parser() -> argparse.ArgumentParser:
     p = _command(commands, "calibrate", "a lens from videos or stills of a checkerboard")
     p.add_argument("pictures", type=Path, nargs="+", metavar="VIDEO|IMAGE")
     p.add_argument("-o", "--output", type=Path, required=True, metavar="CAMERA.json")
+    p.add_argument("--board", metavar="CxR", help="squares along both sides (not inner corners): other grids are none")
     p.add_argument("--name", default="", help="what to call the lens (the output's name)")
     p.add_argument("--picture", type=Path, metavar="P.png", help="the projection's uncertainty over the picture")
     _json(p)
