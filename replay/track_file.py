@@ -19,7 +19,7 @@ from rig.run import Run
 from rig.run_track import write_track
 from tracking.board import Board
 from tracking.camera import Camera, camera_json
-from tracking.chapters import in_order, siblings
+from tracking.chapters import copies, in_order, siblings
 from tracking.follow import Rest
 from tracking.task import Track
 from tracking.track import track
@@ -48,6 +48,8 @@ def track_to_file(
     record = output.with_name(output.name + ".corners")
     if beside := siblings(files):
         say(f"{files[0].name}: {', '.join(path.name for path in beside)} beside it belong to it; name all to join them")
+    for copy, other in copies(files):
+        say(f"{copy.name}: holds the same film as {other.name}, which is tracked twice; is it the right file?")
     with progress_bar(f"track {files[0].name}", "frame") as progress:
         try:
             known: dict[str, Any] = {"rest_pose": rest, "start_s": 0.0 if clock else start_s, "record": record}

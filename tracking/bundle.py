@@ -157,6 +157,8 @@ class Bundle:
 
     def _raster(self, weight: Floats, by_theta: Floats, by_place: Floats) -> Floats:
         """Return the covariance (c, c) of the rest frame's score: what it alone fixes has nothing to disagree with."""
+        if not self.raster.shape[2]:
+            return np.zeros_like(self.spread)
         along = np.einsum("n,ncm,nci->mi", weight[0], self.raster, by_theta[0].reshape(len(self.points), 2, -1))
         if self.misprint.count:
             own = np.einsum("n,ncm,ncj->mnj", weight[0], self.raster, by_place[0])
@@ -263,7 +265,7 @@ def _by_print(by: Floats, by_place: Floats) -> Floats:
     ``by`` (f, 2n, m) and ``by_place`` (f, n, 2, 2) are derivatives of the residuals, one of them weighted.
     """
     own = np.einsum("fnci,fncj->finj", by.reshape(*by_place.shape[:3], -1), by_place)
-    return own.reshape(len(by), by.shape[-1], -1)
+    return np.asarray(own.reshape(len(by), by.shape[-1], 2 * by_place.shape[1]))
 
 
 def _blocks(blocks: Floats) -> Floats:
@@ -271,7 +273,7 @@ def _blocks(blocks: Floats) -> Floats:
     n = len(blocks)
     found = np.zeros((n, 2, n, 2))
     found[np.arange(n), :, np.arange(n), :] = blocks
-    return found.reshape(2 * n, 2 * n)
+    return np.asarray(found.reshape(2 * n, 2 * n))
 
 
 def free_start(views: Views, camera: Camera, points_m: Floats) -> Floats:

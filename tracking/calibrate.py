@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from tracking.chapters import copies
 from tracking.corners import FEWEST_CORNERS, find_boards
 from tracking.edges import measure_all
 from tracking.errors import TrackingError
@@ -66,8 +67,11 @@ def calibrate(
     TrackingError for files that cannot be read, differ in size, or show too few boards.
     """
     views: list[View] = []
-    size, looked_at = (0, 0), 0
-    for name, picture, of in _pictures(paths):
+    files = list(dict.fromkeys(map(Path, paths)))
+    twice = {copy for copy, _ in copies(files)}
+    again = len(paths) - len(files) + len(twice)
+    size, looked_at = (0, 0), again
+    for name, picture, of in _pictures([file for file in files if file not in twice]):
         looked_at += 1
         here = picture.shape[1], picture.shape[0]
         if size != (0, 0) and here != size:
@@ -92,7 +96,8 @@ def calibrate(
         raise TrackingError("calibrate: no lens fits the views; are they of one camera, one mode, not stabilised?")
     fit = fits[min(crossed, key=lambda kind: crossed[kind])]
     grid, uncertainty = projection_uncertainty(fit)
-    return Calibration(fit, crossed, views, looked_at, grid, uncertainty, _advice(fit, views, uncertainty))
+    advice = (f"{again} of {len(paths)} files hold the same as another and were left out",) if again else ()
+    return Calibration(fit, crossed, views, looked_at, grid, uncertainty, advice + _advice(fit, views, uncertainty))
 
 
 def _pictures(paths: Sequence[str | os.PathLike[str]]) -> Iterator[tuple[str, Picture, int]]:

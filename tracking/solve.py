@@ -202,6 +202,7 @@ def _fit_all(
         exposure_s=exposure_s,
         lag_px=codec.lag_px,
         never_seen=int(never.sum()),
+        part=(work.fps, work.from_s, work.to_s),
     )
 
 

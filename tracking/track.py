@@ -14,7 +14,7 @@ import numpy as np
 
 from tracking.board import Board
 from tracking.camera import Camera
-from tracking.chapters import Timeline
+from tracking.chapters import Timeline, in_order
 from tracking.errors import TrackingError
 from tracking.follow import Follower
 from tracking.record import Record
@@ -22,6 +22,7 @@ from tracking.solve import Gathered, solved
 from tracking.task import Task, Track
 from tracking.video import DecodeReport, Gap, ahead, frames_missing
 
+_OTHER_RATE = 0.1  # 239.76 for 240 is no other rate; a replay is twice as slow at least
 _AHEAD = 24  # pictures decoded while the board is searched for, which takes 0.1 s: 75 MB of 1080p
 
 
@@ -44,8 +45,10 @@ def track(
     no rest, or no board.
     """
     files = [video] if isinstance(video, str | os.PathLike) else list(video)
-    with Timeline(files) as timeline, tempfile.TemporaryDirectory() as folder:
-        work = Task(tuple(timeline.paths), camera, board, **task)
+    work = Task(tuple(in_order(files)), camera, board, **task)
+    part = work.fps, work.from_s, work.to_s
+    with Timeline(files, *part) as timeline, tempfile.TemporaryDirectory() as folder:
+        _check_rate(timeline, work.fps)
         _check_size(timeline, camera)
         kept = Record(record or Path(folder) / "record", work.identity(), board.shape)
         try:
@@ -68,6 +71,14 @@ def _check_size(timeline: Timeline, camera: Camera) -> None:
     if (timeline.width, timeline.height) != (lens.width, lens.height):
         what = f"pictures are {timeline.width}x{timeline.height}, the lens is for {lens.width}x{lens.height}"
         raise TrackingError(f"{timeline.paths[0]}: {what}; calibrate in the mode of the recording")
+
+
+def _check_rate(timeline: Timeline, fps: float) -> None:
+    """Raise TrackingError for a film in slow motion, unless somebody says which rate is right."""
+    plays, filmed = 1 / timeline.period_s, timeline.capture_rate
+    if not fps and filmed and abs(filmed / plays - 1) > _OTHER_RATE:
+        what = f"{timeline.paths[0]}: filmed at {filmed:.6g} frames/s by its tags, its time stamps run at {plays:.6g}"
+        raise TrackingError(f"{what}; give --fps {filmed:.6g}, or --fps {plays:.6g} if the time stamps are right")
 
 
 def _follow(

@@ -40,6 +40,8 @@ def run(args: argparse.Namespace) -> int:
     rest = rest_of(args.rest, filmed, camera, load_straw(args.straw))
     clock = load_clock(args.clock) if args.clock else None
     task: dict[str, Any] = {"level": args.level, "clock": clock, "near_px": pair(args.near) if args.near else None}
+    task |= {"fps": args.fps}
+    task |= {name: value for name in ("from_s", "to_s") if (value := getattr(args, name)) is not None}
     outputs = [path for path in (args.csv, args.overlay, args.report, args.save_camera) if path]
     for path in outputs:
         check_folder(path)
