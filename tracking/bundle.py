@@ -21,6 +21,7 @@ from tracking.views import Views
 Floats = NDArray[np.float64]
 
 _GLUED_RAD = 0.02  # how askew a careful hand glues: without motion to tell, the turn stays near zero
+_MOST_ASKEW_RAD = 0.35  # 20 degrees: no board is glued so; it is mounted otherwise
 _LINE_S = 4e-6  # a row takes at most the frame's 4.17 ms / 1080 at 240 frames/s; and longer in slower modes
 _ASIDE_M = 0.01  # how far the board's centre may lie beside the plane of motion
 _ROUNDS = 8
@@ -138,7 +139,14 @@ class Bundle:
             step[:SHARED][self.prior <= _FIXED] = 0.0
             self.theta = self.theta + step
             poses = poses + solved[..., every] - solved[..., :every] @ step
-            self.spread = spread + spread @ (self._disagreement(score) + self._raster(weight, by_theta, by_place)) @ spread
+            self.spread = (
+                spread + spread @ (self._disagreement(score) + self._raster(weight, by_theta, by_place)) @ spread
+            )
+            if np.any(np.abs(self.theta[6:8]) > _MOST_ASKEW_RAD):
+                askew = np.degrees(np.abs(self.theta[6:8]).max())
+                what = f"track: with mount '{self.camera.mount}' the board would be glued askew by {askew:.0f} deg"
+                at_rest = f", the tip at rest at phi = {np.degrees(self.rest[2]):.0f} deg" if self.rest else ""
+                raise TrackingError(f"{what}{at_rest}; give the mount it has (--mount), or the right rest pose or run")
             if not np.isfinite(self.theta).all():
                 raise TrackingError("track: the frames fit no common plane of motion; check the lens and the rest pose")
             if every > SHARED:

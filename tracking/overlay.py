@@ -35,7 +35,10 @@ def write_overlay(
     ``track.record`` must be open; every frame is shown, so that a snap can be looked at in slow motion.
     """
     assert track.record is not None
-    with Timeline(videos, *track.part) as timeline, VideoWriter(path, timeline.width, timeline.height, Fraction(30), 12e6) as video:
+    with (
+        Timeline(videos, *track.part) as timeline,
+        VideoWriter(path, timeline.width, timeline.height, Fraction(30), 12e6) as video,
+    ):
         rows, start = track.record.rows(0, 0), 0
         for frame in timeline.frames():
             if frame.index >= start + len(rows):

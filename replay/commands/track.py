@@ -16,7 +16,8 @@ from model.rest import rest_state
 from replay.errors import ReplayError
 from replay.gather import read_whole
 from replay.output import write_json, write_text
-from replay.progress import prepare, progress_bar
+from replay.progress import prepare, progress_bar, say
+from replay.track_expected import against_model
 from replay.track_file import as_csv, track_to_file
 from rig.camera_clock import load_clock
 from rig.run import Run
@@ -47,6 +48,9 @@ def run(args: argparse.Namespace) -> int:
         check_folder(path)
     tracked = track_to_file(args.videos, camera, rest, args.output, filmed, args.start, board=board, **task)
     assert tracked.record is not None
+    if filmed:
+        for line in against_model(filmed, tracked.trace, load_straw(args.straw), tracked.camera):
+            say(f"{in_order(args.videos)[0].name}: {line}")
     try:
         if args.csv:
             write_text(args.csv, as_csv(tracked))
