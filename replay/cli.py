@@ -104,10 +104,8 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--run", type=Path, metavar="RUN.mcap", help="the run it filmed: gives clock, names and rest pose")
     p.add_argument("--start", type=float, default=0.0, metavar="S", help="first frame, s after the run's zero (0)")
     p.add_argument("--fps", type=float, default=0.0, metavar="F", help="filmed at, if saved for slow motion (as 240)")
-    p.add_argument(
-        "--from", type=float, default=None, dest="from_s", metavar="S", help="leave out the film before this"
-    )
-    p.add_argument("--to", type=float, default=None, dest="to_s", metavar="S", help="leave out the film from here on")
+    p.add_argument("--from", type=float, default=None, dest="from_s", metavar="S", help="leave out what is before")
+    p.add_argument("--to", type=float, default=None, dest="to_s", metavar="S", help="leave out what follows")
     p.add_argument("--clock", type=Path, metavar="CLOCK.json", help="instead of --start: the camera's clock (clock)")
     p.add_argument("--rest", metavar="X,Z,PHI", help="tip pose while still at the start (mm,mm,deg); else from --run")
     p.add_argument("--level", action="store_true", help="the camera stands level: phi at rest is measured, not taken")

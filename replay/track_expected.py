@@ -28,7 +28,9 @@ def against_model(run: Run, tip: TipTrace, straw: StrawParameters, camera: Camer
 
     Compared are directions, and how long the motion takes: what a model that lacks some physics still knows.
     """
-    if run.pressure is None or run.initial_deployed is None or np.count_nonzero(tip.valid) < 10:
+    if run.pressure is None or run.initial_deployed is None or run.cells != straw.cells:
+        return []
+    if np.count_nonzero(tip.valid) < 10:
         return []
     begin_s = float(run.pressure.time_s[0])
     host_s = np.arange(begin_s, min(float(run.pressure.time_s[-1]), begin_s + _LONGEST_S), 1 / RATE_HZ)

@@ -268,7 +268,7 @@ def _eliminated(weighted: Floats, by_theta: Floats, by_pose: Floats) -> tuple[Fl
 
 
 def _by_print(by: Floats, by_place: Floats) -> Floats:
-    """Return each frame's block of the normal matrix (f, m, 2n): offsets, which move their own corner alone, with ``by``.
+    """Return each frame's block of the normal matrix (f, m, 2n): offsets, each of its own corner, with ``by``.
 
     ``by`` (f, 2n, m) and ``by_place`` (f, n, 2, 2) are derivatives of the residuals, one of them weighted.
     """

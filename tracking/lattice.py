@@ -15,7 +15,7 @@ _LINE, _WHOLE = 0.75, 0.9  # share of squares that must be right in a line at th
 
 
 def chequered(picture: Picture, grid: Floats) -> Floats | None:
-    """Return the grid (r, c, 2) of corners in px without lines at its sides that are none of the board; None if it is none.
+    """Return the grid (r, c, 2) of corners in px without lines beside the board; None if it is no board.
 
     A line printed beside a board makes corners like a T, and a detector may take every second row: in both cases the
     squares between do not alternate.

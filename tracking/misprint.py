@@ -1,4 +1,4 @@
-"""What a printer does to a board: each corner lies a little off, and so does each line of them; how much, the video tells."""
+"""What a printer does to a board: each corner and each line of them lies a little off; how much, the video tells."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _FIRST_M = 1e-5  # to begin with: laser printers are good to some 10 um over a b
 class Misprint:
     """Prior of the corners' offsets (2n,), x and y of each corner in turn, m: sigma of each corner and of each line.
 
-    Estimated by expectation and maximisation (Dempster, Laird and Rubin, J. R. Stat. Soc. B 39 (1977) 1): see ``learnt``.
+    Estimated by expectation and maximisation (Dempster, Laird, Rubin, J. R. Stat. Soc. B 39 (1977) 1), ``learnt``.
     """
 
     shape: tuple[int, int]

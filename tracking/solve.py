@@ -65,7 +65,7 @@ class Gathered:
         return spoilt
 
     def judged(self) -> tuple[NDArray[np.int64], Floats, Frames, NDArray[np.object_]]:
-        """Return of the frames that are to be believed: numbers (f,), middle and size of the board (f, 3), px, the rest.
+        """Return of the frames to be believed: numbers (f,), middle and size of the board (f, 3), px, and the rest.
 
         Then why the others are not, by frame number (n,); "" for those that are, or show no board.
         """

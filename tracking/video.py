@@ -150,7 +150,7 @@ class VideoReader:
         return float(np.median(steps) * (self._stream.time_base or 0)) if len(steps) else 0.0
 
     def _tagged_rate(self) -> float:
-        """Return at what rate (frames/s) the file says it was filmed, where that is another than it plays at; else 0."""
+        """Return at what rate (frames/s) the file's tags say it was filmed; 0 where they do not."""
         tags = {**self._container.metadata, **self._stream.metadata}
         for name, text in tags.items():
             if name.lower().endswith(_CAPTURE_TAGS):

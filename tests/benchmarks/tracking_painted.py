@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.painting.film import RATE, encode, film
+from tests.painting.film import encode, film
 from tests.painting.motions import REST, full_turn, snaps
 from tests.painting.scene import Scene, about, looking
 from tracking.board import Board
@@ -151,8 +151,7 @@ def main() -> int:
                 every = []
                 for seed in range(args.first, args.first + args.clips):
                     path = (
-                        folder
-                        / f"{name.replace(' ', '-').replace(',', '').replace('/', '')}-{seed}-{1e6 * misprint_m:.0f}.mp4"
+                        folder / f"{''.join(c if c.isalnum() else '-' for c in name)}-{seed}-{1e6 * misprint_m:.0f}.mp4"
                     )
                     scene = painted(path, KINDS[name], seed, misprint_m)
                     start = time.perf_counter()

@@ -1,4 +1,4 @@
-"""What a camera sees of a printed checkerboard, analytically: Brown's lens, edges as error functions, every row its time."""
+"""A printed checkerboard as a camera sees it, analytically: Brown's lens, edges as error functions, rolling shutter."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PAPER, INK = 212.0, 38.0  # grey levels under even light
 
 @numba.njit(cache=True)
 def bend(a, b, k1, k2, p1, p2, k3):
-    """Distort a normalised point: D. C. Brown, Photogrammetric Engineering 37 (1971) 855, equations as in OpenCV's manual."""
+    """Distort a normalised point: D. C. Brown, Photogrammetric Engineering 37 (1971) 855, as in OpenCV's manual."""
     r2 = a * a + b * b
     radial = 1 + k1 * r2 + k2 * r2**2 + k3 * r2**3
     return a * radial + 2 * p1 * a * b + p2 * (r2 + 2 * a * a), b * radial + p1 * (r2 + 2 * b * b) + 2 * p2 * a * b
@@ -39,7 +39,7 @@ def unbend(width, height, f, cx, cy, brown, rays):
 
 @numba.njit(cache=True)
 def wave(at, lines, grade, sigma_px):
-    """Return a square wave of +-1 that changes sign at ``lines``, seen with a Gaussian edge: ``grade`` is board per px."""
+    """Return a square wave of +-1 with changes at ``lines`` and Gaussian edges; ``grade`` is board per px."""
     sign, near = 1.0, 0
     for k in range(len(lines)):
         if abs(at - lines[k]) < abs(at - lines[near]):
