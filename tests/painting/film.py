@@ -31,7 +31,7 @@ def encode(
     preset: str = "veryfast",
     b_frames: int = 0,
     rate: Fraction = RATE,
-    ticks: Iterable[int] | None = None,
+    ticks: Iterable[float] | None = None,
     gop: int = 30,
 ) -> Path:
     """Write an MP4; ``ticks``: each picture's time in frames, where some are missing or late (0, 1, 2 ...)."""
@@ -48,7 +48,7 @@ def encode(
         frame = av.VideoFrame.from_ndarray(
             np.concatenate((luma, np.full((luma.shape[0] // 2, luma.shape[1]), 128, np.uint8))), format="yuv420p"
         )
-        frame.pts, frame.time_base = 1001 * (next(times) if times else k), stream.time_base
+        frame.pts, frame.time_base = round(1001 * (next(times) if times else k)), stream.time_base
         container.mux(stream.encode(frame))
     container.mux(stream.encode(None))
     container.close()
