@@ -29,6 +29,8 @@ _SURE = 100.0  # odds; before any is found that is a false alarm in a million go
 _MOST_REPEATS = 6  # of one picture, one after another
 _ALIKE = 50  # frames next slower and next faster, by which it is judged what is usual; a sixteenth of a short video
 _MAD = 1.4826  # times the median absolute deviation is a standard deviation
+_SMOOTH = 0.2  # of the jump: what the frames beside it may miss without it; beside a blow they miss a half of it
+_AROUND = 10  # frames on either side, of which some may be refused
 _HOLE = 8.0  # periods: a prediction over more tells nothing
 _LEAST_PX = 1e-3
 _INDEPENDENT = 10.0  # corners at most: those side by side err alike
@@ -64,10 +66,10 @@ def course_of(grid: Floats) -> Floats:
 def doubted(seen: Courses) -> NDArray[np.object_]:
     """Return why each sighting is not to be believed, "" where it is.
 
-    A sighting is judged by the frames around it, which predict it in three ways: from both sides, from before and
-    from after; a real motion, be it stopped by a blow, agrees with one of them. Their variance is the usual one at that
-    speed in this video, and what the next simpler prediction says otherwise. Refused is what a good frame would do once
-    in a million. A repeated picture is told by how much likelier it is than a halt.
+    A sighting is judged by the frames around it. Their prediction's variance is the usual one at that speed in this
+    video, and what the next simpler prediction says otherwise. Refused is what a good frame would do once in a million,
+    if without it the motion is smooth, which it is not at a blow. A repeated picture is told by how much likelier it
+    is than a halt.
     """
     reasons = np.full(len(seen.time_s), "", dtype=object)
     if not len(reasons):
@@ -76,21 +78,39 @@ def doubted(seen: Courses) -> NDArray[np.object_]:
     for k, count in _repeats(seen, usual, reasons == ""):
         reasons[k : k + count] = REPEATED
     reasons[_misfits(seen) & (reasons == "")] = MISFIT
-    for _ in range(3):  # whoever stood beside a bad one is judged without it
-        good = reasons == ""
-        far = _distance(seen, usual, good)
-        worst = (far > _FAR) & good & (far >= _largest_around(far))
-        if not worst.any():
-            break
-        reasons[worst] = JUMPS
+    _refuse_jumps(seen, usual, reasons)
     reasons[seen.lost] = LOST  # until the codec begins again; what is damaged may look sound, and drifts away slowly
     return reasons
 
 
-def _largest_around(values: Floats) -> Floats:
-    """Return the largest of each value and the two beside it."""
-    padded = np.concatenate(([-np.inf], values, [-np.inf]))
-    return np.maximum(np.maximum(padded[:-2], padded[2:]), values)
+def _refuse_jumps(seen: Courses, usual: Floats, reasons: NDArray[np.object_]) -> None:
+    """Enter who is out of a motion that is smooth without it, the farthest first."""
+    far = np.nan_to_num(_misses(seen, usual, reasons == "")[0])
+    for k in np.argsort(-far):
+        if far[k] <= _FAR:
+            return
+        if reasons[k]:
+            continue
+        near = slice(max(k - _AROUND, 0), k + _AROUND + 1)
+        part = Courses(seen.time_s[near], seen.course[near], seen.rms_px[near], seen.lost[near])
+        good, at = reasons[near] == "", k - near.start
+        if np.nan_to_num(_misses(part, usual[near], good)[0, at]) <= _FAR:
+            continue  # it was its neighbour
+        own = _missed(part, good, at)
+        good[at] = False
+        beside = [m for m in (at - 1, at + 1) if 0 <= m < len(good) and good[m]]
+        if beside and max(_missed(part, good, m) for m in beside) < _SMOOTH**2 * own:
+            reasons[k] = JUMPS
+
+
+def _missed(part: Courses, good: Flags, k: int) -> float:
+    """Return by how much (px^2) a frame misses what three on either side predict; infinite without those."""
+    before, after = _others(good, len(good))
+    by = np.concatenate((before[k], after[k]))[None]
+    if (by < 0).any():
+        return np.inf
+    guess, _ = _predicted(part.time_s, part.course, part.time_s[k : k + 1], by)
+    return float(((part.course[k] - guess[0]) ** 2).sum())
 
 
 def _speed(seen: Courses) -> Floats:

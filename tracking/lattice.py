@@ -36,11 +36,16 @@ def chequered(picture: Picture, grid: Floats) -> Floats | None:
 
 
 def _alternating(picture: Picture, grid: Floats) -> Flags:
-    """Return which squares (r - 1, c - 1) are darker, or lighter, than those beside them, as their colour is."""
+    """Return which squares (r + 1, c + 1) are darker, or lighter, than those beside them, as their colour is.
+
+    Those around the grid, too, as every corner of the board lies between four; outside the picture they are taken so.
+    """
+    grid = np.concatenate((2 * grid[:1] - grid[1:2], grid, 2 * grid[-1:] - grid[-2:-1]))
+    grid = np.concatenate((2 * grid[:, :1] - grid[:, 1:2], grid, 2 * grid[:, -1:] - grid[:, -2:-1]), axis=1)
     centres = (grid[1:, 1:] + grid[1:, :-1] + grid[:-1, 1:] + grid[:-1, :-1]) / 4
-    u, v = np.round(centres).astype(int).transpose(2, 0, 1)
+    at_u, at_v = np.round(centres).astype(int).transpose(2, 0, 1)
     height, width = picture.shape
-    u, v = np.clip(u, 1, width - 2), np.clip(v, 1, height - 2)
+    u, v = np.clip(at_u, 1, width - 2), np.clip(at_v, 1, height - 2)
     level = np.mean([picture[v + dv, u + du].astype(np.float64) for dv in (-1, 0, 1) for du in (-1, 0, 1)], axis=0)
     i, j = np.indices(level.shape)
     colour = np.where((i + j) % 2 == 0, 1.0, -1.0)
@@ -48,4 +53,4 @@ def _alternating(picture: Picture, grid: Floats) -> Flags:
     beside = np.nanmean((padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]), axis=0)
     lead = colour * (level - beside)
     typical = float(np.median(lead))
-    return np.asarray(lead * np.sign(typical) > _CLEAR * abs(typical))
+    return np.asarray((lead * np.sign(typical) > _CLEAR * abs(typical)) | (u != at_u) | (v != at_v))

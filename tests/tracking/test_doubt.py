@@ -1,4 +1,4 @@
-"""No wrong pose passes as valid: repeated pictures, lost packets, boards that jump; painted without this room's code."""
+"""No wrong pose passes as valid: repeated pictures, lost packets, boards that jump, printed frames."""
 
 from __future__ import annotations
 
