@@ -3,6 +3,7 @@
     python -m tests.benchmarks.proposing --keep FOLDER            the develop split of seed 1
     python -m tests.benchmarks.proposing --split final --seed 20261129 --keep FOLDER
     python -m tests.benchmarks.proposing --recordings ../shared/recordings
+    python -m tests.benchmarks.proposing --held FOLDER            what the training's folder held out, by size
 
 A deck is opened as a whole: its labels are seen here, so only decks that are for developing, or opened already, are of
 use. ``--keep`` keeps the recordings, half a minute of two cores for a deck of 67.
@@ -17,15 +18,24 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from replay.diagnose.observation import observe
+from replay.diagnose.propose.dataset import Number, numbers
 from replay.diagnose.propose.learned import Learned, load, shipped
 from replay.diagnose.propose.proposal import Proposal, propose
+from replay.diagnose.propose.train import HELD_OUT, gathered
+from replay.diagnose.propose.train import asked as asked_of
 from replay.gather import gather
 from replay.progress import progress_bar
 from rig.run import Run
 from tests.apparatus.campaign import make
 from tests.apparatus.cases import RUN_IDS, Case, deck, recorded
 from tests.benchmarks.concealed import BASE, SIX
+
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
 
 #: A score above this is sure; a cause is among those to be tried early if it is among so many.
 SURE, EARLY = 0.9, 3
@@ -117,6 +127,52 @@ def surely_wrong(row: Asked) -> bool:
     return any(score > SURE and name not in row.label for name, score in row.proposal.scores.items())
 
 
+def held_out(folder: Path, learned: Learned) -> str:
+    """Held-out simulations by size of the effect, and how near starts are to the truth."""
+    examples = gathered(folder, 1, (HELD_OUT,))
+    names, straw = learned.about["causes"], BASE
+    said = asked_of(list(learned.members), learned.scaling, examples).astype(np.float64)
+    scores = (1 / (1 + np.exp(-said[..., : len(names)] / learned.about["temperature"]))).mean(axis=0)
+    wanted, n = numbers(straw), len(learned.about["numbers"])
+    means = said[..., len(names) : len(names) + n].mean(axis=0)
+    spread = np.exp(np.clip(said[..., len(names) + n :], -3, 2)).mean(axis=0)
+    off = means - examples.values
+    units = _largest_units(examples.values, wanted, names)
+    many = examples.present.sum(axis=1)
+    places = np.argsort(np.argsort(-scores, axis=1), axis=1)
+    heads = (("units", 13), ("one", 6), ("first", 7), ("in 3", 7), ("two", 6), ("first", 7), ("in 4", 7))
+    lines = [f"{len(examples)} held-out simulations, runs of any protocol, asked once"]
+    lines.append("".join(f"{head:>{width}s}" for head, width in heads))
+    for low, high in ((0.0, 1.0), (1.0, 3.0), (3.0, 10.0), (10.0, np.inf)):
+        cells = f"{low:5.0f} to {high:4.0f}"
+        for count, early in ((1, 3), (2, 4)):
+            least = np.min(np.where(examples.present, units, np.inf), axis=1)
+            some = (many == count) & (least >= low) & (least < high)
+            worst = np.max(np.where(examples.present, places, -1), axis=1)[some]
+            cells += f"{some.sum():6d}{np.mean(worst < count):7.2f}{np.mean(worst < early):7.2f}"
+        lines.append(cells)
+    nothing = scores[many == 0].max(axis=1)
+    lines.append(f"nothing there: {len(nothing)}, no score above one half in {np.mean(nothing < 0.5):.2f}")
+    for k, number in enumerate(wanted):
+        there = np.isfinite(off[:, k])
+        if (not number.cause or number.unknown.kind == "strength") and there.sum() > 5:
+            e, s = off[there, k] * number.unit, spread[there, k] * number.unit
+            rms, scatter = np.sqrt(np.mean(e**2)), np.std(examples.values[there, k]) * number.unit
+            lines.append(f"  {number.name:58s} off by {rms:5.2f} u, stated {s.mean():5.2f}, of {scatter:5.2f}")
+    return "\n".join(lines)
+
+
+def _largest_units(values: Singles, wanted: list[Number], names: list[str]) -> Floats:
+    """How large each cause is that is there, in the library's units (recordings, causes)."""
+    out = np.zeros((len(values), len(names)))
+    for k, number in enumerate(wanted):
+        if number.cause in names and number.unknown.kind == "strength" and not number.size_only:
+            size = np.sinh(np.abs(np.nan_to_num(values[:, k].astype(np.float64))) * number.unit)
+            column = names.index(number.cause)
+            out[:, column] = np.maximum(out[:, column], size)
+    return out
+
+
 def main() -> None:
     """Ask and print."""
     ask = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -125,11 +181,15 @@ def main() -> None:
     ask.add_argument("--cases", type=int, default=10**6)
     ask.add_argument("--keep", type=Path, help="folder for the recordings")
     ask.add_argument("--recordings", type=Path, help="folder with open-a to open-d")
+    ask.add_argument("--held", type=Path, help="folder of a training")
     ask.add_argument("--weights", type=Path, help="instead of those that come with the package")
     args = ask.parse_args()
     learned = load(args.weights) if args.weights else shipped()
     print(f"learned from {learned.about['recordings']} recordings; held out: {learned.about['held_out']}")
     rows = []
+    if args.held:
+        print(held_out(args.held, learned))
+        return
     if args.recordings:
         for name, label in GIVEN.items():
             runs = tuple(gather(sorted((args.recordings / name).glob("*.mcap"))))

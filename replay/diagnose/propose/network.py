@@ -17,8 +17,8 @@ Singles = NDArray[np.float32]
 
 #: Widths: of the encoder's two layers and of the head's first.
 ENCODER, HEAD = (256, 128), 256
-RATE, DECAY, BETAS = 2e-3, 3e-2, (0.9, 0.999)
-DROP_IN, DROP = 0.05, 0.15
+RATE, DECAY, BETAS = 2e-3, 0.3, (0.9, 0.999)
+DROP_IN, DROP = 0.05, 0.3
 #: Least and most logarithm of a stated deviation; how much the numbers count beside the causes.
 LOG_SD, NUMBERS, OUTLIER = (-3.0, 2.0), 0.15, 4.0
 

@@ -23,7 +23,7 @@ HOW_MANY = (0.25, 0.47, 0.28)
 #: How far a specimen's constants may be from the nominal: r_ch, c_zeta, c_phi as logarithms, the rest in deviations of
 #: the library's prior; and by which factor less where they have been fitted already.
 DAMPING, CHANNEL, NEAR = 1.6, 0.25, 1.0
-FITTED = ((1.0, 0.6), (0.35, 0.2), (0.08, 0.2))
+FITTED = ((1.0, 0.4), (0.3, 0.35), (0.08, 0.25))
 #: Deviation of fitted elasticity and geometry from the paper's.
 FITTED_DIFFER = 0.02
 #: Deviation of cells of one specimen from each other, in E: too little to be called a spread.
