@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
+#: No row of `model.terms.shell_energy`.
+EQUATION_7: Floats = np.zeros(1)
+
 
 class Frustum(NamedTuple):
     """One frustum at one moment, as a frustum term sees it; SI."""
@@ -26,6 +29,7 @@ class Frustum(NamedTuple):
     r_i: float  # m
     r_o: float  # m
     cycle: float  # how often the specimen was cycled before this run
+    wall: Floats = EQUATION_7  # a row of `model.terms.shell_energy`; equation 7 where its first number is zero
 
 
 @dataclass(frozen=True)
