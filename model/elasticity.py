@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import ModelError
-from model.terms.shell_energy import EVEN, HEAD, ORDER, ROW
+from model.terms.shell_energy import HEAD, POWERS, ROW
 
 Floats = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ REST_WIDTH, STIFFER = 0.08, 1.5
 
 @dataclass(frozen=True)
 class Elasticity:
-    """Coefficients (ORDER + 1, EVEN) of f_s, f_b, f_z over (zeta / end)^i (r_i phi / end)^2j, and their geometry."""
+    """Coefficients (36,) of f_s, f_b, f_z by the powers of `model.terms.shell_energy`, and their geometry."""
 
     r_i_m: float
     r_o_m: float
@@ -62,7 +62,7 @@ class Elasticity:
         """C2 / (C1 w^2) of the geometry, k0."""
         return bending_share(self.r_i_m, self.r_o_m, self.h_m)
 
-    def row(self, C1: float, C2: float, zeta0_m: float, r_i_m: float, r_o_m: float) -> Floats:
+    def row(self, C1: float, C2: float, zeta0_m: float, r_i_m: float, r_o_m: float, share: float = 1.0) -> Floats:
         """What `model.terms.shell_energy` takes for a frustum, (ROW,), scaled by its width."""
         w = r_o_m - r_i_m
         size = w / self.width_m
@@ -71,8 +71,8 @@ class Elasticity:
         row = np.empty(ROW)
         end = self.end_m * size
         d = REST_WIDTH * end
-        row[:HEAD] = end, d, STIFFER * C1 * w**3 * self.outward_n / (3 * d**2)
-        row[HEAD:] = C1 * w**4 * c.ravel()
+        row[:HEAD] = end, d, STIFFER * C1 * w**3 * self.outward_n / (3 * d**2), share
+        row[HEAD:] = C1 * w**4 * c
         return row
 
     def check(self, where: str, r_i_m: float, r_o_m: float, zeta0_m: float, h_m: float) -> None:
@@ -99,7 +99,7 @@ class Elasticity:
         try:
             tables = {k: np.array(data[k], dtype=np.float64) for k in ("stretching", "bending", "by_zeta0")}
             made = cls(**{**data, **tables})
-            good = all(t.shape == (ORDER + 1, EVEN) and np.all(np.isfinite(t)) for t in tables.values())
+            good = all(t.shape == (len(POWERS),) and np.all(np.isfinite(t)) for t in tables.values())
             numbers = (made.r_i_m, made.r_o_m, made.h_m, made.end_m, made.outward_n)
             if not good or not all(isinstance(x, float) and math.isfinite(x) and x > 0 for x in numbers):
                 raise ValueError("its numbers are not those of an elasticity")

@@ -216,11 +216,13 @@ class StrawParameters:
     def _wall_rows(self, C1: Floats, C2: Floats) -> Floats:
         """Rows of `model.terms.shell_energy` for the even frusta, (cells, 2, ROW); zero for equation 7."""
         rows = np.zeros((self.cells, 2, ROW))
-        if self.elasticity != EQUATION_7:
-            table = elasticity_of(self.elasticity)
-            for n in range(self.cells):
-                zeta0 = float(self.zeta0_m[n, 1])
-                rows[n, 1] = table.row(float(C1[n, 1]), float(C2[n, 1]), zeta0, self.r_i_m, self.r_o_m)
+        given = self.terms.get("wall_elasticity", {}).get("share", 0.0)
+        share = self._per_frustum_of_term("share", given, "walls") + (self.elasticity != EQUATION_7)
+        table = elasticity_of(SHIPPED if self.elasticity == EQUATION_7 else self.elasticity)
+        for n in np.flatnonzero(share[:, 1]):
+            zeta0 = float(self.zeta0_m[n, 1])
+            scaled = float(C1[n, 1]), float(C2[n, 1]), zeta0, self.r_i_m, self.r_o_m, float(share[n, 1])
+            rows[n, 1] = table.row(*scaled)
         return rows
 
     def _has(self, kind: str) -> bool:

@@ -56,6 +56,7 @@ class Term:
       values known before an implicit step (q = known + step_s q') and returns those after it, minus the force.
       Its first constant is its strength;
     * ``body``: ``force(c, k, chain, load)`` adds to the bodies along the straw;
+    * ``walls``: constants of the frusta's own energy; `model.parameters` and `model.terms.elasticity` take them;
     * ``flow``: constants of the way from the controller to the inside of the straw; `model.channel` takes them.
     """
 

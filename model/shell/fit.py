@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from model.elasticity import Elasticity
 from model.errors import ModelError
-from model.shell.landscape import REACH, Landscape
+from model.shell.landscape import Landscape
 from model.shell.strain import Floats
-from model.terms.shell_energy import EVEN, ORDER, shell_energy, shell_force
+from model.terms.shell_energy import POWERS, shell_energy, shell_force
 
 #: A straw is in states of little energy: a point counts half where its energy is this many times the barrier's of
 #: equation 7's scale, a quarter of the largest; and these are what errors of energy, force, moment weigh alike:
 #: one per mille of the energy, the force that does it over the height, the moment over an angle of 0.2 rad.
-SOFT_SHARE = 0.08
+SOFT_SHARE = 0.05
 ENERGY_WEIGHT = 1e-3
-#: The slant's end: the rim may come as near to the slant as the landscape goes.
+#: Where the polynomial ends, |zeta| + r_i |phi| as a share of the slant: there the energy is four times the barrier and
+#: rises so steeply that the wall behind is hardly stiffer; beyond, order 10 would follow less well where straws are.
+END = 0.88
 FEWEST_POINTS = 150
 
 
@@ -33,10 +35,6 @@ class Quality:
     moment_n_m: float
 
 
-def _powers() -> list[tuple[int, int]]:
-    return [(i, 2 * j) for i in range(ORDER + 1) for j in range(EVEN) if i + 2 * j <= ORDER]
-
-
 def _derivatives(x: Floats, w: Floats, by_x: int, by_w: int) -> Floats:
     """Columns of all powers, differentiated so often, at x = zeta / end, w = r_i phi / end."""
 
@@ -45,7 +43,7 @@ def _derivatives(x: Floats, w: Floats, by_x: int, by_w: int) -> Floats:
             return np.zeros_like(a)
         return np.asarray(math.perm(power, times) * a ** (power - times))
 
-    return np.column_stack([one(x, i, by_x) * one(w, j, by_w) for i, j in _powers()])
+    return np.column_stack([one(x, i, by_x) * one(w, j, by_w) for i, j in POWERS])
 
 
 def fitted(land: Landscape, made: str = "") -> Elasticity:
@@ -60,7 +58,8 @@ def fitted(land: Landscape, made: str = "") -> Elasticity:
         raise ModelError(f"shell: a landscape of {len(land.points)} points, expected {FEWEST_POINTS} or more for a fit")
     r_o, r_i, zeta0 = (float(walls[0].points_m[i, j]) for i, j in ((0, 0), (1, 0), (1, 1)))
     h, w = float(walls[0].thickness_m[0]), r_o - r_i
-    end = REACH * problem.slant_m
+    end = END * problem.slant_m
+    land = replace(land, points=land.points[np.abs(land.points[:, 0]) + r_i * land.points[:, 1] <= 1.001 * end])
     x, y = land.column("zeta_m") / end, r_i * land.column("phi_rad") / end
     energy, force, moment = (land.column(name) for name in ("energy_j", "force_n", "moment_n_m"))
     soft = SOFT_SHARE * energy.max()
@@ -68,7 +67,7 @@ def fitted(land: Landscape, made: str = "") -> Elasticity:
     per = weight / (ENERGY_WEIGHT * soft)
     values = _derivatives(x, y, 0, 0)
     # forces over the distance between states, moments likewise: an error there is felt as the energy it makes
-    reach, turn = 0.25 * end, 0.25 * end / r_i
+    reach, turn = 0.5 * end, 0.5 * end / r_i
     A = np.vstack(
         [
             values * per[:, None],
@@ -90,9 +89,9 @@ def fitted(land: Landscape, made: str = "") -> Elasticity:
         h,
         problem.nu,
         end,
-        _table((whole - bending) / (C1 * w**4)),
-        _table(bending / (C1 * w**4)),
-        _table(by_zeta0 / (C1 * w**3)),
+        (whole - bending) / (C1 * w**4),
+        bending / (C1 * w**4),
+        by_zeta0 / (C1 * w**3),
         float(outward / (C1 * w**3)),
         made,
     )
@@ -101,13 +100,6 @@ def fitted(land: Landscape, made: str = "") -> Elasticity:
 def _solved(A: Floats, b: Floats) -> Floats:
     scale = np.linalg.norm(A, axis=0)
     return np.asarray(np.linalg.lstsq(A / scale, b, rcond=None)[0] / scale)
-
-
-def _table(c: Floats) -> Floats:
-    out = np.zeros((ORDER + 1, EVEN))
-    for value, (i, j) in zip(c, _powers(), strict=True):
-        out[i, j // 2] = value
-    return out
 
 
 def quality(land: Landscape, elasticity: Elasticity, below_j: float) -> Quality:

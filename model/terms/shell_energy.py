@@ -1,6 +1,6 @@
 """A frustum's energy as a polynomial of finite elements, even in phi, with exact derivatives and an end at the slant.
 
-U = C1 w^4 sum c_ij (zeta / L)^i (r_i phi / L)^2j, i + 2 j <= 12, where w = r_o - r_i and L is a little less than the
+U = C1 w^4 sum c_ij (zeta / L)^i (r_i phi / L)^2j, i + 2 j <= 10, where w = r_o - r_i and L is a little less than the
 slant. The rim's two outermost points stand at zeta +- r_i phi, which a wall that does not stretch cannot bring beyond
 the slant. There both are brought to rest smoothly, g(u) = L + d tanh((u - L) / d), and a stiff wall k (u - L)^3 takes
 over: twice continuously differentiable, and pushed back from everywhere.
@@ -13,33 +13,43 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import allocates_nothing, called, compiled
+from model.compiled import allocates_nothing, called, compiled, fused
 
 Floats = NDArray[np.float64]
 
-#: Total order of the polynomial, and so many powers of phi^2.
-ORDER = 12
-EVEN = ORDER // 2 + 1
-#: A row: L in m (0: there is no such energy), d in m, k in N/m^2, then coefficients in J by rising power of zeta,
-#: for each as many as there are powers of phi^2.
-HEAD = 3
-ROW = HEAD + (ORDER + 1) * EVEN
+#: Total order of the polynomial.
+ORDER = 10
+#: A row: L in m (0: there is no such energy), d in m, k in N/m^2, the share of this energy beside equation 7's, then
+#: coefficients in J: for each power of phi^2, from none to five, those by rising power of zeta.
+HEAD, SHARE = 4, 3
+POWERS = tuple((i, 2 * j) for j in range(ORDER // 2 + 1) for i in range(ORDER - 2 * j + 1))
+ROW = HEAD + len(POWERS)
+_AT = tuple(HEAD + POWERS.index((0, 2 * j)) for j in range(ORDER // 2 + 1))
+AT0, AT1, AT2, AT3, AT4, AT5 = _AT
 
 
-@allocates_nothing
+@fused
+def _in_zeta(z: float, row: Floats, at: int, order: int) -> tuple[float, float]:
+    """A polynomial in z alone and its derivative, by Horner's rule."""
+    p, s = row[at + order], 0.0
+    for i in range(order - 1, -1, -1):
+        s = s * z + p
+        p = p * z + row[at + i]
+    return p, s
+
+
+@fused
 def _polynomial(z: float, w2: float, row: Floats) -> tuple[float, float, float]:
     """P and its derivatives by z and by w2, at z = zeta / L and w2 = (r_i phi / L)^2."""
-    p0 = p1 = p2 = p3 = p4 = p5 = p6 = 0.0
-    s0 = s1 = s2 = s3 = s4 = s5 = s6 = 0.0
-    for i in range(ORDER, -1, -1):
-        at = HEAD + i * EVEN
-        s0, s1, s2, s3 = s0 * z + p0, s1 * z + p1, s2 * z + p2, s3 * z + p3
-        s4, s5, s6 = s4 * z + p4, s5 * z + p5, s6 * z + p6
-        p0, p1, p2, p3 = p0 * z + row[at], p1 * z + row[at + 1], p2 * z + row[at + 2], p3 * z + row[at + 3]
-        p4, p5, p6 = p4 * z + row[at + 4], p5 * z + row[at + 5], p6 * z + row[at + 6]
-    value = p0 + w2 * (p1 + w2 * (p2 + w2 * (p3 + w2 * (p4 + w2 * (p5 + w2 * p6)))))
-    by_z = s0 + w2 * (s1 + w2 * (s2 + w2 * (s3 + w2 * (s4 + w2 * (s5 + w2 * s6)))))
-    by_w2 = p1 + w2 * (2 * p2 + w2 * (3 * p3 + w2 * (4 * p4 + w2 * (5 * p5 + w2 * 6 * p6))))
+    p0, s0 = _in_zeta(z, row, AT0, 10)
+    p1, s1 = _in_zeta(z, row, AT1, 8)
+    p2, s2 = _in_zeta(z, row, AT2, 6)
+    p3, s3 = _in_zeta(z, row, AT3, 4)
+    p4, s4 = _in_zeta(z, row, AT4, 2)
+    p5 = row[AT5]
+    value = p0 + w2 * (p1 + w2 * (p2 + w2 * (p3 + w2 * (p4 + w2 * p5))))
+    by_z = s0 + w2 * (s1 + w2 * (s2 + w2 * (s3 + w2 * s4)))
+    by_w2 = p1 + w2 * (2 * p2 + w2 * (3 * p3 + w2 * (4 * p4 + w2 * 5 * p5)))
     return value, by_z, by_w2
 
 
@@ -84,10 +94,12 @@ def shell_energy(zeta: float, phi: float, r_i: float, row: Floats) -> float:
 def _second(z: float, w2: float, row: Floats) -> tuple[float, float, float]:
     """Second derivatives of P by z twice, by z and w2, by w2 twice."""
     zz = zw = ww = 0.0
-    for j in range(EVEN - 1, -1, -1):
+    for j in range(ORDER // 2, -1, -1):
         p = s = c = 0.0
-        for i in range(ORDER, -1, -1):
-            c, s, p = c * z + s, s * z + p, p * z + row[HEAD + i * EVEN + j]
+        order = ORDER - 2 * j
+        at = HEAD + j * (ORDER + 2 - j)
+        for i in range(order, -1, -1):
+            c, s, p = c * z + s, s * z + p, p * z + row[at + i]
         zz = zz * w2 + 2 * c
         if j >= 1:
             zw = zw * w2 + j * s
