@@ -42,7 +42,7 @@ class Mesh:
 class Shell:
     """A profile of one material, cut into a mesh; coefficients are one vector q (size,)."""
 
-    def __init__(self, profile: Profile, E_pa: float, nu: float, mesh: Mesh = Mesh()) -> None:
+    def __init__(self, profile: Profile, E_pa: float, nu: float, mesh: Mesh, around: int | None = None) -> None:
         if not (np.isfinite(E_pa) and E_pa > 0):
             raise ModelError(f"shell: E_pa = {E_pa}, expected above zero")
         if not 0 <= nu < 0.5:
@@ -51,10 +51,11 @@ class Shell:
         self.per_field = mesh.harmonics + 1
         self.nodes_of = mesh.elements * mesh.order + 1  # of one wall
         self.size = len(profile.walls) * self.nodes_of * FIELDS * self.per_field
-        theta = (np.arange(mesh.around) + 0.5) * np.pi / mesh.around
+        points = around or mesh.around
+        theta = (np.arange(points) + 0.5) * np.pi / points
         # bodies that are the same all around need one point, off the axes so that cos and sin both count
-        self.theta = np.array([np.pi / 4]) if mesh.harmonics == 1 else theta
-        self.around_weight = 2 * np.pi / mesh.around
+        self.theta = np.array([np.pi / 4]) if points == 1 else theta
+        self.around_weight = 2 * np.pi / points
         self.unloaded = np.zeros(self.size)
         self.parts = [_Part(self, number, meridian) for number, meridian in enumerate(profile.walls)]
 
@@ -67,6 +68,18 @@ class Shell:
         """A wall's coefficients as (nodes, 6, harmonics)."""
         each = self.nodes_of * FIELDS * self.per_field
         return q[wall_number * each : (wall_number + 1) * each].reshape(self.nodes_of, FIELDS, self.per_field)
+
+    def places(self, q: Floats) -> list[Floats]:
+        """Where each wall's points are, (points along, points around, 3), m, from one base to the other."""
+        out = []
+        for part in self.parts:
+            blocks = part.blocks(q)[:, :, :3]
+            values = [
+                np.einsum("enp,tk,enk->ept", part.functions[:, :, 0], around[:, 0], blocks[:, :, field])
+                for field, around in enumerate((part.cosines, part.sines, part.cosines))
+            ]
+            out.append(np.stack(values, axis=-1).reshape(-1, len(self.theta), 3))
+        return out
 
     def energy(self, q: Floats) -> tuple[float, float]:
         """Energy of stretching and of bending, J."""
@@ -141,14 +154,14 @@ class _Part:
         # half a wall by symmetry: theta from 0 to pi counts twice, which `around_weight` holds
         self.wall: Wall = wall(vectors, area, self.shell.E_pa, self.shell.nu, np.repeat(h.ravel(), points))
 
-    def _blocks(self, q: Floats) -> Floats:
+    def blocks(self, q: Floats) -> Floats:
         """Coefficients by element, (elements, nodes of one, 6, harmonics)."""
         c, p = self.shell.coefficients(q, self.number), self.shell.mesh.order
         return np.stack([c[e * p : (e + 1) * p + 1] for e in range(self.shell.mesh.elements)])
 
     def vectors(self, q: Floats) -> Floats:
         """The five vectors at all points, (points, 5, 3)."""
-        blocks = self._blocks(q)
+        blocks = self.blocks(q)
         elements = len(blocks)
         points = self.functions.shape[3] * len(self.shell.theta)
         out = np.empty((elements, points, 5, 3))
