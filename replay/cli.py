@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from replay.errors import USER_ERRORS
-from replay.shell.options import shell_options
+from replay.shell.options import design_options, shell_options, solid_options
 
 
 class _Parser(argparse.ArgumentParser):
@@ -164,6 +164,13 @@ def parser() -> argparse.ArgumentParser:
     shell_options(p)
     _straw(p)
     _json(p)
+    p = _command(commands, "design", "geometries for wanted snap pressures, lengths and stable states")
+    design_options(p)
+    _straw(p, "what is not varied")
+    _json(p)
+    p = _command(commands, "solid", "the straw as a body for a printer (STL) or a mould (STEP)")
+    solid_options(p)
+    _straw(p)
 
     p = _command(commands, "terms", "the laws that can be added to a straw, and what each does to the paper's two runs")
     _json(p)

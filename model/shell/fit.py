@@ -110,7 +110,8 @@ def quality(land: Landscape, elasticity: Elasticity, below_j: float) -> Quality:
     C1 = math.pi * problem.E_pa * h / (8 * w**3) * ((r_o + r_i) / 2 - w / log)
     C2 = math.pi * problem.E_pa * h**3 * log / (12 * w**2)
     row = elasticity.row(C1, C2, elasticity.zeta0_m, r_i, r_o)
-    inside = land.points[land.column("energy_j") <= below_j]
+    within = np.abs(land.column("zeta_m")) + r_i * land.column("phi_rad") <= elasticity.end_m
+    inside = land.points[within & (land.column("energy_j") <= below_j)]
     errors = []
     for point in inside:
         force, moment = shell_force(point[0], point[1], r_i, row)

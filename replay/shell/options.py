@@ -30,3 +30,21 @@ def jobs_options(p: argparse.ArgumentParser) -> None:
     """Where many jobs run."""
     p.add_argument("--jobs", type=int, default=2, metavar="N", help="processes (2)")
     p.add_argument("--dask", metavar="ADDRESS", help="a Dask scheduler to send the work to")
+
+
+def design_options(p: argparse.ArgumentParser) -> None:
+    """What `straw design` takes beside --straw and --json."""
+    p.add_argument("wish", type=Path, metavar="WISH.toml", help="[wanted] and [vary], or [order]; see the README")
+    p.add_argument("--out", type=Path, default=Path("design"), metavar="DIR", help="for straw files, table and map (design)")
+    p.add_argument("--count", type=int, default=2048, metavar="N", help="designs swept (2048)")
+    p.add_argument("--keep", type=int, default=5, metavar="N", help="designs shown (5)")
+    p.add_argument("--check", type=int, default=2, metavar="N", help="of them by finite elements (2)")
+    jobs_options(p)
+
+
+def solid_options(p: argparse.ArgumentParser) -> None:
+    """What `straw solid` takes beside --straw."""
+    p.add_argument("-o", "--output", type=Path, required=True, metavar="S.stl|S.step", help="triangles or exact surfaces, mm")
+    p.add_argument("--folded", action="store_true", help="the unloaded shape; only thin walls leave room for it")
+    p.add_argument("--flange-mm", metavar="R,T", help="radius and thickness of the board's flange (28.2,2)")
+    p.add_argument("--around", type=int, default=180, metavar="N", help="corners of the circles in STL (180)")

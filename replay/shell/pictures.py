@@ -26,7 +26,7 @@ def energy_map(land: Landscape, flat: Frustum | None, found: list[Balance]) -> F
     """Energy over (zeta, phi) by finite elements, beside equation 7's, and the difference of the two."""
     zeta, phi = 1e3 * land.column("zeta_m"), land.column("phi_rad")
     energy = 1e3 * land.column("energy_j")
-    most = MOST_MJ if flat is None else max(10.0, 1.8 * _barrier_mj(flat))
+    most = MOST_MJ if flat is None else 5.0 * np.ceil(1.8 * _barrier_mj(flat) / 5)
     z, f = np.concatenate([zeta, zeta]), np.concatenate([phi, -phi])
     mesh = Triangulation(z, f)
     keep = np.hypot(*(np.ptp(x[mesh.triangles], axis=1) / np.ptp(x) for x in (z, f))) < 0.2
@@ -87,7 +87,7 @@ def straight_figure(problem: Problem, flat: Frustum) -> Figure:
         axes.plot(1e3 * z, other, color=UNSTABLE, ls="--", label="equation 7")
         axes.plot(1e3 * z, one, color=STABLE, label="finite elements")
         label(axes, "", ZETA_LABEL, name)
-    fig.axes[0].legend(loc="upper center")
+    fig.axes[1].legend(loc="lower right")
     return fig
 
 
@@ -104,11 +104,11 @@ def deformed_figure(shapes: list[tuple[str, Model, Point]]) -> Figure:
             x, y, z = (1e3 * place[..., k] for k in range(3))
             faces = colours(norm(stress / 1e6))
             axes.plot_surface(x, y, z, facecolors=faces, rstride=1, cstride=1, linewidth=0, shade=False)
-        axes.set_box_aspect((1, 1, 0.45))
         axes.set_title(title)
         heights = np.concatenate([1e3 * place[..., 2].ravel() for place, _ in parts])
         middle = (heights.min() + heights.max()) / 2
-        axes.set_zlim(middle - 6.6, middle + 6.6)
+        axes.set_zlim(middle - 5, middle + 5)
+        axes.set_box_aspect((1, 1, 0.35), zoom=1.35)
         axes.set(xlabel="x / mm", ylabel="y / mm", zlabel="z / mm")
         axes.view_init(22, -60)
         drawn.append(axes)
