@@ -60,7 +60,7 @@ class Design:
 
 
 def read_wish(path: Path) -> Wish:
-    """A wish from TOML: tables [wanted] and [vary], or [order] with cells, first_kpa, apart_kpa; ModelError otherwise."""
+    """A wish from TOML: [wanted] and [vary], or [order] with cells, first_kpa, apart_kpa; ModelError otherwise."""
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
@@ -224,8 +224,8 @@ def in_order(wish: Wish, straw: StrawParameters) -> tuple[StrawParameters, list[
             aim[cell] += off.get(cell, 0.0)
             h[cell - 1, 1] = _thickness(straw, cell, aim[cell])
     raise ModelError(
-        f"design: the cells snap as {', '.join(f'{c} at {p / 1e3:.2f}' for c, p in seen)} kPa at best; ask for pressures "
-        "further apart or other ones"
+        f"design: the cells snap as {', '.join(f'{c} at {p / 1e3:.2f}' for c, p in seen)} kPa at best; ask for "
+        "pressures further apart or other ones"
     )
 
 
@@ -247,4 +247,6 @@ def _thickness(straw: StrawParameters, cell: int, pressure_pa: float) -> float:
     for i in range(len(grid) - 1):
         if values[i] * values[i + 1] <= 0:
             return float(brentq(at, float(grid[i]), float(grid[i + 1]), xtol=1e-12))
-    raise ModelError(f"design: no thickness lets cell {cell} snap at {pressure_pa / 1e3:.4g} kPa; ask for another pressure")
+    raise ModelError(
+        f"design: no thickness lets cell {cell} snap at {pressure_pa / 1e3:.4g} kPa; ask for another pressure"
+    )

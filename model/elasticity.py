@@ -126,7 +126,7 @@ def elasticity_of(name: str) -> Elasticity:
         data = json.loads(text)
     except OSError as error:
         raise ModelError(
-            f"straw: elasticity {name!r}: {error.strerror}; give \"{EQUATION_7}\", \"{SHIPPED}\" or a file of straw shell"
+            f'straw: elasticity {name!r}: {error.strerror}; give "{EQUATION_7}", "{SHIPPED}" or a file of straw shell'
         ) from None
     except (UnicodeDecodeError, ValueError):
         raise ModelError(f"straw: elasticity {name}: not a file of straw shell") from None

@@ -122,5 +122,7 @@ def _roots(function: object, points: Floats) -> list[float]:
 
 def _extreme(function: object, bounds: tuple[float, float], sign: int) -> float:
     """Largest (sign 1) or least (-1) value between bounds."""
-    best = minimize_scalar(lambda x: -sign * function(float(x)), bounds=bounds, method="bounded", options={"xatol": 1e-9})  # type: ignore[operator]
+    best = minimize_scalar(
+        lambda x: -sign * function(float(x)), bounds=bounds, method="bounded", options={"xatol": 1e-9}
+    )  # type: ignore[operator]
     return float(-sign * best.fun)

@@ -117,7 +117,7 @@ def identify_geometry(readings: Readings, straw: StrawParameters, *, held: bool 
 
 
 def _by_table(readings: Readings, straw: StrawParameters, held: bool, limit_pa: float) -> StrawParameters:
-    """The straw that gives the readings where finite elements take equation 7's place: no closed forms to begin with."""
+    """The straw that gives the readings where finite elements take equation 7's place: nothing in closed form."""
 
     def made(x: Floats) -> StrawParameters:
         zeta02_m = -math.exp(x[0])
@@ -130,7 +130,9 @@ def _by_table(readings: Readings, straw: StrawParameters, held: bool, limit_pa: 
     start = np.log([-straw.zeta0_m[0, 1], straw.h_m[0, 1], straw.E_pa[0, 1]])
     found = root(misfit, start, tol=1e-9)
     if np.abs(found.fun).max() > MET:
-        raise ModelError("geometry: no straw near this elasticity's geometry gives these readings; check units and signs")
+        raise ModelError(
+            "geometry: no straw near this elasticity's geometry gives these readings; check units and signs"
+        )
     return made(found.x)
 
 

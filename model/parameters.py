@@ -278,7 +278,9 @@ def straw_from_toml(text: str, name: str = "straw file", folder: Path | None = N
     for key, value in table.items():
         if key not in known:
             raise ModelError(f"{name}: unknown key {key!r}; known: {', '.join(known)}")
-        wanted = {"cells": int, "form": str, "elasticity": str, "terms": dict}.get(key, list if key in PER_FRUSTUM else float)
+        wanted = {"cells": int, "form": str, "elasticity": str, "terms": dict}.get(
+            key, list if key in PER_FRUSTUM else float
+        )
         accepted = {list: (list, int, float), float: (int, float)}.get(wanted, (wanted,))
         if isinstance(value, bool) or not isinstance(value, accepted):
             expected = "a text" if wanted is str else "tables [terms.NAME]" if wanted is dict else "a number"

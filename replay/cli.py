@@ -157,7 +157,9 @@ def parser() -> argparse.ArgumentParser:
 
     p = _command(commands, "paper", "the paper's numbers beside the model's, and its figures drawn anew")
     p.add_argument("--out", type=Path, default=Path("paper"), metavar="DIR", help="folder for the figures (paper)")
-    p.add_argument("--shell", action="store_true", help="the paper's finite elements as well (Figs. 4 b, c, S2; minutes)")
+    p.add_argument(
+        "--shell", action="store_true", help="the paper's finite elements as well (Figs. 4 b, c, S2; minutes)"
+    )
     p.add_argument("--filling", type=Path, metavar="TABLE.csv", help="filling tests (the shipped synthetic sample)")
     _json(p)
 

@@ -21,7 +21,9 @@ def workers(jobs: int, dask: str | None = None) -> Iterator[Executor | None]:
         try:
             client = Client(dask, timeout="10s")
         except (OSError, TimeoutError, ValueError) as error:
-            raise ReplayError(f"--dask {dask}: no scheduler answers there: {error}; start one with dask scheduler") from None
+            raise ReplayError(
+                f"--dask {dask}: no scheduler answers there: {error}; start one with dask scheduler"
+            ) from None
         with client:
             yield client.get_executor()
         return

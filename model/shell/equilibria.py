@@ -9,7 +9,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from model.frustum import Frustum
 from model.shell.problem import Problem
-from model.shell.solve import Model, NotFound, Point
+from model.shell.solve import Model, NotFoundError, Point
 from model.shell.strain import Floats
 
 #: Newton over (zeta, phi) has arrived at steps this small, in zeta over r_i and phi.
@@ -52,7 +52,7 @@ def balance(model: Model, zeta_m: float, phi_rad: float, near: Point | None = No
             point = model.at(point.zeta_m + r_i * step[0], point.phi_rad + step[1], point)
             if np.abs(step).max() < CLOSE:
                 return Balance(point, eigenvalues(point, r_i))
-    except (NotFound, np.linalg.LinAlgError):
+    except (NotFoundError, np.linalg.LinAlgError):
         pass
     return None
 
@@ -136,7 +136,9 @@ def straight_end(problem: Problem, folded: bool, sealed: bool = True) -> Straigh
         return _pressure(frustum.under(found[i][1]), zeta, 0.0, found[i][2], sealed)
 
     low, high = found[max(top - 1, 0)][0], found[min(top + 1, len(found) - 1)][0]
-    best = minimize_scalar(lambda z: -sign * at(z)[0], bounds=sorted((low, high)), method="bounded", options={"xatol": 1e-7})
+    best = minimize_scalar(
+        lambda z: -sign * at(z)[0], bounds=sorted((low, high)), method="bounded", options={"xatol": 1e-7}
+    )
     peak_zeta, peak = float(best.x), float(-sign * best.fun) if sign < 0 else float(-best.fun)
     bending = np.array([point.stiffness[1, 1] for _, _, point in found])
     first = next((i for i in range(1, len(found)) if bending[i] <= 0), None)

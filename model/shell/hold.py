@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from model.errors import ModelError
-from model.shell.mesh import FIELDS, SINES, Shell
+from model.shell.mesh import SINES, Shell
 from model.shell.strain import Floats
 
 READINGS = ("material", "plane")

@@ -20,7 +20,7 @@ from model.errors import ModelError
 from model.shell.mesh import Shell
 from model.shell.problem import Problem
 from model.shell.profile import Meridian, Profile
-from model.shell.solve import NotFound, Point
+from model.shell.solve import NotFoundError, Point
 from model.shell.strain import Floats
 from model.shell.threads import one_thread
 
@@ -111,7 +111,7 @@ def solve_rows(problem: Problem, grid: Grid, zetas_m: Sequence[float]) -> list[R
             for phi in grid.phi_rad(problem, zeta):
                 try:
                     point = model.at(zeta, float(phi), point)
-                except NotFound as error:
+                except NotFoundError as error:
                     failed.append(str(error))
                     break  # further out the wall is only stretched more
                 if phi == 0:
@@ -166,9 +166,7 @@ def landscape(
     return _gathered(problem, [rows[z] for z in grid.zeta_m])
 
 
-def _solved(
-    problem: Problem, grid: Grid, chunks: list[list[float]], executor: Executor | None
-) -> Iterator[list[Row]]:
+def _solved(problem: Problem, grid: Grid, chunks: list[list[float]], executor: Executor | None) -> Iterator[list[Row]]:
     if executor is None:
         yield from (solve_rows(problem, grid, chunk) for chunk in chunks)
         return
@@ -239,5 +237,3 @@ def _gathered(problem: Problem, rows: list[Row]) -> Landscape:
     points = [[row["zeta_m"], *point] for row in rows for point in row["points"]]
     failed = tuple(text for row in rows for text in row["failed"])
     return Landscape(problem, np.array(points).reshape(-1, 1 + len(COLUMNS)), failed)
-
-

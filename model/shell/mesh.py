@@ -13,7 +13,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from model.errors import ModelError
 from model.shell.profile import Meridian, Profile
@@ -35,7 +34,7 @@ class Mesh:
 
     @property
     def around(self) -> int:
-        """Points around half the wall; the energy is a quartic of the harmonics, 2 K + 1 points integrate it exactly."""
+        """Points around half the wall: 2 K + 1 integrate the quartic exactly, fewer to all digits that count."""
         return 1 if self.harmonics == 1 else (3 * self.harmonics) // 2 + 2
 
 
@@ -106,7 +105,7 @@ class _Part:
         basis = skfem.Basis(line, skfem.ElementLinePp(mesh.order), intorder=2 * mesh.order)
         along = _in_order(basis, mesh.elements, mesh.order)  # (elements, nodes of one, 2, points along)
         self.functions = along
-        self.s_m = np.asarray(basis.global_coordinates().value[0])  # (elements, points along)
+        self.s_m = np.asarray(basis.global_coordinates())[0]  # (elements, points along)
         self.weight_along = np.asarray(basis.dx)
         k = np.arange(shell.per_field)
         angle = np.outer(shell.theta, k)
@@ -140,7 +139,9 @@ class _Part:
         wanted = np.concatenate([place, normal], axis=-1).reshape(-1, 4)
         end = np.concatenate([ends, ends_normal], axis=-1)
         # the ends exactly, as they are what is held; a vertex function is 1 at its vertex, inner ones 0
-        inner = np.linalg.lstsq(A[:, 1:-1], wanted - np.outer(A[:, 0], end[0]) - np.outer(A[:, -1], end[1]), rcond=None)[0]
+        inner = np.linalg.lstsq(
+            A[:, 1:-1], wanted - np.outer(A[:, 0], end[0]) - np.outer(A[:, -1], end[1]), rcond=None
+        )[0]
         r, z, n_r, n_z = np.vstack([end[:1], inner, end[1:]]).T
         c = self.shell.coefficients(self.shell.unloaded, self.number)
         c[:, 0, 1] = c[:, 1, 1] = r
@@ -192,7 +193,9 @@ class _Part:
             for other, (columns, whole, _) in enumerate(flat[: field + 1]):
                 between = h[:, :, rows, field % 3][..., columns, other % 3]
                 HB = (between @ whole).reshape(elements, -1, whole.shape[-1])
-                block = (table.transpose(0, 2, 1) @ HB).reshape(elements, nodes, shell.per_field, nodes, shell.per_field)
+                block = (table.transpose(0, 2, 1) @ HB).reshape(
+                    elements, nodes, shell.per_field, nodes, shell.per_field
+                )
                 K[:, :, field, :, :, other] = block
                 if other != field:
                     K[:, :, other, :, :, field] = block.transpose(0, 3, 4, 1, 2)
@@ -208,7 +211,7 @@ class _Part:
 
 
 def _in_order(basis: object, elements: int, order: int) -> Floats:
-    """Values and slopes of an element's functions, first end, inner ones, last end: (elements, order + 1, 2, points)."""
-    made = np.stack([np.stack([f[0].value, f[0].grad[0]]) for f in basis.basis])  # type: ignore[attr-defined]
+    """Values and slopes of elements' functions, first end, inner ones, last end: (elements, nodes, 2, points)."""
+    made = np.stack([np.stack([np.asarray(f[0]), f[0].grad[0]]) for f in basis.basis])  # type: ignore[attr-defined]
     local = [0, *range(2, order + 1), 1]
     return np.ascontiguousarray(made[local].transpose(2, 0, 1, 3))

@@ -39,7 +39,7 @@ class Problem:
         return replace(self, mesh=replace(self.mesh, harmonics=1))
 
     def barely_tilted(self) -> Self:
-        """The same with the harmonics an infinitesimal tilt moves: energy, forces and stiffness at phi = 0 are exact."""
+        """The same with the harmonics an infinitesimal tilt moves: at phi = 0 even the stiffness is exact."""
         return replace(self, mesh=replace(self.mesh, harmonics=2))
 
     @property

@@ -95,7 +95,9 @@ def _check_wall(wall: Meridian, where: str) -> None:
     if not (np.all(np.isfinite(points)) and np.all(np.isfinite(h))):
         raise ModelError(f"{where}: a number is missing or not finite")
     if np.any(points[:, 0] <= 0):
-        raise ModelError(f"{where}: radius {points[:, 0].min():g} m, expected above zero: the wall may not reach the axis")
+        raise ModelError(
+            f"{where}: radius {points[:, 0].min():g} m, expected above zero: the wall may not reach the axis"
+        )
     if np.any(np.linalg.norm(np.diff(points, axis=0), axis=1) <= 1e-9):
         raise ModelError(f"{where}: two of its points are the same; leave one out")
     if np.any(h <= 0):
@@ -103,8 +105,8 @@ def _check_wall(wall: Meridian, where: str) -> None:
     least = min(wall.length_m, float(points[:, 0].min()))
     if h.max() > THICKEST * least:
         raise ModelError(
-            f"{where}: {h.max() * 1e3:.3g} mm thick where it is {least * 1e3:.3g} mm long or wide; beyond a third of that "
-            f"it is not a shell: use a solid model"
+            f"{where}: {h.max() * 1e3:.3g} mm thick where it is {least * 1e3:.3g} mm long or wide; beyond a third "
+            "of that it is not a shell: use a solid model"
         )
 
 

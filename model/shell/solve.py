@@ -56,7 +56,7 @@ class Point:
         return self.energy_j, self.force_n, self.moment_n_m, zz, zf, ff, self.stretching_j, self.bending_j
 
 
-class NotFound(ModelError):
+class NotFoundError(ModelError):
     """No equilibrium was found at a point; the message says where."""
 
 
@@ -111,7 +111,7 @@ class Model:
     def at(self, zeta_m: float, phi_rad: float, near: Point | None = None) -> Point:
         """Equilibrium at (zeta, phi), reached from a known one or from the unloaded shape in steps.
 
-        Raises NotFound where Newton's method does not arrive, naming the point.
+        Raises NotFoundError where Newton's method does not arrive, naming the point.
         """
         point = near or self._point(self.held.start, self.shell.profile.height_m, 0.0)
         begin = np.array([point.zeta_m, point.phi_rad])
@@ -127,7 +127,7 @@ class Model:
                 continue
             halvings, share = halvings + 1, share / 2
             if halvings > HALVINGS:
-                raise NotFound(
+                raise NotFoundError(
                     f"shell: no equilibrium found at zeta = {zeta * 1e3:.3f} mm, phi = {phi:.4f} rad; "
                     "the wall may be stretched beyond its length there"
                 )

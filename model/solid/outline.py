@@ -1,4 +1,4 @@
-"""Outline: the closed meridian section of a straw's body, walls of their thickness, base collar and the board's flange."""
+"""Outline: the closed meridian section of a straw's body: walls, collar at the base, the board's flange."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ class Flange:
 def section(straw: StrawParameters, flange: Flange | None = None, folded: bool = False) -> Floats:
     """Corners (n, 2) of r and z in m of the body's section, in order with the body to the left; z up from the base.
 
-    The shape is the unloaded one of the odd frusta and, deployed, the even frusta's mirror image: so a straw is moulded
-    (a bendy straw is made open, and its even frusta's unloaded height is found with them folded). ``folded`` draws the
-    unloaded shape itself. Raises ModelError where a wall is too thick to be bent round a crease.
+    The odd frusta are as unloaded, the even ones their mirror image, deployed: so a body is moulded or printed. Its even
+    frusta are then unloaded when deployed, unless they are folded and set; what folds and deploys changes places.
+    ``folded`` draws the unloaded shape itself, for which only thin walls leave room. Raises ModelError where a wall is too thick to be bent round a crease.
     """
     made = flange or Flange()
     middle = [(straw.r_i_m, 0.0)]
@@ -97,7 +97,7 @@ def _check_simple(corners: Floats) -> None:
         for j in range(i + 2, n - (i == 0)):
             if _cross(a[i], b[i], a[j], b[j]):
                 raise ModelError(
-                    f"solid: walls of neighbouring frusta meet at r = {a[i][0] * 1e3:.4g} mm, z = {a[i][1] * 1e3:.4g} mm; "
+                    f"solid: neighbouring walls meet at r = {a[i][0] * 1e3:.4g} mm, z = {a[i][1] * 1e3:.4g} mm; "
                     "make them thinner, or draw the straw deployed"
                 )
 

@@ -1,8 +1,8 @@
 """STEP AP214: the body of revolution as one solid of exact planes, cylinders and cones.
 
 Each edge of the section turned about the axis is a face: a plane across the axis, a cylinder or a cone. Its boundary
-are circles where its ends lie off the axis and, as a face of a closed surface has to be cut open, a seam along theta = 0
-(ISO 10303-42: advanced_face, seam edges used twice). Written by hand: the libraries that write STEP with wheels for
+are circles where its ends lie off the axis and, as a face that closes on itself has to be cut open, a seam along
+theta = 0 (ISO 10303-42: advanced_face, seam edges used twice). Written by hand: the libraries that write STEP with wheels for
 every system weigh 50 MB and more.
 """
 

@@ -10,7 +10,7 @@ TERM = Term(
     name="wall_elasticity",
     kind="walls",
     law="U = U_7 + s (U_shell - U_7)",
-    source="director shell of revolution (Simo and Fox 1989), model.shell; equation 7 is Almen and Laszlo's disk spring",
+    source="model.shell, a director shell (Simo and Fox 1989); equation 7 is Almen and Laszlo's disk spring",
     strengths=("share",),
     constants=(Constant("share", "1", 0.0, 0.1, 1.5, "s; 1 is the finite elements' energy, 0 equation 7"),),
 )

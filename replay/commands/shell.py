@@ -138,7 +138,10 @@ def _landscape(args, problem, found, flat, result) -> int:  # type: ignore[no-un
     for text in land.failed:
         print(text)
     weak = int((land.column("stable") == 0).sum())
-    print(f"landscape: {len(land.points)} points, {len(land.failed)} rows cut short" + (f", kept in {kept}" if kept else ""))
+    print(
+        f"landscape: {len(land.points)} points, {len(land.failed)} rows cut short"
+        + (f", kept in {kept}" if kept else "")
+    )
     if weak:
         print(f"at {weak} points the wall between its bases gives way by itself: it buckles there")
     result["points"] = len(land.points)
@@ -181,10 +184,8 @@ def _fit(path, problem, land, fitted, quality, result) -> None:  # type: ignore[
     for share in (0.7, 1.2, 2.0):
         q = quality(land, found, share * barrier)
         print(
-            f"elasticity: off by {1e3 * q.energy_j:.3f} mJ, {q.force_n:.3f} N, {1e3 * q.moment_n_m:.2f} mN m (RMS) where "
-            f"energy < {1e3 * q.below_j:.0f} mJ ({q.points} points)"
+            f"elasticity: off by {1e3 * q.energy_j:.3f} mJ, {q.force_n:.3f} N, {1e3 * q.moment_n_m:.2f} mN m (RMS) "
+            f"where energy < {1e3 * q.below_j:.0f} mJ ({q.points} points)"
         )
     print(f'{path}: for elasticity = "{path.name}" in a straw file')
     result["elasticity"] = str(path)
-
-

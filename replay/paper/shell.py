@@ -13,7 +13,7 @@ from model.parameters import StrawParameters
 from model.shell.hold import Hold
 from model.shell.problem import Problem
 from model.shell.profile import profile_of
-from model.shell.solve import Model, NotFound, Point
+from model.shell.solve import Model, NotFoundError, Point
 from model.simulate import Prediction
 from replay.paper.landscape import PHI_LABEL, ZETA_LABEL
 from replay.paper.numbers import READINGS
@@ -58,7 +58,7 @@ def _along(problem: Problem, places: list[tuple[float, float]]) -> Floats:
     for i, (zeta, phi) in enumerate(places):
         try:
             near = model.at(zeta, phi, near)
-        except NotFound:
+        except NotFoundError:
             break
         out[i] = near.energy_j
     return out
@@ -82,7 +82,12 @@ def draw_cuts(made: tuple[Cut, Cut]) -> Figure:
     """Fig. 4 b and c, as the paper draws them: finite elements black, equation 7 orange and dashed."""
     fig = figure(9, 3.4)
     for axes, cut, title, name, scale in zip(
-        fig.subplots(1, 2), made, ("(b) along φ = 0", "(c) along ζ = -0.27 mm"), (ZETA_LABEL, PHI_LABEL), (1e3, 1.0), strict=True
+        fig.subplots(1, 2),
+        made,
+        ("(b) along φ = 0", "(c) along ζ = -0.27 mm"),
+        (ZETA_LABEL, PHI_LABEL),
+        (1e3, 1.0),
+        strict=True,
     ):
         axes.plot(scale * cut.at, 1e3 * cut.shell, color="black", label="finite elements")
         axes.plot(scale * cut.at, 1e3 * cut.reduced, color="#e08a1e", ls="--", label="equation 7")
@@ -97,13 +102,18 @@ def draw_cuts(made: tuple[Cut, Cut]) -> Figure:
 def agreement(made: tuple[Cut, Cut]) -> list[str]:
     """Where 'very good agreement at moderate values' holds, in figures."""
     lines = []
-    for cut, unit, scale, bounds in ((made[0], "mm", 1e3, (2.5, 3.0, 3.4)), (made[1], "rad", 1.0, (0.15, 0.22, 0.28, 0.34))):
+    for cut, unit, scale, bounds in (
+        (made[0], "mm", 1e3, (2.5, 3.0, 3.4)),
+        (made[1], "rad", 1.0, (0.15, 0.22, 0.28, 0.34)),
+    ):
         off = np.abs(cut.shell - cut.reduced) * 1e3
         for bound in bounds:
             inside = np.abs(scale * cut.at) <= bound + 1e-9
             worst = float(np.nanmax(off[inside]))
             what = "zeta, phi = 0" if unit == "mm" else "phi, zeta = -0.27 mm"
-            lines.append(f"|{what.split(',')[0]}| up to {bound:g} {unit} ({what.split(', ')[1]}): off by {worst:.1f} mJ at most")
+            lines.append(
+                f"|{what.split(',')[0]}| up to {bound:g} {unit} ({what.split(', ')[1]}): off by {worst:.1f} mJ at most"
+            )
     return lines
 
 
@@ -144,7 +154,7 @@ def _even_motion(problem: Problem, places: list[tuple[float, float]]) -> Floats:
     for i, (zeta, phi) in enumerate(places):
         try:
             near = model.at(zeta, phi, near)
-        except NotFound:
+        except NotFoundError:
             break
         out[i] = even_frustum(model, near)
     return out
@@ -231,20 +241,20 @@ def verdict(runs: list[Elastic]) -> list[str]:
         fold = [crossing_s(one.folding, cell) for cell in (1, 4)]
         bent = [float(np.abs(p.frustum_phi_rad[:, 0, 1]).max()) for p in (one.folding, one.deployment)]
         lines.append(
-            f"{one.name}: deployment {first:.3f} and {fourth:.3f} s, {fourth - first:.3f} s apart; folding {fold[0]:.3f} "
-            f"and {fold[1]:.3f} s; cell 1 bends to {bent[0]:.3f} rad folding, {bent[1]:.3f} deploying"
+            f"{one.name}: deployment {first:.3f} and {fourth:.3f} s, {fourth - first:.3f} s apart; "
+            f"folding {fold[0]:.3f} and {fold[1]:.3f} s; cell 1 bends to {bent[0]:.3f} rad folding, {bent[1]:.3f} deploying"
         )
     wanted = crossing_s(base.deployment, 1) + DELAY_S
     moved = crossing_s(fitted.deployment, 1) - crossing_s(base.deployment, 1)
     better = moved > DELAY_S / 4
     lines.append(
-        f"the first snap of Fig. 7 was measured {DELAY_S:g} s later than by equation 7 (at {wanted:.2f} s); finite elements "
-        f"move it by {moved:+.2f} s: {'part of' if better else 'not'} what is missing"
+        f"the first snap of Fig. 7 was measured {DELAY_S:g} s later than by equation 7 (at {wanted:.2f} s); "
+        f"finite elements move it by {moved:+.2f} s: {'part of' if better else 'not'} what is missing"
     )
     apart = [crossing_s(one.folding, 4) - crossing_s(one.folding, 1) for one in (base, fitted)]
     lines.append(
-        f"the snaps of Fig. 6, which equation 7 meets with c_zeta = 620 and r_ch = 0.43 mm, come {apart[0]:.2f} s apart by it "
-        f"and {apart[1]:.2f} s by finite elements refitted: these constants would have to be refitted, again per run"
+        f"the snaps of Fig. 6, which equation 7 meets with c_zeta = 620 and r_ch = 0.43 mm, come {apart[0]:.2f} s "
+        f"apart by it and {apart[1]:.2f} s by finite elements refitted: these constants would have to be refitted, again per run"
     )
     lines.append(
         "so finite elements' walls explain the paper "

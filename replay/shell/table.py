@@ -134,7 +134,9 @@ def _pressures(problem: Problem, found: list[Balance], done: Callable[[int], Non
         done(step)
         for name, reduced, end in (("up", high, folded), ("down", low, deployed)):
             how = "tilting" if end.tilts else "straight"
-            rows.append(Row(f"straight state ends, {where}, {name} ({how})", "kPa", reduced / 1e3, end.pressure_pa / 1e3))
+            rows.append(
+                Row(f"straight state ends, {where}, {name} ({how})", "kPa", reduced / 1e3, end.pressure_pa / 1e3)
+            )
         for name, reduced, upwards in (("up", inner_high, True), ("down", inner_low, False)):
             shell = bent_end(problem, bent.point, upwards, sealed)[0] / 1e3 if bent else math.nan
             rows.append(Row(f"bent state ends, {where}, {name}", "kPa", reduced / 1e3, shell))
