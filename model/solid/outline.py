@@ -34,9 +34,9 @@ class Flange:
 def section(straw: StrawParameters, flange: Flange | None = None, folded: bool = False) -> Floats:
     """Corners (n, 2) of r and z in m of the body's section, in order with the body to the left; z up from the base.
 
-    The odd frusta are as unloaded, the even ones their mirror image, deployed: so a body is moulded or printed. Its even
-    frusta are then unloaded when deployed, unless they are folded and set; what folds and deploys changes places.
-    ``folded`` draws the unloaded shape itself, for which only thin walls leave room. Raises ModelError where a wall is too thick to be bent round a crease.
+    The odd frusta are as unloaded, the even ones their mirror image, deployed: so a body is moulded or printed. Its
+    even frusta are then unloaded when deployed, unless they are folded and set. ``folded`` draws the unloaded shape
+    itself, for which only thin walls leave room. Raises ModelError where a wall is too thick to bend round a crease.
     """
     made = flange or Flange()
     middle = [(straw.r_i_m, 0.0)]

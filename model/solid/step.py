@@ -2,8 +2,8 @@
 
 Each edge of the section turned about the axis is a face: a plane across the axis, a cylinder or a cone. Its boundary
 are circles where its ends lie off the axis and, as a face that closes on itself has to be cut open, a seam along
-theta = 0 (ISO 10303-42: advanced_face, seam edges used twice). Written by hand: the libraries that write STEP with wheels for
-every system weigh 50 MB and more.
+theta = 0 (ISO 10303-42: advanced_face, seam edges used twice). Written by hand: the libraries that write STEP with
+wheels for every system weigh 50 MB and more.
 """
 
 from __future__ import annotations

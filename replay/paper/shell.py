@@ -242,7 +242,8 @@ def verdict(runs: list[Elastic]) -> list[str]:
         bent = [float(np.abs(p.frustum_phi_rad[:, 0, 1]).max()) for p in (one.folding, one.deployment)]
         lines.append(
             f"{one.name}: deployment {first:.3f} and {fourth:.3f} s, {fourth - first:.3f} s apart; "
-            f"folding {fold[0]:.3f} and {fold[1]:.3f} s; cell 1 bends to {bent[0]:.3f} rad folding, {bent[1]:.3f} deploying"
+            f"folding {fold[0]:.3f} and {fold[1]:.3f} s; cell 1 bends to {bent[0]:.3f} rad folding, "
+            f"{bent[1]:.3f} deploying"
         )
     wanted = crossing_s(base.deployment, 1) + DELAY_S
     moved = crossing_s(fitted.deployment, 1) - crossing_s(base.deployment, 1)
@@ -254,7 +255,8 @@ def verdict(runs: list[Elastic]) -> list[str]:
     apart = [crossing_s(one.folding, 4) - crossing_s(one.folding, 1) for one in (base, fitted)]
     lines.append(
         f"the snaps of Fig. 6, which equation 7 meets with c_zeta = 620 and r_ch = 0.43 mm, come {apart[0]:.2f} s "
-        f"apart by it and {apart[1]:.2f} s by finite elements refitted: these constants would have to be refitted, again per run"
+        f"apart by it and {apart[1]:.2f} s by finite elements refitted: these constants would have to be refitted, "
+        "again per run"
     )
     lines.append(
         "so finite elements' walls explain the paper "
