@@ -158,7 +158,7 @@ def test_a_landscape_goes_on_where_it_was_broken_off(tmp_path: Path) -> None:
 
 
 def test_a_point_that_cannot_be_reached_is_said_and_the_others_are_kept() -> None:
-    problem = Problem(CONE, E_PA, NU, COARSE)
+    problem = Problem(CONE, E_PA, NU, Mesh(1, 3, 3))
 
     class Far(Grid):
         def phi_rad(self, problem: Problem, zeta_m: float) -> np.ndarray:
