@@ -183,7 +183,7 @@ def refined(wish: Wish, straw: StrawParameters, designs: Sequence[Design], keep:
     found: list[Design] = []
     for design in sorted(designs, key=lambda d: d.cost)[: 4 * keep]:
         start = (np.array(list(design.varied.values())) - low) / (high - low)
-        best = least_squares(at, start, bounds=(0, 1), x_scale=0.1, diff_step=1e-4)
+        best = least_squares(at, start, bounds=(0, 1), x_scale=0.1, diff_step=[1e-4] * len(start))
         other = swept(wish, straw, (low + best.x * (high - low))[None])
         if not other:
             continue

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,6 +21,8 @@ Floats = NDArray[np.float64]
 HEIGHTS, REACH = 201, 0.85
 #: Bending angles are looked for up to this height of the rim over the table's end.
 LARGEST_TILT = 0.95
+#: How near the extremes of pressure are looked for, m.
+FINE = {"xatol": 1e-9}
 
 
 @dataclass(frozen=True)
@@ -106,13 +109,13 @@ class TableFrustum(Frustum):
         return low, inner_low, inner_high, high
 
 
-def _root(function: object, low: float, high: float) -> float:
-    return float(brentq(function, low, high, xtol=1e-12))  # type: ignore[call-overload]
+def _root(function: Callable[[float], float], low: float, high: float) -> float:
+    return float(brentq(function, low, high, xtol=1e-12))
 
 
-def _roots(function: object, points: Floats) -> list[float]:
+def _roots(function: Callable[[float], float], points: Floats) -> list[float]:
     """Roots between neighbouring points, in their order; no number, no root."""
-    values = np.array([function(float(x)) for x in points])  # type: ignore[operator]
+    values = np.array([function(float(x)) for x in points])
     return [
         _root(function, *sorted((float(points[i]), float(points[i + 1]))))
         for i in range(len(points) - 1)
@@ -120,9 +123,10 @@ def _roots(function: object, points: Floats) -> list[float]:
     ]
 
 
-def _extreme(function: object, bounds: tuple[float, float], sign: int) -> float:
+def _extreme(function: Callable[[float], float], bounds: tuple[float, float], sign: int) -> float:
     """Largest (sign 1) or least (-1) value between bounds."""
-    best = minimize_scalar(
-        lambda x: -sign * function(float(x)), bounds=bounds, method="bounded", options={"xatol": 1e-9}
-    )  # type: ignore[operator]
-    return float(-sign * best.fun)
+
+    def turned(x: float) -> float:
+        return -sign * function(float(x))
+
+    return -sign * turned(float(minimize_scalar(turned, bounds=bounds, method="bounded", options=FINE).x))

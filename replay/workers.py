@@ -19,13 +19,13 @@ def workers(jobs: int, dask: str | None = None) -> Iterator[Executor | None]:
         except ImportError:
             raise ReplayError("--dask needs the package distributed: pip install 'straw[dask]'") from None
         try:
-            client = Client(dask, timeout="10s")
+            client = Client(dask, timeout="10s")  # type: ignore[no-untyped-call]
         except (OSError, TimeoutError, ValueError) as error:
             raise ReplayError(
                 f"--dask {dask}: no scheduler answers there: {error}; start one with dask scheduler"
             ) from None
         with client:
-            yield client.get_executor()
+            yield client.get_executor()  # type: ignore[no-untyped-call]
         return
     if jobs <= 1:
         yield None

@@ -166,8 +166,9 @@ class Held:
             return self.T, None, self.by_phi, np.zeros_like(self.by_phi)
         t = math.tan(phi_rad)
         first, second = -(1 + t**2), -2 * t * (1 + t**2)
-        tilted = self.tilt @ y
-        return self.T - t * self.tilt, first * self.tilt, self.by_phi + first * tilted, second * tilted
+        tilted = np.asarray(self.tilt @ y)
+        turned, turning = sp.csr_array(self.T - t * self.tilt), sp.csr_array(first * self.tilt)
+        return turned, turning, self.by_phi + first * tilted, second * tilted
 
 
 def _spring_matrix(springs: list[tuple[int, int | None, float]], size: int) -> sp.csr_array:

@@ -21,6 +21,9 @@ from model.shell.strain import Floats, Wall, derivatives, energies, wall
 #: Fields of a node: place x, y, z in m, then the director's parts; which of them go with sin(k theta).
 FIELDS, SINES = 6, (1, 4)
 #: Vectors a field is in, as rows of the five of `model.shell.strain`, each with (derivative along s, around).
+Rows = tuple[tuple[int, tuple[int, int]], ...]
+_PLACE_ROWS: Rows
+_DIRECTOR_ROWS: Rows
 _PLACE_ROWS, _DIRECTOR_ROWS = ((0, (1, 0)), (1, (0, 1))), ((2, (0, 0)), (3, (1, 0)), (4, (0, 1)))
 
 
@@ -119,7 +122,7 @@ class _Part:
         }
         self._set_unloaded(basis, mesh)
 
-    def _table(self, rows: tuple, around: Floats) -> Floats:
+    def _table(self, rows: Rows, around: Floats) -> Floats:
         """Values of a field's functions: (elements, points, rows, nodes of an element * harmonics)."""
         made = []
         for _, (ds, dt) in rows:
@@ -187,11 +190,11 @@ class _Part:
             rows = _PLACE_ROWS if field < 3 else _DIRECTOR_ROWS
             table = self.tables[rows, field in SINES]
             flat.append(([row for row, _ in rows], table, table.reshape(elements, -1, table.shape[-1])))
-        for field, (rows, _, table) in enumerate(flat):
-            part = g[:, :, rows, field % 3].reshape(elements, 1, -1)
+        for field, (own, _, table) in enumerate(flat):
+            part = g[:, :, own, field % 3].reshape(elements, 1, -1)
             G[:, :, field] = (part @ table).reshape(elements, nodes, -1)
             for other, (columns, whole, _) in enumerate(flat[: field + 1]):
-                between = h[:, :, rows, field % 3][..., columns, other % 3]
+                between = h[:, :, own, field % 3][..., columns, other % 3]
                 HB = (between @ whole).reshape(elements, -1, whole.shape[-1])
                 block = (table.transpose(0, 2, 1) @ HB).reshape(
                     elements, nodes, shell.per_field, nodes, shell.per_field

@@ -32,4 +32,4 @@ def stl_bytes(facets: Floats) -> bytes:
     record["normal"] = normal / np.linalg.norm(normal, axis=1, keepdims=True)
     record["corners"] = mm
     header = b"straw, mm".ljust(80)
-    return header + np.uint32(len(facets)).astype("<u4").tobytes() + record.tobytes()
+    return header + len(facets).to_bytes(4, "little") + record.tobytes()
