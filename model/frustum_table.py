@@ -21,8 +21,6 @@ Floats = NDArray[np.float64]
 HEIGHTS, REACH = 201, 0.85
 #: Bending angles are looked for up to this height of the rim over the table's end.
 LARGEST_TILT = 0.95
-#: How near the extremes of pressure are looked for, m.
-FINE = {"xatol": 1e-9}
 
 
 @dataclass(frozen=True)
@@ -129,4 +127,5 @@ def _extreme(function: Callable[[float], float], bounds: tuple[float, float], si
     def turned(x: float) -> float:
         return -sign * function(float(x))
 
-    return -sign * turned(float(minimize_scalar(turned, bounds=bounds, method="bounded", options=FINE).x))
+    best = minimize_scalar(turned, bounds=bounds, method="bounded", options={"xatol": 1e-9})
+    return -sign * turned(float(best.x))

@@ -43,7 +43,7 @@ STEPS = 14
 class Second:
     """A half frustum over (s, theta) in NGSolve: displacement and change of the director, six fields."""
 
-    def __init__(self, straw: StrawParameters, nx: int = 3, ny: int = 8, order: int = 5) -> None:
+    def __init__(self, straw: StrawParameters, nx: int = 2, ny: int = 6, order: int = 4) -> None:
         self.r_i, self.r_o = straw.r_i_m, straw.r_o_m
         self.zeta0, self.h, self.E = (float(v[0, 1]) for v in (straw.zeta0_m, straw.h_m, straw.E_pa))
         w = self.r_o - self.r_i
