@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
@@ -137,7 +138,7 @@ def straight_end(problem: Problem, folded: bool, sealed: bool = True) -> Straigh
 
     low, high = found[max(top - 1, 0)][0], found[min(top + 1, len(found) - 1)][0]
     best = minimize_scalar(
-        lambda z: -sign * at(z)[0], bounds=sorted((low, high)), method="bounded", options={"xatol": 1e-7}
+        lambda z: -sign * at(z)[0], bounds=(min(low, high), max(low, high)), method="bounded", options={"xatol": 1e-7}
     )
     peak_zeta, peak = float(best.x), float(-sign * best.fun) if sign < 0 else float(-best.fun)
     bending = np.array([point.stiffness[1, 1] for _, _, point in found])
@@ -177,12 +178,12 @@ def bent_end(problem: Problem, bent: Point, upwards: bool, sealed: bool = True) 
     Along the bent branch, M = 0 and F = 0 in (phi, p) at each zeta; the state ends where p(zeta) has its extreme.
     """
     base = problem.model()
-    state: dict[str, object] = {"point": bent, "pressure": 0.0}
+    state: dict[str, Any] = {"point": bent, "pressure": 0.0}
 
     def at(zeta: float) -> float:
-        point, pressure = state["point"], float(state["pressure"])  # type: ignore[arg-type]
+        point, pressure = state["point"], float(state["pressure"])
         model = base.under(pressure)
-        point = model.at(zeta, point.phi_rad, point)  # type: ignore[attr-defined]
+        point = model.at(zeta, point.phi_rad, point)
         for _ in range(NEWTON_LIMIT):
             area = 0.0 if sealed else point.base_area_m2
             f = np.array([point.force_n + pressure * area, point.moment_n_m])
@@ -215,7 +216,7 @@ def bent_end(problem: Problem, bent: Point, upwards: bool, sealed: bool = True) 
     best = minimize_scalar(lambda z: -sign * at(z), bounds=(low, high), method="bounded", options={"xatol": 1e-6})
     at(float(best.x))
     point = state["point"]
-    return float(-sign * best.fun), float(best.x), float(point.phi_rad)  # type: ignore[attr-defined]
+    return float(-sign * best.fun), float(best.x), float(point.phi_rad)
 
 
 def straight_curve(problem: Problem, zetas_m: Floats) -> Floats:

@@ -12,19 +12,22 @@ import numpy as np
 from model.shell.mesh import SINES, Shell
 from model.shell.strain import Floats
 
+#: Where in q, tables (points, 3, width) of three vectors, and the points' weights.
+Products = tuple[slice, list[Floats], Floats]
+
 
 class Enclosed:
     """The volume a shell encloses, with derivatives, as a signed sum: it grows with zeta in every state."""
 
     def __init__(self, shell: Shell) -> None:
         self.shell = shell
-        self.sets: list[tuple[NDSlice, list[Floats], Floats]] = []
+        self.sets: list[Products] = []
         for part in shell.parts:
             for e in range(shell.mesh.elements):
                 self.sets.append(self._element(part, e))
         self.sets.append(self._base())
 
-    def _element(self, part: object, e: int) -> NDSlice:
+    def _element(self, part: object, e: int) -> Products:
         """Tables of x, a1, a2 at an element's points, (points, 3, width), and the points' weights."""
         shell, p = self.shell, self.shell.mesh.order
         each = 6 * shell.per_field
@@ -39,7 +42,7 @@ class Enclosed:
         weight = np.repeat(part.weight_along[e], len(shell.theta)) * shell.around_weight / -3  # type: ignore[attr-defined]
         return slice(first, first + (p + 1) * each), tables, weight
 
-    def _base(self) -> NDSlice:
+    def _base(self) -> Products:
         shell = self.shell
         each, top = 6 * shell.per_field, len(shell.profile.walls) - 1
         first = shell.dof(top, -1, 0, 0)
@@ -88,6 +91,3 @@ class Enclosed:
                 block = tables[i].reshape(-1, width).T @ crossed.transpose(0, 2, 1).reshape(-1, width)
                 H[at, at] += block + block.T
         return total
-
-
-NDSlice = tuple[slice, list[Floats], Floats]

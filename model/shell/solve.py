@@ -5,9 +5,9 @@ from __future__ import annotations
 import copy
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, eigvalsh, lu_factor, lu_solve
 
 from model.errors import ModelError
@@ -83,7 +83,8 @@ class Model:
         # what makes unknowns comparable: places in units of the wall's length, directors as they are
         field = (np.arange(self.shell.size) // self.shell.per_field) % 6
         scale = np.where(field < 3, self.length_m, 1.0)
-        self.scale = (abs(self.held.T).T @ scale) / (abs(self.held.T).T @ np.ones(self.shell.size))
+        weights = abs(self.held.T).T
+        self.scale: Floats = np.asarray(weights @ scale) / np.asarray(weights @ np.ones(self.shell.size))
 
     def under(self, pressure_pa: float) -> Model:
         """The same shell under another pressure."""
@@ -198,7 +199,7 @@ class Model:
         return np.asarray(eigvalsh(K, subset_by_index=(0, count - 1)))
 
 
-Factored = tuple[str, tuple[Floats, NDArray[np.int32] | bool]]
+Factored = tuple[str, Any]
 
 
 def _times(A: Floats, T: object) -> Floats:

@@ -6,6 +6,7 @@ import argparse
 import json
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -57,7 +58,7 @@ def _run(args: argparse.Namespace, straw: StrawParameters) -> int:
         )
     one = len(problem.profile.walls) == 1
     result: dict[str, object] = {"shell": problem.described(), "convergence": [_step(s) for s in history]}
-    found = []
+    found: list[Any] = []
     if one and problem.pressure_pa == 0 and problem.profile.crease_n == 0:
         with progress_bar("equilibria and pressures", "step") as update:
             rows, found = frustum_table(problem, update)

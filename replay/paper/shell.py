@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -218,17 +219,18 @@ def elastic_runs(geometry: Geometry) -> list[Elastic]:
     fitted = geometry.straw
     own = {"zeta0_m": fitted.zeta0_m[0], "h_m": fitted.h_m[0], "E_pa": fitted.E_pa[0]}
     made = []
-    for name, changes in (
+    elasticities: tuple[tuple[str, dict[str, Any]], ...] = (
         ("equation 7", {}),
         ("finite elements, the paper's E and h", {"elasticity": "shell"}),
         ("finite elements, refitted", {"elasticity": "shell", **own}),
-    ):
+    )
+    for name, changes in elasticities:
         runs = [_run(run, changes) for run in (FOLDING, DEPLOYMENT)]
         made.append(Elastic(name, FOLDING.straw.replace(**changes), *runs))
     return made
 
 
-def _run(run: ValidationRun, changes: dict[str, object]) -> Prediction:
+def _run(run: ValidationRun, changes: dict[str, Any]) -> Prediction:
     return replace(run, straw=run.straw.replace(**changes)).simulate()
 
 
