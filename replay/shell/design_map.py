@@ -41,7 +41,7 @@ def design_map(wish: Wish, designs: Sequence[Design], best: Sequence[Design]) ->
     left.set_xlim(np.nanpercentile(fold, 3), 0)
     left.set_ylim(0, np.nanpercentile(deploy, 97))
     label(left, "(a) snap pressures, sealed end", NAMES["fold_kpa"], NAMES["deploy_kpa"])
-    names = _most_telling(wish, designs)
+    names = _most_telling(wish, designs, best)
     x, y = ([d.varied[name] for d in designs] for name in names)
     dots = right.scatter(x, y, c=cost, s=7, cmap="viridis_r", **bounds)
     label(right, "(b) geometry", NAMES[names[0]], NAMES[names[1]])
@@ -56,14 +56,18 @@ def design_map(wish: Wish, designs: Sequence[Design], best: Sequence[Design]) ->
     return fig
 
 
-def _most_telling(wish: Wish, designs: Sequence[Design]) -> list[str]:
-    """The two varied constants in which the tenth of best designs is narrowest."""
+def _most_telling(wish: Wish, designs: Sequence[Design], best: Sequence[Design]) -> list[str]:
+    """The varied constant in which the tenth of best designs is narrowest, and that in which the chosen differ most."""
     names = list(wish.vary)
     if len(names) == 1:
         return names * 2
-    best = sorted(designs, key=lambda d: d.cost)[: max(5, len(designs) // 10)]
-    spread = {n: np.std([d.varied[n] for d in best]) / (wish.vary[n][1] - wish.vary[n][0]) for n in names}
-    return sorted(names, key=lambda n: spread[n])[:2]
+    near = sorted(designs, key=lambda d: d.cost)[: max(5, len(designs) // 10)]
+
+    def spread(some: Sequence[Design], name: str) -> float:
+        return float(np.std([d.varied[name] for d in some])) / (wish.vary[name][1] - wish.vary[name][0])
+
+    first = min(names, key=lambda n: spread(near, n))
+    return [first, max((n for n in names if n != first), key=lambda n: spread(best, n))]
 
 
 def order_figure(wish: Wish, straw: StrawParameters, seen: Sequence[tuple[int, float]]) -> Figure:
