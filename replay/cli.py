@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from replay.errors import USER_ERRORS
+from replay.shell.options import design_options, shell_options, solid_options
 
 
 class _Parser(argparse.ArgumentParser):
@@ -186,8 +187,23 @@ def parser() -> argparse.ArgumentParser:
 
     p = _command(commands, "paper", "the paper's numbers beside the model's, and its figures drawn anew")
     p.add_argument("--out", type=Path, default=Path("paper"), metavar="DIR", help="folder for the figures (paper)")
+    p.add_argument(
+        "--shell", action="store_true", help="the paper's finite elements as well (Figs. 4 b, c, S2; minutes)"
+    )
     p.add_argument("--filling", type=Path, metavar="TABLE.csv", help="filling tests (the shipped synthetic sample)")
     _json(p)
+
+    p = _command(commands, "shell", "finite elements of a frustum or a cell beside the reduced energy")
+    shell_options(p)
+    _straw(p)
+    _json(p)
+    p = _command(commands, "design", "geometries for wanted snap pressures, lengths and stable states")
+    design_options(p)
+    _straw(p, "what is not varied")
+    _json(p)
+    p = _command(commands, "solid", "the straw as a body for a printer (STL) or a mould (STEP)")
+    solid_options(p)
+    _straw(p)
 
     p = _command(commands, "terms", "the laws that can be added to a straw, and what each does to the paper's two runs")
     _json(p)
