@@ -33,7 +33,7 @@ setattr(numba.config, "CACHE_DIR", str(_CACHE))  # noqa: B010  (numba makes its 
 compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
 
 if TYPE_CHECKING:  # numba's types do not know ``_nrt``
-    allocates_nothing = composed = compiled
+    allocates_nothing = fused = called = composed = compiled
 else:
     # Written into their callers, without counting references to arrays: handing over and counting all fields of the
     # tuples the model is made of took longer than the arithmetic. ``_nrt`` is numba's switch for its run-time, which
@@ -41,5 +41,9 @@ else:
     _within = {"nogil": True, "error_model": "numpy", "forceinline": True, "_nrt": False}
     #: The same for a function that makes no arrays.
     allocates_nothing = numba.njit(cache=True, **_within)
+    #: The same where products may be added without rounding in between: long polynomials take 0.7 of the time.
+    fused = numba.njit(cache=True, fastmath={"contract"}, **_within)
+    #: The same for a large one that is called, not written into its callers: they share what is compiled of it.
+    called = numba.njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
     #: The same for one made of others at import, which cannot be cached by itself: its callers' caches hold it.
     composed = numba.njit(**_within)

@@ -31,6 +31,7 @@ class Constants(NamedTuple):
     zeta0: Floats
     C1: Floats  # equation 6
     C2: Floats  # equation 6
+    wall: Floats  # (cells, 2, model.terms.shell_energy.ROW) what takes the place of C1, C2; zero for equation 7
     c_zeta: Floats  # equation 4
     c_phi: Floats  # equation 4
     cycle: float  # how often the specimen was cycled before the run

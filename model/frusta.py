@@ -15,7 +15,7 @@ from model.load import Load
 from model.term import Frustum
 from model.terms import COLUMNS, TERMS
 from model.terms.damping import damping_force
-from model.terms.elasticity import elastic_energy, elastic_force
+from model.terms.elasticity import walls_energy, walls_force
 
 Floats = NDArray[np.float64]
 
@@ -111,12 +111,13 @@ def frustum_at(
         c.r_i,
         c.r_o,
         c.cycle,
+        c.wall[i, j],
     )
 
 
 @allocates_nothing
 def _force(plain: bool, f: Frustum, k: Floats, known: Floats, now: Floats, step_s: float) -> tuple[float, float]:
-    elastic, damping = elastic_force(f.zeta, f.phi, f.zeta0, f.C1, f.C2, f.r_i), damping_force(f)
+    elastic, damping = walls_force(f), damping_force(f)
     if plain:
         return elastic[0] + damping[0], elastic[1] + damping[1]
     more, memory = _memoryless(f, k), _with_memory(f, k, known, now, step_s)
@@ -140,7 +141,7 @@ def frusta_energy(c: Constants, m: Motion) -> float:
     for i in range(c.cells):
         for j in range(2 - c.active, 2):
             f = frustum_at(c, m, i, j)
-            total += elastic_energy(f.zeta, f.phi, f.zeta0, f.C1, f.C2, f.r_i) + _stored(f, c.terms[i, j])
+            total += walls_energy(f) + _stored(f, c.terms[i, j])
     return total
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, root
 
+from model.elasticity import EQUATION_7
 from model.errors import ModelError
 from model.frustum import Frustum
 from model.parameters import StrawParameters
@@ -95,6 +96,10 @@ def identify_geometry(readings: Readings, straw: StrawParameters, *, held: bool 
         return np.asarray(_readings_of(made(*np.exp(x)), held, limit_pa)[2:] / readings.values[2:] - 1)
 
     limit_pa = SEARCHED * max(readings.deploy_pressure_pa, -readings.fold_pressure_pa)
+    if straw.elasticity != EQUATION_7:
+        best = _by_table(readings, straw, held, limit_pa)
+        numbers = (*best.zeta0_m[0].tolist(), float(best.h_m[0, 0]), float(best.E_pa[0, 0]))
+        return Geometry(best, *numbers, *_sigmas(best, readings, held, limit_pa).tolist())
     start = _without_gravity(readings, made, _thickest(readings, straw))
     try:
         found = root(misfit, np.log(start), tol=1e-9)
@@ -109,6 +114,26 @@ def identify_geometry(readings: Readings, straw: StrawParameters, *, held: bool 
     sigma = _sigmas(best, readings, held, limit_pa)
     zeta01_m, zeta02_m = (float(x) for x in best.zeta0_m[0])
     return Geometry(best, zeta01_m, zeta02_m, h_m, E_pa, *(float(x) for x in sigma))
+
+
+def _by_table(readings: Readings, straw: StrawParameters, held: bool, limit_pa: float) -> StrawParameters:
+    """The straw that gives the readings where finite elements take equation 7's place: nothing in closed form."""
+
+    def made(x: Floats) -> StrawParameters:
+        zeta02_m = -math.exp(x[0])
+        zeta0_m = np.array([readings.folded_length_m - zeta02_m, zeta02_m])
+        return straw.replace(zeta0_m=zeta0_m, h_m=np.array(math.exp(x[1])), E_pa=np.array(math.exp(x[2])))
+
+    def misfit(x: Floats) -> Floats:
+        return np.asarray(_readings_of(made(x), held, limit_pa)[1:] / readings.values[1:] - 1)
+
+    start = np.log([-straw.zeta0_m[0, 1], straw.h_m[0, 1], straw.E_pa[0, 1]])
+    found = root(misfit, start, tol=1e-9)
+    if np.abs(found.fun).max() > MET:
+        raise ModelError(
+            "geometry: no straw near this elasticity's geometry gives these readings; check units and signs"
+        )
+    return made(found.x)
 
 
 def _readings_of(straw: StrawParameters, held: bool, limit_pa: float) -> Floats:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import tomllib
 from collections.abc import Mapping
@@ -14,8 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.constants import Constants
+from model.elasticity import EQUATION_7, SHIPPED, elasticity_of
 from model.errors import ModelError
 from model.terms import COLUMNS, DEFAULTS, TERMS, WIDTH
+from model.terms.shell_energy import ROW
 
 Floats = NDArray[np.float64]
 
@@ -33,7 +36,8 @@ class StrawParameters:
     Defaults are the specimen of Ilssar et al., section 3, with the damping and channel radius of its folding run
     (Fig. 6). Per-frustum constants have shape (cells, 2): ``[n - 1, 0]`` is the odd frustum of cell n (nearer the
     inlet), ``[n - 1, 1]`` the even one; a scalar or a pair (odd, even) is spread over all cells. ``form`` is "full"
-    (4N coordinates) or "truncated" (odd frusta rigid at zeta0, 2N coordinates).
+    (4N coordinates) or "truncated" (odd frusta rigid at zeta0, 2N coordinates). ``elasticity`` is what the even frusta
+    obey: "equation 7", "shell" (finite elements of the paper's specimen), or a file made by `straw shell`.
 
     Raises ModelError for anything that is not a straw, naming the constant.
     """
@@ -57,6 +61,7 @@ class StrawParameters:
     F_Z_n: float = 0.0
     M_Y_n_m: float = 0.0
     cycle: float = 0.0
+    elasticity: str = EQUATION_7
     terms: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -78,7 +83,15 @@ class StrawParameters:
         self._check("r_o_m", self.r_o_m > self.r_i_m, f"above r_i_m = {self.r_i_m}")
         # |zeta0_even| < zeta0_odd keeps every cell's volume, length and mass positive whichever way it snaps.
         odd, even = self.zeta0_m[:, 0], self.zeta0_m[:, 1]
+        self._check_elasticity()
         self._check("zeta0_m", np.all((odd > 0) & (even < 0) & (-even < odd)), "(odd, even) with 0 < -even < odd")
+
+    def _check_elasticity(self) -> None:
+        if self.elasticity == EQUATION_7:
+            return
+        table = elasticity_of(self.elasticity)
+        for zeta0, h in {(z, h) for z, h in zip(self.zeta0_m[:, 1].tolist(), self.h_m[:, 1].tolist(), strict=True)}:
+            table.check(repr(self.elasticity), self.r_i_m, self.r_o_m, zeta0, h)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Made anew where it is unpickled: else arrays come back writable, another type to the compiled model."""
@@ -170,6 +183,8 @@ class StrawParameters:
     def _constants(self) -> Constants:
         r_i, r_o, E, h = self.r_i_m, self.r_o_m, self.E_pa, self.h_m
         width, log = r_o - r_i, math.log(r_o / r_i)
+        C1 = math.pi * E * h / (8 * width**3) * ((r_o + r_i) / 2 - width / log)
+        C2 = math.pi * E * h**3 * log / (12 * width**2)
         return Constants(
             cells=self.cells,
             active=2 if self.form == "full" else 1,
@@ -187,8 +202,9 @@ class StrawParameters:
             S=math.pi * (r_o**2 + r_i**2 + r_o * r_i) / 3,
             C3=math.pi * (r_o**2 - 2 * r_i**2 + r_o * r_i) / 3,
             zeta0=self.zeta0_m,
-            C1=math.pi * E * h / (8 * width**3) * ((r_o + r_i) / 2 - width / log),
-            C2=math.pi * E * h**3 * log / (12 * width**2),
+            C1=C1,
+            C2=C2,
+            wall=self._wall_rows(C1, C2),
             c_zeta=self.c_zeta_n_s_per_m,
             c_phi=self.c_phi_n_m_s_per_rad,
             cycle=self.cycle,
@@ -196,6 +212,18 @@ class StrawParameters:
             remembers=self._has("memory"),
             terms=self._packed_terms(),
         )
+
+    def _wall_rows(self, C1: Floats, C2: Floats) -> Floats:
+        """Rows of `model.terms.shell_energy` for the even frusta, (cells, 2, ROW); zero for equation 7."""
+        rows = np.zeros((self.cells, 2, ROW))
+        given = self.terms.get("wall_elasticity", {}).get("share", 0.0)
+        share = self._per_frustum_of_term("share", given, "walls") + (self.elasticity != EQUATION_7)
+        table = elasticity_of(SHIPPED if self.elasticity == EQUATION_7 else self.elasticity)
+        for n in np.flatnonzero(share[:, 1]):
+            zeta0 = float(self.zeta0_m[n, 1])
+            scaled = float(C1[n, 1]), float(C2[n, 1]), zeta0, self.r_i_m, self.r_o_m, float(share[n, 1])
+            rows[n, 1] = table.row(*scaled)
+        return rows
 
     def _has(self, kind: str) -> bool:
         """Whether a term of that kind has a strength other than zero."""
@@ -226,7 +254,7 @@ class StrawParameters:
             if isinstance(value, Mapping):
                 continue
             if isinstance(value, str):
-                lines.append(f'{f.name} = "{value}"')
+                lines.append(f"{f.name} = {json.dumps(value)}")
             elif isinstance(value, np.ndarray):
                 same = bool(np.all(value == value[0]))
                 lines.append(f"{f.name} = {(value[0] if same else value).tolist()!r}")
@@ -237,8 +265,11 @@ class StrawParameters:
         return "\n".join(lines) + "\n"
 
 
-def straw_from_toml(text: str, name: str = "straw file") -> StrawParameters:
-    """A straw from TOML text: any of the constants by name, the paper's value for each one left out."""
+def straw_from_toml(text: str, name: str = "straw file", folder: Path | None = None) -> StrawParameters:
+    """A straw from TOML text: any of the constants by name, the paper's value for each one left out.
+
+    An elasticity's file is looked for from ``folder``.
+    """
     try:
         table: Mapping[str, Any] = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -247,11 +278,15 @@ def straw_from_toml(text: str, name: str = "straw file") -> StrawParameters:
     for key, value in table.items():
         if key not in known:
             raise ModelError(f"{name}: unknown key {key!r}; known: {', '.join(known)}")
-        wanted = {"cells": int, "form": str, "terms": dict}.get(key, list if key in PER_FRUSTUM else float)
+        wanted = {"cells": int, "form": str, "elasticity": str, "terms": dict}.get(
+            key, list if key in PER_FRUSTUM else float
+        )
         accepted = {list: (list, int, float), float: (int, float)}.get(wanted, (wanted,))
         if isinstance(value, bool) or not isinstance(value, accepted):
             expected = "a text" if wanted is str else "tables [terms.NAME]" if wanted is dict else "a number"
             raise ModelError(f"{name}: {key} = {value!r}, expected {expected}")
+    if folder and table.get("elasticity", EQUATION_7) not in (EQUATION_7, SHIPPED):
+        table = {**table, "elasticity": str((folder / table["elasticity"]).resolve())}
     try:
         return StrawParameters(**table)
     except ModelError as error:
@@ -269,4 +304,4 @@ def load_straw(path: Path | None) -> StrawParameters:
         raise ModelError(f"{path}: cannot read the straw file: {reason}") from None
     if not text.strip():
         raise ModelError(f"{path}: the straw file is empty; name a constant that differs, or leave the file out")
-    return straw_from_toml(text, str(path))
+    return straw_from_toml(text, str(path), path.parent)

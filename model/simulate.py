@@ -101,7 +101,7 @@ def run(
     status = integrate(
         c, state, table, time_s, end, tolerance_m, MAX_STEP_S, most_steps_per_s, out_q, out_v, out_pa, counts
     )
-    _check(status, float(state.clock[0]))
+    check_status(status, float(state.clock[0]))
     grid = table.start_s + table.step_s * np.arange(len(table.pressure_pa))
     external = np.interp(time_s, grid, table.pressure_pa)
     x_m, z_m, phi_rad, volume_m3 = seen(c, out_q)
@@ -151,7 +151,7 @@ class Stepper:
             nothing,
             counts,
         )
-        _check(status, self.time_s)
+        check_status(status, self.time_s)
 
     @property
     def time_s(self) -> float:
@@ -174,7 +174,8 @@ class Stepper:
         return float(self._state.clock[2])
 
 
-def _check(status: int, time_s: float) -> None:
+def check_status(status: int, time_s: float) -> None:
+    """Raise ModelError, saying what happened at ``time_s``, unless ``integrate`` got to its end."""
     if status != DONE:
         what = {
             STEP_TOO_SMALL: "needs steps below a nanosecond",

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
+#: No row of `model.terms.shell_energy`.
+EQUATION_7: Floats = np.zeros(1)
+
 
 class Frustum(NamedTuple):
     """One frustum at one moment, as a frustum term sees it; SI."""
@@ -26,6 +29,7 @@ class Frustum(NamedTuple):
     r_i: float  # m
     r_o: float  # m
     cycle: float  # how often the specimen was cycled before this run
+    wall: Floats = EQUATION_7  # a row of `model.terms.shell_energy`; equation 7 where its first number is zero
 
 
 @dataclass(frozen=True)
@@ -52,6 +56,7 @@ class Term:
       values known before an implicit step (q = known + step_s q') and returns those after it, minus the force.
       Its first constant is its strength;
     * ``body``: ``force(c, k, chain, load)`` adds to the bodies along the straw;
+    * ``walls``: constants of the frusta's own energy; `model.parameters` and `model.terms.elasticity` take them;
     * ``flow``: constants of the way from the controller to the inside of the straw; `model.channel` takes them.
     """
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from replay.errors import USER_ERRORS
+from replay.shell.options import design_options, shell_options, solid_options
 
 
 class _Parser(argparse.ArgumentParser):
@@ -33,6 +34,10 @@ def parser() -> argparse.ArgumentParser:
     _straw(p)
     p.add_argument("--protocol", type=Path, required=True, metavar="P.toml")
     p.add_argument("-o", "--output", type=Path, required=True, metavar="OUT.mcap", help="the prediction")
+    p.add_argument(
+        "--from", type=float, dest="start", metavar="S", help="predict only from here, s after the run's zero"
+    )
+    p.add_argument("--to", type=float, dest="end", metavar="S", help="predict only up to here")
     _json(p)
 
     rig = commands.add_parser("rig", help="drive a pressure controller, or emulate one")
@@ -44,6 +49,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--rate", type=float, metavar="HZ", help="samples a second (100)")
     p.add_argument("--specimen", metavar="NAME", help="which straw, over what the protocol says")
     p.add_argument("--cycle", type=_seed, metavar="N", help="how often it was cycled before, likewise")
+    _about(p)
     p.add_argument("--led", action="store_true", help="blink a code on the trigger output, for the camera's clock")
     p.add_argument(
         "--live",
@@ -61,6 +67,14 @@ def parser() -> argparse.ArgumentParser:
     p = _command(rig_commands, "emulate", "a controller on the wire with the straw behind it", module="rig_emulate")
     p.add_argument("--controller", default="ob1-mk4", metavar="NAME", help="kind of controller (ob1-mk4)")
     p.add_argument("--listen", default="127.0.0.1:0", metavar="URL", help="host:port, or pty (127.0.0.1, any port)")
+    p.add_argument(
+        "--setting",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="of the emulated instrument: frame=mass (alicat: the six values that its PyPI client reads), baud=38400",
+    )
+    p.set_defaults(limits=None)
     p.add_argument("--deployed", default="", metavar="CELLS", help="cells deployed at the start, as 1,4 (none)")
     p.add_argument("--faults", type=float, default=0.0, metavar="SHARE", help="spoil this share of exchanges (0)")
     p.add_argument("--seed", type=_seed, default=0, help="seed of the faults (0)")
@@ -69,6 +83,7 @@ def parser() -> argparse.ArgumentParser:
     p = _command(commands, "calibrate", "a lens from videos or stills of a checkerboard")
     p.add_argument("pictures", type=Path, nargs="+", metavar="VIDEO|IMAGE")
     p.add_argument("-o", "--output", type=Path, required=True, metavar="CAMERA.json")
+    p.add_argument("--board", metavar="CxR", help="squares along both sides (not inner corners): other grids are none")
     p.add_argument("--name", default="", help="what to call the lens (the output's name)")
     p.add_argument("--picture", type=Path, metavar="P.png", help="the projection's uncertainty over the picture")
     _json(p)
@@ -88,6 +103,18 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("protocol", type=Path, metavar="P.toml")
     p.add_argument("-o", "--output", type=Path, metavar="PICTURE", help="png, svg or pdf (the protocol's name, png)")
     _json(p)
+    p = _command(
+        rig_commands, "vent", "let the pressure out of one controller, or of all known ones", module="rig_ports"
+    )
+    _port(p)
+    p = _command(
+        rig_commands, "read", "what one controller reads, or all known ones; nothing is set", module="rig_ports"
+    )
+    _port(p)
+    p = _command(rig_commands, "ports", "serial ports, and those that were driven before", module="rig_ports")
+    p.add_argument("--identify", action="store_true", help="ask each which controller it is; nothing is set")
+    p.set_defaults(action="ports")
+    _json(p)
     p = _command(rig_commands, "snap-search", "find the pressure at which a cell snaps", module="rig_snap_search")
     where = p.add_mutually_exclusive_group(required=True)
     where.add_argument("--port", metavar="URL", help="serial port, by-id path, or socket://host:port")
@@ -103,6 +130,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--repeats", type=int, default=1, metavar="N", help="searches (1)")
     p.add_argument("--ask", action="store_true", help="on a rig without a flow sensor: somebody says what snapped")
     p.add_argument("-o", "--output", type=Path, metavar="RUN.mcap", help="record all of it")
+    _about(p)
     _straw(p, "the straw behind the emulator")
     _json(p)
 
@@ -124,6 +152,9 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("-o", "--output", type=Path, required=True, metavar="TIP.mcap")
     p.add_argument("--run", type=Path, metavar="RUN.mcap", help="the run it filmed: gives clock, names and rest pose")
     p.add_argument("--start", type=float, default=0.0, metavar="S", help="first frame, s after the run's zero (0)")
+    p.add_argument("--fps", type=float, default=0.0, metavar="F", help="filmed at, if saved for slow motion (as 240)")
+    p.add_argument("--from", type=float, default=None, dest="from_s", metavar="S", help="leave out what is before")
+    p.add_argument("--to", type=float, default=None, dest="to_s", metavar="S", help="leave out what follows")
     p.add_argument("--clock", type=Path, metavar="CLOCK.json", help="instead of --start: the camera's clock (clock)")
     p.add_argument("--rest", metavar="X,Z,PHI", help="tip pose while still at the start (mm,mm,deg); else from --run")
     p.add_argument("--level", action="store_true", help="the camera stands level: phi at rest is measured, not taken")
@@ -178,8 +209,23 @@ def parser() -> argparse.ArgumentParser:
 
     p = _command(commands, "paper", "the paper's numbers beside the model's, and its figures drawn anew")
     p.add_argument("--out", type=Path, default=Path("paper"), metavar="DIR", help="folder for the figures (paper)")
+    p.add_argument(
+        "--shell", action="store_true", help="the paper's finite elements as well (Figs. 4 b, c, S2; minutes)"
+    )
     p.add_argument("--filling", type=Path, metavar="TABLE.csv", help="filling tests (the shipped synthetic sample)")
     _json(p)
+
+    p = _command(commands, "shell", "finite elements of a frustum or a cell beside the reduced energy")
+    shell_options(p)
+    _straw(p)
+    _json(p)
+    p = _command(commands, "design", "geometries for wanted snap pressures, lengths and stable states")
+    design_options(p)
+    _straw(p, "what is not varied")
+    _json(p)
+    p = _command(commands, "solid", "the straw as a body for a printer (STL) or a mould (STEP)")
+    solid_options(p)
+    _straw(p)
 
     p = _command(commands, "terms", "the laws that can be added to a straw, and what each does to the paper's two runs")
     _json(p)
@@ -283,6 +329,23 @@ def _controller(p: argparse.ArgumentParser, default: str | None = "ob1-mk4") -> 
     p.add_argument("--controller", default=default, metavar="NAME", help="ob1-mk4 (default), ob1-sdk or alicat")
     p.add_argument("--limits", metavar="MIN,MAX[,RATE]", help="in kPa, kPa/s, below all else: --limits=-40,60,50")
     p.add_argument("--setting", action="append", default=[], metavar="KEY=VALUE", help="of the driver, as unit=B")
+
+
+def _port(p: argparse.ArgumentParser) -> None:
+    p.add_argument("--port", metavar="URL", help="serial port, by-id path, or socket://host:port (all that are known)")
+    p.add_argument(
+        "--controller", metavar="NAME", help="ob1-mk4, ob1-sdk or alicat (what was driven there, or ob1-mk4)"
+    )
+    p.add_argument("--setting", action="append", default=[], metavar="KEY=VALUE", help="of the driver, as unit=B")
+    p.set_defaults(action=p.prog.split()[-1], limits=None)
+    _json(p)
+
+
+def _about(p: argparse.ArgumentParser) -> None:
+    p.add_argument("--operator", default="", metavar="NAME", help="who runs it, for the record")
+    p.add_argument("--note", action="append", default=[], metavar="TEXT", help="what else should be known; may repeat")
+    p.add_argument("--tag", action="append", default=[], metavar="TAG", help="as straw runs tag; may repeat")
+    p.add_argument("--meta", action="append", default=[], metavar="KEY=VALUE", help="any other fact, for the record")
 
 
 def _seed(text: str) -> int:

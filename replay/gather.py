@@ -30,7 +30,10 @@ def gather(paths: Sequence[Path], *, partial: bool = False) -> list[Run]:
     damaged files unless ``partial``.
     """
     read = [read_whole(path, partial=partial) for path in paths]
-    by_sha = {run.sha256: run for run in read}
+    by_sha: dict[str, Run] = {}
+    for run in read:
+        if (same := by_sha.setdefault(run.sha256, run)) is not run:
+            raise ReplayError(f"{run.path}: the same recording as {same.path}; give it once, or it counts twice")
     joined: set[str] = set()
     tracked: set[str] = set()
     for run in read:

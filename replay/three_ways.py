@@ -12,13 +12,15 @@ import numpy as np
 from model.parameters import StrawParameters
 from model.simulate import simulate
 from replay.commands.rig_run import drive, emulation, write_true_tip
-from replay.commands.simulate import RATE_HZ, outlet_of, trace_of
+from replay.commands.simulate import RATE_HZ, trace_of
 from replay.errors import ReplayError
 from replay.metrics import Metrics
 from replay.series import Series, differ, tip_series
 from rig.clock import SteppedClock
 from rig.controller import make_controller
-from rig.protocol import PressureProtocol, load_protocol, protocol_from_toml
+from rig.outlet import Outlet
+from rig.protocol import PressureProtocol
+from rig.protocol_toml import load_protocol, protocol_from_toml
 from rig.run import Run
 from rig.run_read import read_run
 
@@ -96,7 +98,7 @@ def _emulated(straw: StrawParameters, protocol: PressureProtocol) -> dict[str, S
 def _modelled(straw: StrawParameters, protocol: PressureProtocol) -> dict[str, Series]:
     """The model under the controller's nominal response to the command."""
     time_s = np.arange(0.0, protocol.duration_s, 1 / RATE_HZ)
-    p = simulate(straw, outlet_of(protocol), time_s, protocol.initial_deployed)
+    p = simulate(straw, Outlet(protocol), time_s, protocol.initial_deployed)
     since_zero_s = time_s - protocol.zero_s
     unknown = np.full(len(time_s), np.nan)
     return {"pressure": Series(since_zero_s, p.external_pa, unknown, "Pa"), **tip_series(trace_of(p, since_zero_s))}

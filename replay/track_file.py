@@ -19,7 +19,7 @@ from rig.run import Run
 from rig.run_track import write_track
 from tracking.board import Board
 from tracking.camera import Camera, camera_json
-from tracking.chapters import in_order, siblings
+from tracking.chapters import copies, in_order, siblings
 from tracking.follow import Rest
 from tracking.task import Track
 from tracking.track import track
@@ -48,6 +48,8 @@ def track_to_file(
     record = output.with_name(output.name + ".corners")
     if beside := siblings(files):
         say(f"{files[0].name}: {', '.join(path.name for path in beside)} beside it belong to it; name all to join them")
+    for copy, other in copies(files):
+        say(f"{copy.name}: holds the same film as {other.name}, which is tracked twice; is it the right file?")
     with progress_bar(f"track {files[0].name}", "frame") as progress:
         try:
             known: dict[str, Any] = {"rest_pose": rest, "start_s": 0.0 if clock else start_s, "record": record}
@@ -100,14 +102,10 @@ def track_to_file(
 def quality(tracked: Track) -> dict[str, Any]:
     """The columns of ``/tip/quality``."""
     assert tracked.record is not None
-    kept: list[tuple[NDArray[Any], ...]] = []
-    for _, rows in tracked.record.chunks():
-        reasons = [reason.decode() for reason in rows["reason"]]
-        kept.append((rows["contrast"], rows["widths"].max(axis=1), np.array(reasons, dtype=object)))
-    contrast, blur, reason = (np.concatenate(parts) for parts in zip(*kept, strict=True))
-    said = np.where((reason == "") & ~tracked.trace.valid, "the corners fit no pose, or a repeated picture", reason)
+    kept = [(rows["contrast"], rows["widths"].max(axis=1)) for _, rows in tracked.record.chunks()]
+    contrast, blur = (np.concatenate(parts) for parts in zip(*kept, strict=True))
     grades = {"rms_px": tracked.rms_px, "corners": tracked.corners, "contrast": contrast.astype(float)}
-    return {**grades, "blur_px": blur.astype(float), "reason": said}
+    return {**grades, "blur_px": blur.astype(float), "reason": tracked.said}
 
 
 def corners(tracked: Track) -> Iterator[tuple[NDArray[np.float64], NDArray[np.bool_]] | None]:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import importlib
 import math
 import pkgutil
+import shlex
 import threading
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
@@ -29,6 +30,7 @@ class Controller(ABC):
     """
 
     name: str
+    port: str  # where it is connected, as it was given
     span: PressureLimits  # what the instrument itself can do
     resolution_pa: float  # smallest step the instrument can be told
     byte_s: float = 0.0  # what one byte of an answer spends on the line
@@ -49,6 +51,9 @@ class Controller(ABC):
         self._leashes = {channel: Leash(self.resolution_pa) for channel in channels}
         self._expected = {channel: Expectation() for channel in channels}
         self._lock = threading.RLock()  # one exchange at a time, whoever asks: replies must not be mixed up
+        #: A driver calls it whenever it gets on, with the seconds that its next step may take where that is long: a
+        #: guardian knows by it that the driver waits for a slow instrument, and does not hang.
+        self.progress: Callable[..., None] = lambda next_s=0.0: None
 
     @abstractmethod
     def _open(self) -> None:
@@ -83,6 +88,11 @@ class Controller(ABC):
 
     def record_in(self, path: Path) -> None:  # noqa: B027  likewise
         """Where whoever outlives the script may note what it did."""
+
+    @property
+    def vent_command(self) -> str:
+        """What to type to let the pressure out of this instrument."""
+        return f"straw rig vent --port {shlex.quote(self.port)} --controller {self.name}"
 
     @property
     def limits(self) -> PressureLimits:
@@ -121,6 +131,15 @@ class Controller(ABC):
             self.vent()
         finally:
             self.is_open = False
+            self._close()
+
+    @contextmanager
+    def looking(self) -> Iterator[Self]:
+        """Within the block the link is open for ``read`` and ``snapshot`` only: nothing is set, vented, or changed."""
+        self._open()
+        try:
+            yield self
+        finally:
             self._close()
 
     def __enter__(self) -> Self:
@@ -195,7 +214,10 @@ class Controller(ABC):
                 except RigError as error:
                     failures.append(str(error))
         if failures:
-            raise RigError(f"{self.name}: THE VENT IS NOT CONFIRMED, vent by hand now: {failures[0]}")
+            raise RigError(
+                f"{self.name}: THE VENT IS NOT CONFIRMED, vent by hand now, or with `{self.vent_command}`: "
+                f"{failures[0]}"
+            )
 
     @final
     def trigger(self, high: bool) -> Stamp:

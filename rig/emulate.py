@@ -7,13 +7,13 @@ import pkgutil
 import threading
 from collections.abc import Callable, Mapping
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import rig.emulators
 from rig.clock import Clock, SteppedClock
 from rig.emulator import Emulator
 from rig.errors import RigError
-from rig.plant import Plant, PressurePlant
+from rig.plant import PressurePlant
 from rig.twin import STEP_S, StrawStepper, Twin
 from rig.wire import Faults, Wire
 
@@ -23,8 +23,8 @@ class Emulation:
 
     ``name`` is a controller of ``rig.controllers`` that has an emulator. Each of ``addresses`` is ``"host:port"``
     (port 0 for any) or ``"pty"``; the one device answers on all of them, ``urls`` says where. The straw hangs on
-    channel 1, on further ``channels`` hangs a closed line. Time is real unless ``clock`` is a SteppedClock, which the
-    program that drives it has to share.
+    channel 1, on further ``channels`` hangs a closed line; ``device`` are the emulated instrument's own settings. Time
+    is real unless ``clock`` is a SteppedClock, which the program that drives it has to share.
     """
 
     def __init__(
@@ -38,12 +38,17 @@ class Emulation:
         clock: Clock | None = None,
         step_s: float = STEP_S,
         channels: tuple[int, ...] = (1,),
+        device: Mapping[str, Any] | None = None,
     ) -> None:
         emulator = emulator_of(name)
         self.plant = plant or PressurePlant()
         self.twin = Twin(stepper, self.plant, clock, step_s=step_s)
         self.clock = self.twin.clock
-        self.device = emulator({**{channel: PressurePlant(seed=channel) for channel in channels}, 1: self.plant})
+        plants = {**{channel: PressurePlant(seed=channel) for channel in channels}, 1: self.plant}
+        try:
+            self.device = emulator(plants, **(device or {}))
+        except TypeError as error:
+            raise RigError(f"emulated {name}: {error}; its docstring in rig/emulators names its settings") from None
         lock = threading.Lock()
         self.wires: list[Wire] = []
         try:
@@ -99,12 +104,12 @@ class Emulation:
             self.twin.stop()
 
 
-def emulator_of(name: str) -> Callable[[Mapping[int, Plant]], Emulator]:
+def emulator_of(name: str) -> Callable[..., Emulator]:
     """The emulator of a controller's name; RigError with the known ones where there is none."""
     try:
         module = importlib.import_module(f"rig.emulators.{name.replace('-', '_')}")
     except ModuleNotFoundError:
         known = [module.name.replace("_", "-") for module in pkgutil.iter_modules(rig.emulators.__path__)]
         raise RigError(f"controller {name!r} has no emulator; known: {', '.join(sorted(known))}") from None
-    made: Callable[[Mapping[int, Plant]], Emulator] = module.EMULATOR
+    made: Callable[..., Emulator] = module.EMULATOR
     return made

@@ -17,7 +17,7 @@ class Emulator(ABC):
     """
 
     terminator: ClassVar[bytes]
-    baud: ClassVar[int]
+    baud: int
 
     def __init__(self, plants: Mapping[int, Plant]) -> None:
         self.plants = plants

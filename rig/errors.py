@@ -11,3 +11,7 @@ class LinkLostError(RigError):
 
 class LimitError(RigError):
     """What was asked is not allowed; nothing was sent, and asking again changes nothing."""
+
+
+class NoAnswerError(RigError):
+    """Nothing came back in time, or nothing whole: a slow instrument or a bad line, no refusal; asking again helps."""

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import pickle
+import queue
 import subprocess
-import sys
+import threading
+import time
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
+from rig.apart import start_apart
 from rig.controller import Controller, make_controller
 from rig.errors import LinkLostError
-from rig.guardian import Orders
+from rig.last_word import SILENT_S, Orders, Silence
+from rig.ports import remember
 from rig.reading import Answer
 
-# The directory this package came from, wherever that is: the guardian must run the same code as the script.
-START = f"import sys; sys.path.insert(0, {str(Path(__file__).parents[1])!r}); from rig.guardian import main; main()"
+START_S = 20.0  # until the first sign of life: a slow disk, a scanner of viruses
+GONE_S = 1.0  # how long one that was told to end, or was killed, may take
+RELEASE_S = 3.0  # after a guardian's death its standby holds the port while it vents
+Answers = queue.SimpleQueue[tuple[int, Any] | None]
 
 
 class GuardedController(Controller):
@@ -23,20 +29,34 @@ class GuardedController(Controller):
 
     While anything may be under pressure the script has to be heard from every ``heartbeat_s`` seconds: each set and
     read counts, ``beat`` does where there is nothing to ask. A script that is silent for longer is vented, and its
-    sets are refused until the controller is opened again. If a vent cannot be confirmed the guardian stays behind
-    for up to ``patience_s`` and vents when the link returns. ``settings`` are the driver's.
+    sets and reads are refused until the controller is opened again. If a vent cannot be confirmed the guardian stays
+    behind for up to ``patience_s`` and vents when the link returns. A guardian that gives no sign of life is ended,
+    and its standby vents. Unless ``remembered`` is False, as for an emulator of one's own, ``straw rig vent`` finds
+    the port again. ``settings`` are the driver's.
     """
 
     def __init__(
-        self, name: str, port: str, *, heartbeat_s: float = 2.0, patience_s: float = 600.0, **settings: Any
+        self,
+        name: str,
+        port: str,
+        *,
+        heartbeat_s: float = 2.0,
+        patience_s: float = 600.0,
+        remembered: bool = True,
+        **settings: Any,
     ) -> None:
         driver = make_controller(name, port, **settings)  # checks the settings here; it is opened over there only
-        self.name, self.span = driver.name, driver.span
+        self.name, self.port, self.span = driver.name, port, driver.span
         self.resolution_pa, self.byte_s = driver.resolution_pa, driver.byte_s
         super().__init__(channels=driver.channels, limits=driver.limits, sigma_pa=driver.sigma_pa)
         self._orders = Orders(name, port, settings, heartbeat_s, patience_s)
         self._process: subprocess.Popen[bytes] | None = None
+        self._answers: Answers = queue.SimpleQueue()
         self._asked = 0
+        self._lost_s = float("-inf")
+        self._record = ""
+        self._remembered = remembered
+        self._is_remembered = False
 
     @property
     def guardian_pid(self) -> int | None:
@@ -49,12 +69,23 @@ class GuardedController(Controller):
         return self._orders.heartbeat_s
 
     def _open(self) -> None:
-        self._process = _start()
-        try:
-            self._exchange(self._orders)
-        except BaseException:
-            self._let_go()
-            raise
+        while True:
+            self._process = start_apart("rig.guardian", answers=True)
+            self._answers = queue.SimpleQueue()
+            threading.Thread(target=_listen, args=(self._process.stdout, self._answers), daemon=True).start()
+            try:
+                self._exchange(self._orders, START_S)
+                self._remember(self._process.pid)  # nothing is under pressure yet
+                if self._record:
+                    self._call("note", self._record)
+                return
+            except LinkLostError:
+                self._let_go()
+                if time.monotonic() > self._lost_s + RELEASE_S:
+                    raise
+            except BaseException:
+                self._let_go()
+                raise
 
     def _close(self) -> None:
         if self._process is None:
@@ -62,6 +93,11 @@ class GuardedController(Controller):
         with suppress(Exception):  # gone already, or it finds out by the closed pipe
             self._call("close")
         self._let_go()
+
+    def _remember(self, guardian_pid: int) -> None:
+        if self._remembered:
+            remember(self.port, self.name, self._orders.settings, guardian_pid)
+            self._is_remembered = True
 
     def _send(self, channel: int, pressure_pa: float) -> bytes:
         raw: bytes = self._call("set", channel, pressure_pa)
@@ -84,7 +120,8 @@ class GuardedController(Controller):
 
     def record_in(self, path: Path) -> None:
         """Where the guardian notes what it did after the script's end."""
-        self._call("note", str(path.absolute()))
+        self._record = str(path.absolute())
+        self._call("note", self._record)
 
     def snapshot(self) -> dict[str, str]:
         """What the driver says of itself, and how it is guarded."""
@@ -94,57 +131,61 @@ class GuardedController(Controller):
     def _call(self, what: str, *arguments: Any) -> Any:
         return self._exchange((what, arguments))
 
-    def _exchange(self, message: Any) -> Any:
+    def _exchange(self, message: Any, first_s: float = 0.0) -> Any:
+        """One question to the guardian; LinkLostError when it is gone, or without a sign of life for ``SILENT_S``."""
         process = self._process
-        if process is None or process.stdin is None or process.stdout is None:
+        if process is None or process.stdin is None:
             raise LinkLostError(f"{self.name} is not open; open it first")
+        self._asked += 1
         try:
-            self._asked += 1
             pickle.dump((self._asked, message), process.stdin)
             process.stdin.flush()
-            answered = 0
-            while answered != self._asked:  # Ctrl-C may have left an answer unread
-                answered, answer = pickle.load(process.stdout)
-        except (OSError, EOFError, pickle.UnpicklingError):
-            raise LinkLostError(
-                f"{self.name}: its guardian process {process.pid} was lost; somebody ended it: start again"
-            ) from None
+        except OSError:
+            raise self._lost(process, "was lost; somebody ended it") from None
+        silence = Silence(first_s or SILENT_S)
+        while True:
+            try:
+                said = self._answers.get(timeout=Silence.SLICE_S)
+            except queue.Empty:
+                if silence.waited():
+                    process.kill()
+                    why = f"gave no sign of life for {silence.limit_s:g} s (stopped, or its driver hangs) and was ended"
+                    raise self._lost(process, why) from None
+                continue
+            if said is None:
+                raise self._lost(process, "was lost; somebody ended it")
+            number, answer = said
+            if number == self._asked:
+                break
+            silence = Silence(SILENT_S)  # a sign of life, or an answer that Ctrl-C left unread
         if isinstance(answer, Exception):
             raise answer
         return answer
+
+    def _lost(self, process: subprocess.Popen[bytes], how: str) -> LinkLostError:
+        self._lost_s = time.monotonic()
+        return LinkLostError(
+            f"{self.name}: its guardian process {process.pid} {how}; its standby vents; start again, and make sure "
+            f"with: {self.vent_command}"
+        )
 
     def _let_go(self) -> None:
         process, self._process = self._process, None
         if process is None:
             return
-        for stream in (process.stdin, process.stdout):
-            with suppress(OSError):  # unsent words to a guardian that is gone
-                stream.close() if stream else None
+        with suppress(OSError):  # unsent words to a guardian that is gone
+            process.stdin.close() if process.stdin else None
         try:
-            process.wait(timeout=1.0)
+            process.wait(timeout=GONE_S)
+            if self._is_remembered:
+                self._remember(0)
         except subprocess.TimeoutExpired:
             process.returncode = 0  # it stays behind to vent when the link returns, and is nobody's zombie after us
 
 
-def _start() -> subprocess.Popen[bytes]:
-    """A guardian out of reach of what ends the script: other session and group, on Windows other console and job."""
-
-    def started(flags: int) -> subprocess.Popen[bytes]:
-        return subprocess.Popen(
-            [sys.executable, "-c", START],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            start_new_session=True,  # POSIX
-            creationflags=flags,  # Windows
-        )
-
-    apart, freed = (
-        sum(getattr(subprocess, name, 0) for name in names)
-        for names in (("DETACHED_PROCESS", "CREATE_NEW_PROCESS_GROUP"), ("CREATE_BREAKAWAY_FROM_JOB",))
-    )
-    try:
-        return started(apart | freed)
-    except OSError:
-        if not freed:
-            raise
-        return started(apart)  # the job does not let its processes go
+def _listen(stream: BinaryIO, answers: Answers) -> None:
+    """Unpickle what the guardian says, in a thread, so that nobody waits for ever for a guardian that hangs."""
+    with suppress(EOFError, OSError, pickle.UnpicklingError), stream:
+        while True:
+            answers.put(pickle.load(stream))
+    answers.put(None)

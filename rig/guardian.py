@@ -4,47 +4,62 @@ The script talks to it through two pipes (``rig/guarded.py`` is the other end), 
 the script ends, however it ends: SIGKILL, a crash, the task manager. The driver and its limits live here, so nothing a
 script does to its own objects reaches the instrument. It shares neither terminal nor process group with the script
 (on Windows neither console nor job), so that the Ctrl-C or the closed window that ends the script does not end it.
-What it cannot survive: its own death by force together with the script's, and the computer's. If it alone dies, the
-script sees the link lost, starts another one, and vents through that.
+It shows the script and its standby (``rig/standby.py``) that it gets on: without that sign it is ended, and the
+standby, which also outlives its death by force together with the script's, vents.
 """
 
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import pickle
 import queue
 import signal
-import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, BinaryIO, TypeAlias
 
 from rig.controller import Controller, make_controller
 from rig.errors import LimitError, LinkLostError, RigError
 from rig.interrupts import NAMES
+from rig.last_word import PULSE_S, Notes, Orders, vent_until_confirmed
+from rig.standby import Standby
 
-RETRY_S = 0.2
-Reply = Callable[[int, Any], None]  # (number of the request, answer)
-Requests: TypeAlias = "queue.SimpleQueue[tuple[int, Any] | None]"  # None: the script has ended
+STUCK_S = 0.5  # a driver that is inside one call for longer hangs; it waits for answers in slices of 0.02 s
+Reply = Callable[[int, Any], None]  # (number of the request, answer); number 0 is a sign of life
+Request: TypeAlias = "tuple[int, tuple[str, tuple[Any, ...]]] | str"  # as text: why the script is not served any more
 
 
-@dataclass(frozen=True)
-class Orders:
-    """What a guardian is told once: the driver it holds, how long the script may be silent, how long it keeps trying.
+class Requests:
+    """What the script asks, in order; ``urgent`` says whether a vent or the end is among it."""
 
-    ``heartbeat_s`` counts only while something may be under pressure; ``patience_s`` while a vent is not confirmed.
-    """
+    def __init__(self) -> None:
+        self._queue: queue.SimpleQueue[Request] = queue.SimpleQueue()
+        self._urgent: deque[None] = deque()  # its append is atomic, also within a signal handler
 
-    name: str
-    port: str
-    settings: dict[str, Any] = field(default_factory=dict)
-    heartbeat_s: float = 2.0
-    patience_s: float = 600.0
+    def put(self, request: Request) -> None:
+        """Queue one."""
+        if _is_urgent(request):
+            self._urgent.append(None)
+        self._queue.put(request)
+
+    def get(self, timeout_s: float | None) -> Request:
+        """The next one; queue.Empty where none comes in time."""
+        request = self._queue.get(timeout=timeout_s)
+        if _is_urgent(request):
+            self._urgent.popleft()
+        return request
+
+    @property
+    def urgent(self) -> bool:
+        """Whether something waits that must not wait for an instrument's answer."""
+        return bool(self._urgent)
+
+
+def _is_urgent(request: Request) -> bool:
+    return isinstance(request, str) or request[1][0] in ("vent", "close")
 
 
 class Guardian:
@@ -54,58 +69,83 @@ class Guardian:
         self.orders = orders
         self.requests = requests
         self.controller: Controller = make_controller(orders.name, orders.port, **orders.settings)
+        self.controller.progress = self._got_on
         self.under_pressure: set[int] = set()  # channels that may be
         self.refuses = ""
-        self.note = ""
+        self.notes = Notes(f"guardian of {orders.name} on {orders.port}")
+        self.told_to_end = False
+        self._fresh_until_s = time.monotonic() + STUCK_S
+        self._idle = self._may_hurry = False
+        self._standby = Standby(orders)
         self._does: dict[str, Callable[..., Any]] = {
             "set": self._set,
-            "read": self.controller._read,
+            "read": self._read,
             "trigger": self.controller._trigger,
             "vent": self._vent,
             "snapshot": self.controller.snapshot,
-            "note": lambda path: setattr(self, "note", path),
+            "note": self._note,
             "beat": lambda: None,
         }
 
     def serve(self, number: int, reply: Reply) -> None:
         """Open, obey, and vent at the end whatever the end is."""
+        threading.Thread(target=self._pulse, args=(reply,), daemon=True).start()
         try:
             self.controller.open()
         except Exception as error:
+            self._standby.dismiss()
             reply(number, error)
             return
         reply(number, None)
         self._obey(reply)
-        self._last_word()
+        self._last_word(final=True)
+        self._standby.dismiss()
 
     def _obey(self, reply: Reply) -> None:
         while True:
+            self._idle = True
             try:
-                request = self.requests.get(timeout=self.orders.heartbeat_s if self.under_pressure else None)
+                request = self.requests.get(self.orders.heartbeat_s if self.under_pressure else None)
             except queue.Empty:
+                self._got_on()
+                self._idle = False
                 self.refuses = f"the script was silent for {self.orders.heartbeat_s:g} s, so its guardian vented"
-                self._say("heartbeat", self.refuses)
+                self.notes.say("heartbeat", self.refuses)
                 self._last_word()
                 continue
-            if request is None:  # the script ended without a word
-                self._say("guardian", "the script ended without closing the controller")
+            self._got_on()
+            self._idle = False
+            if isinstance(request, str):
+                self.notes.say("guardian", request)
                 self.under_pressure.update(self.controller.channels)
                 return
             number, (what, arguments) = request
             if what == "close":
+                if self.under_pressure:  # its vent failed: the script has said so, and its reader need not wait for us
+                    self.notes.say("guardian", f"process {os.getpid()} keeps trying to vent in the background")
+                    _leave_terminal()
                 reply(number, None)
                 return
             try:
+                self._may_hurry = what in ("set", "read", "trigger")
                 answer = self._does[what](*arguments)
             except Exception as error:
                 answer = error
+            self._may_hurry = False
             reply(number, answer)
 
     def _set(self, channel: int, pressure_pa: float) -> bytes:
-        if self.refuses:
-            raise LimitError(f"{self.refuses}; nothing was sent; open the controller again")
+        self._check_trusted()
         self.under_pressure.add(channel)
         return self.controller.set_pressure(channel, pressure_pa).raw
+
+    def _read(self) -> Any:
+        self._check_trusted()
+        return self.controller._read()
+
+    def _check_trusted(self) -> None:
+        if self.refuses:
+            raise LimitError(f"{self.refuses}; nothing was sent; open the controller again")
 
     def _vent(self, channel: int) -> None:
         try:
@@ -114,35 +154,46 @@ class Guardian:
             raise RigError(f"{error}; its guardian, process {os.getpid()}, keeps trying") from None
         self.under_pressure.discard(channel)
 
-    def _last_word(self) -> None:
+    def _note(self, path: str) -> None:
+        self.notes.path = path
+        self._standby.note(path)
+
+    def _last_word(self, final: bool = False) -> None:
         """Vent, again and again if need be: a lost link may return."""
         if not self.under_pressure:
             self.controller._close()
             return
-        give_up_s = time.monotonic() + self.orders.patience_s
-        said = ""
-        while True:
-            try:
-                self.controller.vent()
-                self.under_pressure.clear()
-                self._say("vent", "confirmed by the controller, asked by the guardian")
-                return
-            except RigError as error:
-                if str(error) != said:
-                    said = str(error)
-                    self._say("vent", f"{error} (the guardian keeps trying)")
-            if time.monotonic() > give_up_s:
-                self._say("vent", f"the guardian gave up after {self.orders.patience_s:g} s")
-                return
-            time.sleep(RETRY_S)
 
-    def _say(self, kind: str, text: str) -> None:
-        """To whoever still watches the terminal, and beside the recording that the script can no longer write."""
-        with contextlib.suppress(OSError, ValueError):
-            print(f"guardian of {self.orders.name} on {self.orders.port}: {text}", file=sys.stderr, flush=True)
-        if self.note:
-            with contextlib.suppress(OSError), Path(self.note).open("a", encoding="utf-8") as notes:
-                notes.write(json.dumps({"wall_ns": time.time_ns(), "kind": kind, "text": text}) + "\n")
+        def failed() -> None:
+            self._got_on()
+            if final:  # whoever reads what the command printed must not wait for us
+                _leave_terminal()
+
+        if vent_until_confirmed(
+            self.controller.vent,
+            self.notes,
+            self.orders.patience_s,
+            told_to_end=lambda: self.told_to_end,
+            failed=failed,
+        ):
+            self.under_pressure.clear()
+            self.notes.say("vent", "confirmed by the controller, asked by the guardian")
+
+    def _got_on(self, next_s: float = 0.0) -> None:
+        """The driver did something; what comes next may take ``next_s``. A vent that waits ends any other wait."""
+        self._fresh_until_s = time.monotonic() + STUCK_S + next_s
+        if self._may_hurry and self.requests.urgent:
+            self._may_hurry = False
+            raise RigError("given up: a vent was asked for meanwhile")
+
+    def _pulse(self, reply: Reply) -> None:
+        """Show that we get on: to the standby always, to the script while it waits for us."""
+        while True:
+            if self._idle or time.monotonic() < self._fresh_until_s:
+                self._standby.pulse()
+                if not self._idle:
+                    reply(0, None)
+            time.sleep(PULSE_S)
 
 
 def main() -> None:
@@ -150,26 +201,35 @@ def main() -> None:
     # Streams of its own: what a thread still reads from at the end must not be sys.stdin, or Python aborts there.
     words, replies = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # whatever a vendor's library prints must not get between the replies
-    requests: Requests = queue.SimpleQueue()
-    for name in NAMES:
-        if number := getattr(signal, name, None):
-            signal.signal(number, lambda *_: requests.put(None))  # told to end: as if the script had ended
-    number, orders = pickle.load(words)
-    threading.Thread(target=_listen, args=(words, requests), daemon=True).start()
+    requests = Requests()
+    lock = threading.Lock()
+    guardians: list[Guardian] = []
 
     def reply(number: int, answer: Any) -> None:
         try:
-            pickle.dump((number, answer), replies)
-            replies.flush()
+            with lock:
+                pickle.dump((number, answer), replies)
+                replies.flush()
         except OSError:
-            requests.put(None)  # nobody is left to hear it
+            if number:  # nobody is left to hear it
+                requests.put("the script ended without closing the controller")
 
+    def told_to_end(number: int, _: object) -> None:
+        for guardian in guardians:
+            guardian.told_to_end = True
+        requests.put(f"the guardian was told to end ({signal.Signals(number).name})")
+
+    for name in NAMES:
+        if number := getattr(signal, name, None):
+            signal.signal(number, told_to_end)
+    asked, orders = pickle.load(words)
     try:
-        guardian = Guardian(orders, requests)
+        guardians.append(Guardian(orders, requests))
     except RigError as error:
-        reply(number, error)
+        reply(asked, error)
         return
-    guardian.serve(number, reply)
+    threading.Thread(target=_listen, args=(words, requests), daemon=True).start()
+    guardians[0].serve(asked, reply)
 
 
 def _listen(stream: BinaryIO, requests: Requests) -> None:
@@ -177,4 +237,12 @@ def _listen(stream: BinaryIO, requests: Requests) -> None:
         while True:
             requests.put(pickle.load(stream))
     except (EOFError, OSError, pickle.UnpicklingError):  # a script killed in the middle of a word has ended, too
-        requests.put(None)
+        requests.put("the script ended without closing the controller")
+
+
+def _leave_terminal() -> None:
+    with contextlib.suppress(OSError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, 1)
+        os.dup2(nowhere, 2)
+        os.close(nowhere)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
+from contextlib import suppress
 from types import FrameType, TracebackType
 from typing import Any, Self
 
@@ -13,10 +15,12 @@ NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")  # not every system has all 
 class Interrupts:
     """While entered, stop signals only set ``pending``; call ``check`` wherever stopping is safe.
 
-    Outside the main thread Python allows no handlers; then signals do not arrive here and this does nothing.
+    ``says`` is printed at once when the first one comes. Outside the main thread Python allows no handlers; then
+    signals do not arrive here and this does nothing.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, says: str = "") -> None:
+        self._says = says
         self.pending: signal.Signals | None = None
         self._before: dict[signal.Signals, Any] = {}
 
@@ -39,4 +43,7 @@ class Interrupts:
             signal.signal(number, handler)
 
     def _note(self, number: int, frame: FrameType | None) -> None:
+        if self.pending is None and self._says:
+            with suppress(OSError):
+                os.write(2, f"\nstraw: {self._says}\n".encode())  # print is not for signal handlers
         self.pending = self.pending or signal.Signals(number)

@@ -7,17 +7,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from rig.errors import LinkLostError, RigError
+from rig.errors import LinkLostError, NoAnswerError
 
 T = TypeVar("T")
 POLL_S = 0.02  # how long one read may wait; changing a port's timeout per call would reconfigure the port each time
-WRITE_S = 0.5  # a request is some twenty bytes, 10 ms on the slowest line
+WRITE_S = 0.3  # a request is some twenty bytes, 10 ms on the slowest line
+OPEN_S = 6.0  # pyserial waits for a socket for 5 s
 
 
 class Line:
     """A serial port by name (``COM3``, ``/dev/ttyUSB0``), by-id path, or URL (``socket://host:port``).
 
-    Every fault of the port is a ``LinkLostError``; silence, and a request not taken in time, a plain ``RigError``. Each
+    Every fault of the port is a ``LinkLostError``; silence, and a request not taken in time, a ``NoAnswerError``. Each
     has one line that says which port and what to do.
     """
 
@@ -25,9 +26,12 @@ class Line:
         self.port = port
         self.baud = baud
         self._serial: Any = None
+        self._begun = b""  # an answer whose end has not come yet
+        self.progress: Callable[..., None] = lambda next_s=0.0: None  # see Controller.progress
 
     def open(self) -> None:
         """Open at 8N1 without handshake, alone: a second program on the same port would mix up the replies."""
+        self.progress(OPEN_S)
         import serial  # here, so that programs which only read recordings never load it
 
         alone: dict[str, Any] = {} if "://" in self.port else {"exclusive": True}
@@ -41,10 +45,11 @@ class Line:
                 "or close the program that holds it"
             ) from None
         _low_latency(self.port)
+        self.progress()
 
     def close(self) -> None:
         """Close the port; never raises."""
-        port, self._serial = self._serial, None
+        port, self._serial, self._begun = self._serial, None, b""
         if port is None:
             return
         socket = getattr(port, "_socket", None)
@@ -65,17 +70,18 @@ class Line:
                 stale += port.read(port.in_waiting)
             return stale
 
-        return self._guarded(read_waiting)
+        begun, self._begun = self._begun, b""
+        return begun + self._guarded(read_waiting)
 
     def write(self, request: bytes) -> None:
-        """Send all bytes of the request; RigError when they were not taken in time, which is an answer missed."""
+        """Send all bytes of the request; NoAnswerError when they were not taken in time, which is an answer missed."""
         from serial import SerialTimeoutException
 
         def send(port: Any) -> None:
             try:
                 port.write(request)
             except SerialTimeoutException:  # also when this computer stood still: no reason to call the cable cut
-                raise RigError(
+                raise NoAnswerError(
                     f"port {self.port}: {request!r} was not taken within {WRITE_S:g} s; check that this computer is "
                     "not too busy, and the instrument on"
                 ) from None
@@ -83,15 +89,18 @@ class Line:
         self._guarded(send)
 
     def read_until(self, until: bytes, timeout_s: float) -> bytes:
-        """Bytes up to and including ``until``; RigError when it does not come within ``timeout_s`` seconds."""
+        """Bytes up to and including ``until``; NoAnswerError when it does not come within ``timeout_s`` seconds.
+
+        What came of it is kept for the next call, or it would be taken for the end of another answer.
+        """
         deadline = time.monotonic() + timeout_s
-        reply = b""
+        reply, self._begun = self._begun, b""
         while not reply.endswith(until):
             if time.monotonic() > deadline:
                 heard = f"only {reply!r}" if reply else "nothing"
-                raise RigError(
-                    f"port {self.port}: {heard} within {timeout_s:g} s; check that the right instrument is on"
-                )
+                self._begun = reply
+                within = f"{max(timeout_s, 0.0):.2g} s"
+                raise NoAnswerError(f"port {self.port}: {heard} within {within}; check that the right instrument is on")
             reply += self._guarded(lambda port: bytes(port.read(1)))
         return reply
 
@@ -111,6 +120,7 @@ class Line:
     def _guarded(self, use: Callable[[Any], T]) -> T:
         if self._serial is None:
             raise LinkLostError(f"port {self.port} is not open; open it first")
+        self.progress()
         try:
             return use(self._serial)
         except (OSError, TypeError, ValueError) as error:  # pyserial turns a vanished fd into TypeError

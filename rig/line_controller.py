@@ -2,33 +2,52 @@
 
 from __future__ import annotations
 
+import re
+import time
 from abc import abstractmethod
+from collections import deque
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 from rig.controller import Controller
-from rig.errors import LinkLostError, RigError
+from rig.errors import LinkLostError, NoAnswerError, RigError
 from rig.line import Line
 
-VENT_ATTEMPTS = 3
+LATE_S = 2.5  # an answer may be so late: as long is an instrument asked who it is
+VENT_S = 4.0  # a vent is two answers on some instruments; as long it is sent until both came
+ASK_AGAIN_S = 0.6  # a mark may be lost as well; asked more often, what is only late would grow into a queue
+VENT_REFUSALS = 3
+Mark: TypeAlias = "tuple[bytes, re.Pattern[bytes]]"  # a request, and what only its answer looks like
 
 
 class LineController(Controller):
-    """A controller that is asked line by line.
+    """A controller that is asked line by line; ``timeout_s`` is how long an answer is waited for.
 
     After an exchange that failed, its answer may still be on its way and would be taken for the next one's. Instruments
-    answer in order, so before the next request ``_catch_up`` asks for something whose answer cannot be mistaken: once
-    that is there, nothing older comes.
+    answer in order, so before the next request ``_catch_up`` asks for one of the ``marks``: requests whose answers name
+    them and change nothing. Once the last mark's answer is there, nothing older comes. Marks take turns, and an answer
+    counts for the oldest mark that it can belong to, so that a late one is not taken for the last one's either.
     """
 
-    def __init__(self, line: Line, **settings: Any) -> None:
+    terminator: bytes
+    marks: Sequence[Mark]
+
+    def __init__(self, line: Line, timeout_s: float, **settings: Any) -> None:
         super().__init__(**settings)
-        self._line = line
+        self._line, self.port, self.timeout_s = line, line.port, timeout_s
+        line.progress = lambda next_s=0.0: self.progress(next_s)
         self._behind = False  # an answer may still be on its way
+        self._turn = 0
+        self._owed: deque[int] = deque()  # marks whose answers may still come, oldest first
+        self._asked_s = -float("inf")
 
     @abstractmethod
-    def _catch_up(self) -> None:
-        """Ask what only the right instrument answers, and pass over all that comes before its answer."""
+    def _identify(self) -> None:
+        """Ask what only the right instrument answers, and remember what it says."""
+
+    @abstractmethod
+    def _is_whole(self, reply: bytes) -> bool:
+        """Whether the line is an undamaged answer to anything."""
 
     @abstractmethod
     def _exchange(self, request: bytes) -> bytes:
@@ -41,8 +60,17 @@ class LineController(Controller):
     def _open(self) -> None:
         self._line.open()
         self._behind = True
+        until_s = time.monotonic() + LATE_S
         try:
-            self._catch_up()
+            while True:
+                try:
+                    self._identify()
+                    self._owed.clear()  # of a link before this one
+                    self._catch_up()
+                    break
+                except NoAnswerError:
+                    if time.monotonic() > until_s:
+                        raise
         except BaseException:
             self._line.close()
             raise
@@ -50,6 +78,30 @@ class LineController(Controller):
 
     def _close(self) -> None:
         self._line.close()
+
+    def _catch_up(self) -> None:
+        """Pass over all that was asked before; NoAnswerError where the mark's answer does not come, or not yet."""
+        if not self._owed:
+            self._line.drain()
+        if not self._owed or time.monotonic() > self._asked_s + ASK_AGAIN_S:
+            self._ask_mark()
+        deadline_s = time.monotonic() + self.timeout_s
+        while True:
+            reply = self._line.read_until(self.terminator, deadline_s - time.monotonic())
+            mark = next((mark for mark in self._owed if self.marks[mark][1].fullmatch(reply)), None)
+            if mark is not None:
+                while self._owed.popleft() != mark:
+                    pass  # its answer was lost, or this would not be there
+                if not self._owed:
+                    return
+            elif not self._is_whole(reply):  # it may have been the last mark's
+                self._ask_mark()
+
+    def _ask_mark(self) -> None:
+        self._turn = (self._turn + 1) % len(self.marks)
+        self._line.write(self.marks[self._turn][0])
+        self._owed.append(self._turn)
+        self._asked_s = time.monotonic()
 
     def _ask(self, request: bytes) -> bytes:
         """One exchange, in step with the instrument."""
@@ -62,7 +114,8 @@ class LineController(Controller):
 
     def _vent(self, channel: int) -> None:
         """Unlike any other set, a vent is sent at once, whatever is still on its way, and repeated until confirmed."""
-        for attempt in range(VENT_ATTEMPTS):
+        until_s, refusals = time.monotonic() + VENT_S, 0
+        while True:
             try:
                 if self._behind:
                     self._line.write(b"".join(self._vent_requests(channel)))
@@ -71,8 +124,9 @@ class LineController(Controller):
                 return
             except LinkLostError:
                 raise
-            except RigError:
-                if attempt == VENT_ATTEMPTS - 1:
+            except RigError as error:
+                refusals += not isinstance(error, NoAnswerError)
+                if refusals >= VENT_REFUSALS or time.monotonic() > until_s:
                     raise
 
     @abstractmethod

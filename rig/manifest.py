@@ -14,7 +14,7 @@ SUFFIX = ".sha256"
 
 @dataclass(frozen=True)
 class Checked:
-    """One file of a manifest: its path, and what is wrong with it in a few words, None when nothing is."""
+    """One file of a manifest: its path, and what is wrong with it in a few words, None when it is as recorded."""
 
     path: Path
     problem: str | None
@@ -65,6 +65,8 @@ def read_manifest(run: Path) -> dict[str, str]:
         return {}
     except (OSError, UnicodeDecodeError) as error:
         raise RigError(f"manifest {path} cannot be read: {error}; restore it, or move it away") from None
+    if not lines:
+        raise RigError(f"manifest {path} is empty: it was cut; restore it, or move it away")
     entries = {}
     for number, line in enumerate(lines, 1):
         digest, _, name = line.partition("  ")

@@ -7,9 +7,11 @@ records but messages and their index are the package's. Format: https://mcap.dev
 from __future__ import annotations
 
 import struct
+import tempfile
 import zlib
 from collections import Counter, defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from functools import partial
 from typing import IO, Any
 
 import zstandard
@@ -34,6 +36,7 @@ from mcap.records import (
 
 from rig.mcap_scan import MAGIC
 
+SPOOLED_BYTES = 1 << 20  # of the chunks' index, about two hours of a run, before it goes to a file
 CHUNK_BYTES = 1 << 20  # a chunk that grew larger is written without waiting for a flush
 _MESSAGE = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
 _MESSAGE_HEAD = 22  # bytes that count into a message's length, beside its data
@@ -51,7 +54,10 @@ class McapWriter:
         self._counts: Counter[int] = Counter()
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
-        self._chunks: list[ChunkIndex] = []
+        # Two chunks a second for weeks would fill the memory with their index, which is needed only at the end.
+        self._chunks = tempfile.SpooledTemporaryFile(SPOOLED_BYTES)  # noqa: SIM115  close() does
+        self._chunk_count, self._last_ns = 0, 0
+        self._first_ns: int | None = None
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
         self._write(MAGIC + _bytes(Header(profile, library)))
@@ -105,40 +111,44 @@ class McapWriter:
         """Write the end of the data and the summary by which readers find their way."""
         self._end_chunk()
         self._write(_bytes(DataEnd(self._crc)))
-        start = self._position
-        summary, offsets = b"", b""
-        for opcode, records in self._summary().items():
-            group = b"".join(map(_bytes, records))
-            if group:
-                offsets += _bytes(SummaryOffset(opcode, start + len(summary), len(group)))
-                summary += group
-        places = start, start + len(summary)
-        summary += offsets
+        start, crc, offsets = self._position, 0, b""
+        for opcode, pieces in self._summary():
+            group = self._position
+            for piece in pieces:
+                self._write(piece)
+                crc = zlib.crc32(piece, crc)
+            if self._position > group:
+                offsets += _bytes(SummaryOffset(opcode, group, self._position - group))
+        places = start, self._position
         # The footer's checksum covers the footer up to itself.
-        crc = zlib.crc32(struct.pack("<BQQQ", Opcode.FOOTER, 20, *places), zlib.crc32(summary))
-        self._write(summary + _bytes(Footer(*places, crc)) + MAGIC)
+        crc = zlib.crc32(struct.pack("<BQQQ", Opcode.FOOTER, 20, *places), zlib.crc32(offsets, crc))
+        self._write(offsets + _bytes(Footer(*places, crc)) + MAGIC)
         self._stream.flush()
+        self.close()
 
-    def _summary(self) -> dict[Opcode, list[McapRecord]]:
+    def close(self) -> None:
+        """Let go of what was kept for the end, where there will be none; the stream is the caller's."""
+        self._chunks.close()
+
+    def _summary(self) -> Iterator[tuple[Opcode, Iterable[bytes]]]:
         statistics = Statistics(
             attachment_count=len(self._attachments),
             channel_count=len(self._channels),
             channel_message_counts=dict(self._counts),
-            chunk_count=len(self._chunks),
+            chunk_count=self._chunk_count,
             message_count=self._counts.total(),
-            message_end_time=max((chunk.message_end_time for chunk in self._chunks), default=0),
-            message_start_time=min((chunk.message_start_time for chunk in self._chunks), default=0),
+            message_end_time=self._last_ns,
+            message_start_time=self._first_ns or 0,
             metadata_count=len(self._metadata),
             schema_count=len(self._schemas),
         )
-        return {
-            Opcode.SCHEMA: [*self._schemas],
-            Opcode.CHANNEL: [*self._channels],
-            Opcode.STATISTICS: [statistics],
-            Opcode.CHUNK_INDEX: [*self._chunks],
-            Opcode.ATTACHMENT_INDEX: [*self._attachments],
-            Opcode.METADATA_INDEX: [*self._metadata],
-        }
+        yield Opcode.SCHEMA, map(_bytes, self._schemas)
+        yield Opcode.CHANNEL, map(_bytes, self._channels)
+        yield Opcode.STATISTICS, [_bytes(statistics)]
+        self._chunks.seek(0)
+        yield Opcode.CHUNK_INDEX, iter(partial(self._chunks.read, SPOOLED_BYTES), b"")
+        yield Opcode.ATTACHMENT_INDEX, map(_bytes, self._attachments)
+        yield Opcode.METADATA_INDEX, map(_bytes, self._metadata)
 
     def _end_chunk(self) -> None:
         if not self._index:
@@ -158,16 +168,18 @@ class McapWriter:
             size = 8 * len(entries)
             indexes += struct.pack(f"<BQHI{len(entries)}Q", Opcode.MESSAGE_INDEX, 6 + size, channel_id, size, *entries)
             self._counts[channel_id] += len(entries) // 2
-        self._chunks.append(
-            ChunkIndex(
-                **about,
-                chunk_start_offset=start,
-                chunk_length=len(record),
-                message_index_offsets=places,
-                message_index_length=len(indexes),
-                compressed_size=len(packed),
-            )
+        index = ChunkIndex(
+            **about,
+            chunk_start_offset=start,
+            chunk_length=len(record),
+            message_index_offsets=places,
+            message_index_length=len(indexes),
+            compressed_size=len(packed),
         )
+        self._chunks.write(_bytes(index))
+        self._chunk_count += 1
+        self._first_ns = min(times) if self._first_ns is None else min(self._first_ns, *times)
+        self._last_ns = max(self._last_ns, *times)
         self._chunk.clear()
         self._index.clear()
         self._write(record + indexes)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from rig.errors import RigError
 
@@ -30,6 +31,13 @@ def notes_of(run: Path) -> Path:
     return run.with_name(run.name + SUFFIX)
 
 
+def check_word(kind: str, text: str) -> None:
+    """Raise RigError where this cannot be a note, or a tag."""
+    is_tag = kind in ("tag", "untag")
+    if not text.strip() or (is_tag and not text.replace("-", "").replace("_", "").replace(".", "").isalnum()):
+        raise RigError(f"{kind} {text!r}: expected {'one word, as good or re-run' if is_tag else 'some text'}")
+
+
 def say(run: Path, kind: str, text: str, **more: object) -> None:
     """Append a "note", a "tag" or "untag", a "mark" or "unmark"; nothing that was said before is touched.
 
@@ -38,14 +46,23 @@ def say(run: Path, kind: str, text: str, **more: object) -> None:
     text = " ".join(text.split())
     if kind in ("mark", "unmark"):
         _check_mark(run, kind, text)
-    elif not text or (kind in ("tag", "untag") and not _is_word(text)):
-        raise RigError(f"{kind} {text!r}: expected {'one word, as good or re-run' if 'tag' in kind else 'some text'}")
+    else:
+        check_word(kind, text)
     said = {"time": datetime.now(UTC).isoformat(timespec="seconds"), kind: text, **more}
+    line = json.dumps(said, ensure_ascii=False).encode() + b"\n"
     try:
-        with notes_of(run).open("a", encoding="utf-8") as stream:
-            stream.write(json.dumps(said, ensure_ascii=False) + "\n")
+        with notes_of(run).open("ab+") as stream:
+            torn = stream.tell() > 0 and not _ends_a_line(stream)  # by whoever was cut while writing it
+            stream.write(b"\n" + line if torn else line)
+        if line not in notes_of(run).read_bytes().splitlines(keepends=True):
+            raise OSError(0, "what was written is not there")
     except OSError as error:
         raise RigError(f"{notes_of(run)} cannot be written: {error.strerror}; check the folder") from None
+
+
+def _ends_a_line(stream: BinaryIO) -> bool:
+    stream.seek(-1, os.SEEK_END)
+    return stream.read(1) == b"\n"
 
 
 def read_notes(run: Path) -> Notes:
@@ -85,7 +102,3 @@ def _check_mark(run: Path, kind: str, mark: str) -> None:
         raise RigError(f"{kind} {mark!r}: expected one of {', '.join(MARKS)}")
     if (kind, mark) == ("mark", "archive") and "lock" in read_notes(run).marks:
         raise RigError(f"{run.name} is locked, so it is not archived; take the lock off first")
-
-
-def _is_word(text: str) -> bool:
-    return text.replace("-", "").replace("_", "").replace(".", "").isalnum()

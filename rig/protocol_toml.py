@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,18 @@ from rig.toml_place import At
 UNITS_PA = {"Pa": 1.0, "mbar": 100.0, "kPa": 1000.0}
 SECTIONS = ("prefix", "main", "suffix")
 TOP_KEYS = ("name", "pressure_unit", "initial_deployed", "specimen", "cycle", "channel", "limits", "also", *SECTIONS)
+
+
+def load_protocol(path: str | Path) -> PressureProtocol:
+    """Read a protocol file; raises RigError with one line naming file, section, entry and cure."""
+    path = Path(path)
+    try:
+        text = path.read_bytes().decode()
+    except OSError as error:
+        raise RigError(f"protocol {path} cannot be read: {error.strerror or error}; check the name") from None
+    except UnicodeDecodeError:
+        raise RigError(f"protocol {path} is not a text file; a protocol is TOML, see rig/protocols") from None
+    return protocol_from_toml(text, path.name)
 
 
 def _limits(at: At, document: dict[str, Any], unit_pa: float) -> PressureLimits:
@@ -80,8 +92,8 @@ def _also(
         yield here.integer(table["channel"], "channel", 1), time_s, pa
 
 
-def compile_toml(text: str, name: str) -> PressureProtocol:
-    """The protocol written in ``text``; raises RigError with one line naming the place in ``name``."""
+def protocol_from_toml(text: str, name: str) -> PressureProtocol:
+    """The protocol written in ``text``; ``name`` says where it came from in errors. Raises RigError with one line."""
     at = At(name)
     try:
         document = tomllib.loads(text)

@@ -35,8 +35,8 @@ def recover(path: str | Path, output: str | Path | None = None) -> Recovered:
     found = scan(data, str(path))
     if not found.lost:
         raise RigError(f"recording {path} is whole: nothing to recover")
-    if not found.messages and not found.metadata:
-        raise RigError(f"recording {path} holds nothing that can be read: {found.lost[0]}")
+    if not any(message[0] in found.channels for message in found.messages):
+        raise RigError(f"recording {path} holds no message that can be read: nothing to recover; {found.lost[0]}")
     named = path.name.removesuffix(".part")
     whole = path.with_name(named if named != path.name else f"{path.stem}.recovered{path.suffix}")
     file = RunFile(output or whole, found.metadata.get("straw.run", {}), found.attachments, parent=path)

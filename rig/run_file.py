@@ -42,6 +42,7 @@ class RunFile:
         except OSError as error:
             raise RigError(f"recording {self.path} cannot be made: {error.strerror}; check the folder") from None
         self._channels: dict[str, int] = {}
+        self._mcap: Any = None
         try:
             self._mcap = McapWriter(self._stream, profile="straw", library="straw rig")
             self._mcap.add_metadata("straw.run", {key: str(value) for key, value in metadata.items()})
@@ -118,6 +119,8 @@ class RunFile:
         """Let go of the file as it is; what was flushed stays in ``.part`` until ``finish`` renamed it."""
         with suppress(OSError):  # a full disk complains again, and has been reported
             self._stream.close()
+        if self._mcap is not None:
+            self._mcap.close()
 
     def discard(self) -> None:
         """Remove the unfinished file: only for what can be made again, never for a run."""

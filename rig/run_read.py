@@ -31,9 +31,14 @@ def read_run(path: str | Path) -> Run:
     lost = found.lost
     rows = decode(found)
     sha256 = hashlib.sha256(data).hexdigest()
-    if read_manifest(path).get(path.name, sha256) != sha256:
-        lost.append("its SHA-256 is not the one in its manifest: it was changed after it was recorded")
+    unsure = ""
+    try:
+        if read_manifest(path).get(path.name, sha256) != sha256:
+            lost.append("its SHA-256 is not the one in its manifest: it was changed after it was recorded")
+    except RigError as error:  # no fault of the run's
+        unsure = f"{error}; whether the run is as recorded cannot be told"
     damage = tuple(lost)
+    lost += [unsure] if unsure else []
     if not rows:
         why = f": {lost[0]}" if lost else "; it is a recording of something else"
         raise RigError(f"recording {path} holds no message of a straw run{why}")

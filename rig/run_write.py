@@ -44,6 +44,11 @@ class RunWriter:
         """Whether the disk refused; ``add`` and ``finish`` tell how."""
         return self._failure is not None
 
+    @property
+    def kept(self) -> Path:
+        """Where what was recorded is, or will be once it is finished: in the ``.part`` where the disk refused."""
+        return self._file.part if self.failed else self.path
+
     def add(self, topic: str, happened_ns: int, **values: Any) -> None:
         """Queue one message that happened at ``happened_ns`` (ns since the Unix epoch); never waits for the disk.
 

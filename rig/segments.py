@@ -39,7 +39,8 @@ def compile_entries(at: At, entries: object, name: str, why_not: WhyNot) -> Poin
         else:
             here.known_keys(entry, (*SEGMENTS, "for_s"))
             segment = SEGMENTS[kinds[0]](here, entry)
-            for t, p in segment:
+            ends = min(p for _, p in segment), max(p for _, p in segment)
+            for t, p in segment if any(map(why_not, ends)) else ():
                 if reason := why_not(p):
                     here.fail(f"at {t:g} s {reason}; lower it, or set [limits] on purpose")
         points += [(start_s + t, p) for t, p in segment]

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from rig.controller import Controller
-from rig.errors import LimitError, LinkLostError, RigError
+from rig.errors import LimitError, LinkLostError, NoAnswerError, RigError
 from rig.interrupts import Interrupts
 from rig.led import BURST_S, blink
 from rig.operator import Operator, StoppedError
@@ -16,7 +17,10 @@ from rig.run import CELLS
 from rig.run_write import RunWriter
 
 ARM_S = 0.2  # between writing the file's head, which names the run's zero, and the start
-MISSES = 3  # cycles in a row that may fail before the run is given up
+MISSES = 3  # readings in a row that may be refused, or not be believed, before the run is given up
+#: Without an answer for so long the run is given up: two answers in a row that come 2 s late, and catching up after
+#: each. Meanwhile nothing is set.
+PATIENCE_S = 5.0
 BEAT_S = 0.5  # a long wait between two samples is no silence
 Progress = Callable[[float, float, float], None]  # (time s, duration s, measured Pa)
 
@@ -63,7 +67,7 @@ def run_protocol(
             raise RigError(f"protocol {protocol.name} wants channel {part.channel}, in use: {controller.channels}")
     if not 0.0 < rate_hz <= 1000.0:
         raise RigError(f"loop rate {rate_hz:g} Hz must be above 0 and at most 1000")
-    with controller.narrowed(protocol.limits), Interrupts() as interrupts:
+    with controller.narrowed(protocol.limits), Interrupts("interrupted: venting first") as interrupts:
         session = _Session(
             controller, protocol, Path(path), rate_hz, metadata or {}, progress, interrupts, led, operator or Operator()
         )
@@ -131,7 +135,7 @@ class _Session:
             status, reason = "success", "the protocol ended"
         except RigError as error:
             reason = str(error)
-            raise RigError(f"{error}; what was recorded is kept in {self.writer.path}") from None
+            raise RigError(f"{error}; what was recorded is kept in {self.writer.kept}") from None
         except StoppedError as stop:
             status, reason = "abort", str(stop)
             self.stopped = reason
@@ -149,7 +153,7 @@ class _Session:
     def loop(self) -> None:
         """Command when the table changes, read and log every cycle, until the protocol's end."""
         duration_s = self.protocol.duration_s
-        misses = 0
+        misses, answered_s = 0, time.monotonic()
         self.wait_until(0.0)
         self.event("start", self.protocol.name)
         now_s = due_s = self.now_s()
@@ -160,16 +164,16 @@ class _Session:
             try:
                 self.command(protocol_s)
                 self.listen()
-                misses = 0
+                misses, answered_s = 0, time.monotonic()
             except (LinkLostError, LimitError):
                 raise
             except RigError as error:  # one garbled answer is no reason to end a run, but it is on record
                 if self.writer.failed:
                     raise
-                misses += 1
+                misses += not isinstance(error, NoAnswerError)
                 self.missed += 1
                 self.event("fault", str(error))
-                if misses >= MISSES:
+                if misses >= MISSES or time.monotonic() - answered_s > PATIENCE_S:
                     raise
             self.cycles += 1
             self.run_s = self.now_s()
@@ -226,9 +230,15 @@ class _Session:
                 "cycles": str(self.cycles),
                 "missed_readings": str(self.missed),
             }
-            self.writer.finish(closing)
+            try:
+                self.writer.finish(closing)
+            except RigError as error:  # a full disk
+                kept = self.writer.kept
+                raise RigError(
+                    f"{error}; vent {closing['vent']}; what was recorded is kept in {kept}: straw runs recover {kept}"
+                ) from None
         if vent_error is not None:
-            raise RigError(f"{vent_error} ({reason}); what was recorded is kept in {self.writer.path}")
+            raise RigError(f"{vent_error} ({reason}); what was recorded is kept in {self.writer.kept}")
 
     def now_s(self) -> float:
         return (self.controller.clock.monotonic_ns() - self.start_ns) * 1e-9

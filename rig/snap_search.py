@@ -102,7 +102,7 @@ def snap_search(
     """
     if reset is None and plan.repeats > 1:
         raise RigError("snap search: repeats need somebody who sets the straw back in between")
-    with Interrupts() as interrupts:
+    with Interrupts("interrupted: venting first") as interrupts:
         search = _Search(controller, plan, watcher, reset, writer, progress, interrupts)
         try:
             brackets = tuple(search.run())

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import tempfile
 from pathlib import Path
 
 import pytest
+
+# What tests drive is nobody's rig: it must not be found by `straw rig vent`, nor may a lab's own ports by the tests.
+os.environ["STRAW_STATE_DIR"] = tempfile.mkdtemp(prefix="straw-state-")
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 

@@ -13,6 +13,7 @@ from tracking.camera import Camera
 from tracking.errors import TrackingError
 from tracking.follow import Rest
 from tracking.lens import Lens
+from tracking.misprint import Misprint
 from tracking.planar import LEAST_SIGMA_PX, MEDIAN_OF_RAYLEIGH
 from tracking.pose import Plane, apply, free_pose
 from tracking.views import Views
@@ -20,6 +21,7 @@ from tracking.views import Views
 Floats = NDArray[np.float64]
 
 _GLUED_RAD = 0.02  # how askew a careful hand glues: without motion to tell, the turn stays near zero
+_MOST_ASKEW_RAD = 0.35  # 20 degrees: no board is glued so; it is mounted otherwise
 _LINE_S = 4e-6  # a row takes at most the frame's 4.17 ms / 1080 at 240 frames/s; and longer in slower modes
 _ASIDE_M = 0.01  # how far the board's centre may lie beside the plane of motion
 _ROUNDS = 8
@@ -32,10 +34,12 @@ _ALIKE_S = 0.1  # what the codec and the pixels do to the corners is alike for a
 # turn about the tip's x and z (rad), the shutter's time from row to row (s).
 _STEP = np.array((1e-6, 1e-6, 1e-6, 1e-7, 1e-7, 1e-7, 1e-6, 1e-6, 1e-9))
 LINE = 8  # the row time's place among them
+SHARED = 9  # so many; after them come the offsets of the print
 
 
 class Bundle:
-    """See ``settle``. ``theta`` (9,): the constants, as corrections to ``camera``; ``spread`` (9, 9): their covariance.
+    """See ``settle``. ``theta`` (c,): the constants, as corrections to ``camera``, nine and the offsets of the print
+    (m, x and y of each corner); ``spread`` (c, c): their covariance.
 
     Residuals of a frame are alike over the board and from frame to frame (the codec's lag, the pixels' raster), so that
     the covariance of least squares alone is several times too small: what stretches of ``_ALIKE_S`` disagree by in the
@@ -56,8 +60,9 @@ class Bundle:
         else:
             sigma = (_FIXED, _FIXED, _FIXED, _FIXED, _ASIDE_M, _FIXED)
         self.prior = np.array((*sigma, _GLUED_RAD, _GLUED_RAD, _LINE_S if line is None else _FIXED))
-        self.start = np.concatenate((np.zeros(6), start_turn, (line or 0.0,)))
-        self.theta, self.spread = self.start, np.diag(self.prior**2)
+        self.misprint = Misprint(board.shape)
+        self.start = np.concatenate((np.zeros(6), start_turn, (line or 0.0,), np.zeros(self.misprint.count)))
+        self.theta, self.spread = self.start, self._prior()
         # Rest frame: x and z known, phi too unless the level says it.
         self.held = np.zeros((len(views.time_s), 3), np.bool_)
         self.raster = np.zeros((len(self.points), 2, 0))  # px, see ``_raster_px``
@@ -78,80 +83,122 @@ class Bundle:
             line_s=float(theta[LINE]),
         )
 
+    def printed_at(self, theta: Floats) -> Floats:
+        """Return where the corners (n, 3) are printed on the board, m."""
+        if not self.misprint.count:
+            return self.points
+        return self.points + np.pad(theta[SHARED:].reshape(-1, 2), ((0, 0), (0, 1)))
+
+    def _prior(self) -> Floats:
+        """Return the covariance (c, c) of the constants before anything is seen."""
+        found = np.diag(np.concatenate((self.prior**2, np.zeros(self.misprint.count))))
+        if self.misprint.count:
+            found[SHARED:, SHARED:] = self.misprint.covariance()
+        return found
+
     def solve(self) -> None:
         """Gauss-Newton to the end; TrackingError when the frames contradict each other."""
         poses, used = self._first_poses(), self.views.used
         # The row time times what the motion's rate is not known by: rolling shutter cannot be told better than that.
         doubt_px = _LINE_S * np.sqrt((self.views.rows**2).mean(axis=1)) * self.views.doubt
         for _ in range(_ROUNDS):
-            miss = self._misses(self.views, self.theta, poses, self.points)
+            points = self.printed_at(self.theta)
+            miss = self._misses(self.views, self.theta, poses, points)
             length = np.linalg.norm(miss, axis=-1)
             sigma = np.full((len(poses), 1), _sigma_px(length[used]))
             if self.rest:  # the mean of many frames
                 sigma[0] = min(sigma[0, 0], _sigma_px(length[0, used[0]]))
             weight = (used & (length < 6 * sigma)) / (sigma**2 + doubt_px[:, None] ** 2)
-            by_theta, by_pose = self._slopes(self.views, self.theta, poses, miss, self.points)
+            by_theta, by_pose, by_place = self._slopes(self.views, self.theta, poses, miss, points)
             by_pose = np.where(self.held[:, None, :], 0.0, by_pose)
             weights = np.repeat(weight, 2, axis=1)[..., None]
             A, B = _eliminated(weights * by_pose, by_theta, by_pose)
             left = miss.reshape(len(poses), -1, 1)
             g_pose = -((weights * by_pose).transpose(0, 2, 1) @ left)[..., 0]
             g_theta = -((weights * by_theta).transpose(0, 2, 1) @ left)[..., 0]
-            prior = np.diag(self.prior**-2.0)
-            C = (weights * by_theta).reshape(-1, 9).T @ by_theta.reshape(-1, 9) + prior
+            every = len(self.theta)
+            C = np.zeros((every, every))
+            C[:SHARED, :SHARED] = (weights * by_theta).reshape(-1, SHARED).T @ by_theta.reshape(-1, SHARED)
+            prior = np.diag(np.concatenate((self.prior**-2.0, np.zeros(every - SHARED))))
+            if every > SHARED:
+                place = weight[..., None, None] * by_place
+                B = np.concatenate((B, _by_print(by_pose, place)), axis=-1)
+                g_theta = np.concatenate((g_theta, -np.einsum("fncj,fnc->fnj", place, miss).reshape(len(poses), -1)), 1)
+                C[:SHARED, SHARED:] = _by_print(by_theta, place).sum(axis=0)
+                C[SHARED:, :SHARED] = C[:SHARED, SHARED:].T
+                C[SHARED:, SHARED:] = _blocks(np.einsum("fnci,fncj->nij", place, by_place))
+                prior[SHARED:, SHARED:] = np.linalg.inv(self.misprint.covariance())
+            C += prior
             solved = np.linalg.solve(A, np.concatenate((B, g_pose[..., None]), axis=-1))
             # Priors from 1e-12 to 1e3: scaled to a unit diagonal the matrix is well conditioned.
-            normal = C - np.einsum("fij,fik->jk", B, solved[..., :9])
+            normal = C - B.reshape(-1, every).T @ solved[..., :every].reshape(-1, every)
             scale = 1 / np.sqrt(np.diag(C))
             spread = np.linalg.inv(normal * scale * scale[:, None]) * scale * scale[:, None]
-            score = g_theta - np.einsum("fij,fi->fj", B, solved[..., 9])
+            score = g_theta - np.einsum("fij,fi->fj", B, solved[..., every])
             step = spread @ (score.sum(axis=0) - prior @ (self.theta - self.start))
-            step[self.prior <= _FIXED] = 0.0
+            step[:SHARED][self.prior <= _FIXED] = 0.0
             self.theta = self.theta + step
-            poses = poses + solved[..., 9] - solved[..., :9] @ step
-            self.spread = spread + spread @ (self._disagreement(score) + self._raster(weight, by_theta)) @ spread
+            poses = poses + solved[..., every] - solved[..., :every] @ step
+            self.spread = (
+                spread + spread @ (self._disagreement(score) + self._raster(weight, by_theta, by_place)) @ spread
+            )
+            if np.any(np.abs(self.theta[6:8]) > _MOST_ASKEW_RAD):
+                askew = np.degrees(np.abs(self.theta[6:8]).max())
+                what = f"track: with mount '{self.camera.mount}' the board would be glued askew by {askew:.0f} deg"
+                at_rest = f", the tip at rest at phi = {np.degrees(self.rest[2]):.0f} deg" if self.rest else ""
+                raise TrackingError(f"{what}{at_rest}; give the mount it has (--mount), or the right rest pose or run")
             if not np.isfinite(self.theta).all():
                 raise TrackingError("track: the frames fit no common plane of motion; check the lens and the rest pose")
-            if np.all(np.abs(step) < 0.01 * np.sqrt(np.maximum(np.diag(spread), 1e-30))):
+            if every > SHARED:
+                self.misprint = self.misprint.learnt(self.theta[SHARED:], self.spread[SHARED:, SHARED:])
+            sigma_now = np.sqrt(np.maximum(np.diag(spread), 1e-30))
+            if np.all(np.abs(step) < 0.01 * sigma_now):
                 return
 
     def _disagreement(self, score: Floats) -> Floats:
-        """Return the covariance (9, 9) of the sum of the frames' scores (f, 9), by stretches of time."""
+        """Return the covariance (c, c) of the sum of the frames' scores (f, c), by stretches of time."""
         stretch = np.unique((self.views.time_s / _ALIKE_S).astype(int), return_inverse=True)[1]
         sums = np.zeros((stretch.max() + 1, score.shape[1]))
         np.add.at(sums, stretch, score)
         free, count = int(np.count_nonzero(self.prior > _FIXED)), len(sums)
         return np.asarray(sums.T @ sums * (count / max(count - free, 1)))
 
-    def _raster(self, weight: Floats, by_theta: Floats) -> Floats:
-        """Return the covariance (9, 9) of the rest frame's score: what it alone fixes has nothing to disagree with."""
-        along = np.einsum("n,ncm,nci->mi", weight[0], self.raster, by_theta[0].reshape(-1, 2, 9))
+    def _raster(self, weight: Floats, by_theta: Floats, by_place: Floats) -> Floats:
+        """Return the covariance (c, c) of the rest frame's score: what it alone fixes has nothing to disagree with."""
+        if not self.raster.shape[2]:
+            return np.zeros_like(self.spread)
+        along = np.einsum("n,ncm,nci->mi", weight[0], self.raster, by_theta[0].reshape(len(self.points), 2, -1))
+        if self.misprint.count:
+            own = np.einsum("n,ncm,ncj->mnj", weight[0], self.raster, by_place[0])
+            along = np.concatenate((along, own.reshape(len(along), -1)), axis=1)
         return np.asarray(along.T @ along)
 
     def response(self, views: Views, poses: Floats) -> Floats:
-        """Return by how much poses (f, 3) change with each constant, (f, 3, 9), at the constants found.
-
-        Every other corner tells: the board is rigid.
-        """
-        views, points = views.thinned(2), self.points[::2]
+        """Return by how much poses (f, 3) change with each constant, (f, 3, c), at the constants found."""
+        points = self.printed_at(self.theta)
         miss = self._misses(views, self.theta, poses, points)
-        by_theta, by_pose = self._slopes(views, self.theta, poses, miss, points)
-        A, B = _eliminated(np.repeat(views.used, 2, axis=1)[..., None] * by_pose, by_theta, by_pose)
+        by_theta, by_pose, by_place = self._slopes(views, self.theta, poses, miss, points)
+        weighted = np.repeat(views.used, 2, axis=1)[..., None] * by_pose
+        A, B = _eliminated(weighted, by_theta, by_pose)
+        if self.misprint.count:
+            B = np.concatenate((B, _by_print(weighted, by_place)), axis=-1)
         return np.asarray(-np.linalg.solve(A, B))
 
     def _slopes(
         self, views: Views, theta: Floats, poses: Floats, miss: Floats, points: Floats
-    ) -> tuple[Floats, Floats]:
-        """Return d residual by the constants (f, 2n, 9) and by the poses (f, 2n, 3)."""
+    ) -> tuple[Floats, Floats, Floats]:
+        """Return d residual by the nine constants (f, 2n, 9), by the poses (f, 2n, 3), by the print (f, n, 2, 2)."""
         rays = views.at_once(float(theta[LINE]), self.exposure_s)
         others = [rays] * LINE + [None]  # they change with the row time alone
         by_theta = [
             (self._misses(views, theta + h * e, poses, points, known) - miss) / h
-            for h, e, known in zip(_STEP, np.eye(9), others, strict=True)
+            for h, e, known in zip(_STEP, np.eye(SHARED, len(theta)), others, strict=True)
         ]
         by_pose = [(self._misses(views, theta, poses + 1e-6 * e, points, rays) - miss) / 1e-6 for e in np.eye(3)]
+        by_place = [(self._misses(views, theta, poses, points + 1e-6 * e, rays) - miss) / 1e-6 for e in np.eye(2, 3)]
         shape = len(poses), -1
-        return np.stack(by_theta, axis=-1).reshape(*shape, 9), np.stack(by_pose, axis=-1).reshape(*shape, 3)
+        wide, narrow = np.stack(by_theta, axis=-1).reshape(*shape, 9), np.stack(by_pose, axis=-1).reshape(*shape, 3)
+        return wide, narrow, np.stack(by_place, axis=-1)
 
     def _misses(self, views: Views, theta: Floats, poses: Floats, points: Floats, rays: Floats | None = None) -> Floats:
         """Return the residuals (f, n, 2), px, of points (n, 3) of the board; ``rays`` as ``at_once`` has them."""
@@ -214,10 +261,27 @@ def _raster_px(lens: Lens, rays: Floats, shape: tuple[int, int]) -> Floats:
 
 
 def _eliminated(weighted: Floats, by_theta: Floats, by_pose: Floats) -> tuple[Floats, Floats]:
-    """Return each frame's blocks of the normal matrix: poses with poses (f, 3, 3), poses with constants (f, 3, 9)."""
+    """Return each frame's blocks of the normal matrix: poses with poses (f, 3, 3), poses with constants (f, 3, c)."""
     across = weighted.transpose(0, 2, 1)
     # Plus one of some 1e9 or more: a frame without a weight left, or a pose that is held, must stay solvable.
     return across @ by_pose + np.eye(3), across @ by_theta
+
+
+def _by_print(by: Floats, by_place: Floats) -> Floats:
+    """Return each frame's block of the normal matrix (f, m, 2n): offsets, each of its own corner, with ``by``.
+
+    ``by`` (f, 2n, m) and ``by_place`` (f, n, 2, 2) are derivatives of the residuals, one of them weighted.
+    """
+    own = np.einsum("fnci,fncj->finj", by.reshape(*by_place.shape[:3], -1), by_place)
+    return np.asarray(own.reshape(len(by), by.shape[-1], 2 * by_place.shape[1]))
+
+
+def _blocks(blocks: Floats) -> Floats:
+    """Return the matrix (2n, 2n) with blocks (n, 2, 2) on its diagonal."""
+    n = len(blocks)
+    found = np.zeros((n, 2, n, 2))
+    found[np.arange(n), :, np.arange(n), :] = blocks
+    return np.asarray(found.reshape(2 * n, 2 * n))
 
 
 def free_start(views: Views, camera: Camera, points_m: Floats) -> Floats:

@@ -11,9 +11,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from tracking.chapters import copies
 from tracking.corners import FEWEST_CORNERS, find_boards
 from tracking.edges import measure_all
 from tracking.errors import TrackingError
+from tracking.lattice import chequered
 from tracking.lens import Lens
 from tracking.lens_fit import Fit, View, fit_lens, held_out_px, lens_of
 from tracking.video import VideoReader
@@ -24,8 +26,10 @@ Picture = NDArray[np.uint8]
 STILLS = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp")
 KINDS = ("fisheye", "brown_conrady")
 FEWEST_VIEWS = 4
-_MOST_VIEWS = 60  # more add minutes and no precision: what is left then is the model's misfit
-_LOOKED_AT = 160  # frames of a video, evenly spread
+_MOST_VIEWS = 40  # more add time and no precision: what is left then is the model's misfit
+_LOOKED_AT = 48  # frames of each video, evenly spread: the search for boards takes most of the time
+_ALIKE = 1.5  # grey levels, mean over a small picture: nothing has moved since the last frame looked at
+_THUMB = (64, 36)
 _FOLDS = 5
 _SAMPLES = 80
 _CELLS = (6, 4)  # of the picture, across and down, for the count of where boards were
@@ -50,40 +54,50 @@ class Calibration:
 
 
 def calibrate(
-    paths: Sequence[str | os.PathLike[str]], progress: Callable[[int, int], None] | None = None
+    paths: Sequence[str | os.PathLike[str]],
+    progress: Callable[[int, int], None] | None = None,
+    board: tuple[int, int] | None = None,
 ) -> Calibration:
     """Calibrate a lens from stills, videos or both, of any checkerboard.
 
-    Its size does not matter, nor that all of it is seen: each view has a pose of its own.
+    Its size does not matter, nor that all of it is seen: each view has a pose of its own. ``board``: its squares along
+    both sides; grids with more are none of it.
 
     Fisheye and Brown-Conrady are both fitted, the one that predicts views it has not seen better is taken. Raises
     TrackingError for files that cannot be read, differ in size, or show too few boards.
     """
     views: list[View] = []
-    size, looked_at = (0, 0), 0
-    for name, picture, of in _pictures(paths):
+    files = list(dict.fromkeys(map(Path, paths)))
+    twice = {copy for copy, _ in copies(files)}
+    again = len(paths) - len(files) + len(twice)
+    size, looked_at = (0, 0), again
+    for name, picture, of in _pictures([file for file in files if file not in twice]):
         looked_at += 1
         here = picture.shape[1], picture.shape[0]
         if size != (0, 0) and here != size:
             what = f"{name}: is {here[0]}x{here[1]}, the pictures before it {size[0]}x{size[1]}"
             raise TrackingError(f"{what}; calibrate one camera in one mode at a time")
         size = here
-        views += _views(name, picture)
+        views += _views(name, picture, board)
         if progress:
             progress(looked_at, max(of, looked_at))
     if len(views) < FEWEST_VIEWS:
         what = f"calibrate: {len(views)} checkerboards in {looked_at} pictures, at least {FEWEST_VIEWS} are needed"
-        raise TrackingError(
-            f"{what}; show a board of 5x5 squares or more, sharp and well lit, in many places and tilts"
-        )
+        of_size = f"the board of {board[0]}x{board[1]} squares" if board else "a board of 5x5 squares or more"
+        raise TrackingError(f"{what}; show {of_size}, sharp and well lit, in many places and tilts")
     views = _varied(views)
     fits = {kind: fit for kind in KINDS if (fit := _fit_or_none(kind, size, views))}
+    sound = [view for k, view in enumerate(views) if any(fit.inliers[k] >= FEWEST_CORNERS for fit in fits.values())]
+    if FEWEST_VIEWS <= len(sound) < len(views):  # without boards that no lens explains
+        views = sound
+        fits = {kind: fit for kind in KINDS if (fit := _fit_or_none(kind, size, views))}
     crossed = {kind: _crossed(fit, views) for kind, fit in fits.items()}
     if not np.isfinite(list(crossed.values())).any():
         raise TrackingError("calibrate: no lens fits the views; are they of one camera, one mode, not stabilised?")
     fit = fits[min(crossed, key=lambda kind: crossed[kind])]
     grid, uncertainty = projection_uncertainty(fit)
-    return Calibration(fit, crossed, views, looked_at, grid, uncertainty, _advice(fit, views, uncertainty))
+    advice = (f"{again} of {len(paths)} files hold the same as another and were left out",) if again else ()
+    return Calibration(fit, crossed, views, looked_at, grid, uncertainty, advice + _advice(fit, views, uncertainty))
 
 
 def _pictures(paths: Sequence[str | os.PathLike[str]]) -> Iterator[tuple[str, Picture, int]]:
@@ -96,16 +110,22 @@ def _pictures(paths: Sequence[str | os.PathLike[str]]) -> Iterator[tuple[str, Pi
             yield path.name, np.asarray(picture, dtype=np.uint8), len(paths)
             continue
         with VideoReader(path) as video:
-            every = max(video.expected // _LOOKED_AT, 1)
+            every, last = max(-(-video.expected // _LOOKED_AT), 1), None
             for frame in video.frames():
                 if frame.index % every == 0:
-                    yield f"{path.name} at {frame.time_s:.2f} s", frame.luma, video.expected // every
+                    small = cv2.resize(frame.luma, _THUMB, interpolation=cv2.INTER_AREA).astype(np.float64)
+                    if last is None or np.abs(small - last).mean() > _ALIKE:
+                        last = small
+                        yield f"{path.name} at {frame.time_s:.2f} s", frame.luma, -(-video.expected // every)
 
 
-def _views(name: str, picture: Picture) -> list[View]:
-    """Return the boards in a picture, corners sharpened."""
+def _views(name: str, picture: Picture, board: tuple[int, int] | None) -> list[View]:
+    """Return the boards in a picture, corners sharpened; of more squares than ``board`` none."""
     found = []
-    for grid in find_boards(picture):
+    for seen in find_boards(picture):
+        grid = chequered(picture, seen)
+        if grid is None or (board and not _fits(grid.shape[:2], board)):
+            continue
         pixels, used = sharpened(picture, grid)
         if np.count_nonzero(used) >= FEWEST_CORNERS:
             i, j = np.indices(grid.shape[:2])
@@ -114,6 +134,11 @@ def _views(name: str, picture: Picture) -> list[View]:
             )
             found.append(View(np.asarray(points[used], dtype=np.float64), pixels[used], name))
     return found
+
+
+def _fits(corners: tuple[int, ...], board: tuple[int, int]) -> bool:
+    """Return whether a grid of corners can be a part of a board of so many squares, which way round ever."""
+    return all(few < many for few, many in zip(sorted(corners), sorted(board), strict=True))
 
 
 def sharpened(picture: Picture, grid: Floats) -> tuple[Floats, NDArray[np.bool_]]:

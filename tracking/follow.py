@@ -68,7 +68,7 @@ class Follower:
                 shifted = self.print.shifted(picture, guess, self.sign)
                 outcome = self.print.sharpen(picture, shifted, None, self.sign)
         if isinstance(outcome, str):
-            outcome = self._search(picture) or outcome
+            outcome = self._search(picture, time_s) or outcome
         if isinstance(outcome, str):
             self.lost += 1
         else:
@@ -105,7 +105,7 @@ class Follower:
         moved_px = math.hypot(lens.fx * (u / w - u0 / w0), lens.fy * (v / w - v0 / w0))
         return moved_px / last.pitch_px
 
-    def _search(self, picture: Picture) -> Sighting | str | None:
+    def _search(self, picture: Picture, time_s: float) -> Sighting | str | None:
         """Search around the last place, or now and then in the whole picture; None when nothing was found."""
         if self.recent and self.lost < _NEAR_SEARCHES:
             corners = self.recent[-1][1].grid.reshape(-1, 2)
@@ -122,8 +122,9 @@ class Follower:
             return NOT_DUE
         outcome: str | None = None
         wanted = self._wanted(picture)
+        phi_rad = self._expected_phi(time_s) if grids else None
         for grid in sorted(grids, key=lambda grid: float(np.hypot(*(grid.mean(axis=(0, 1)) - wanted)))):
-            seen = self._take_up(picture, grid)
+            seen = self._take_up(picture, grid, phi_rad)
             if isinstance(seen, Sighting):
                 return seen
             outcome = outcome or seen
@@ -135,8 +136,22 @@ class Follower:
             return np.asarray(self.recent[-1][1].grid.mean(axis=(0, 1)))
         return np.array(self.near_px or (picture.shape[1] / 2, picture.shape[0] / 2))
 
-    def _take_up(self, picture: Picture, grid: Floats) -> Sighting | str:
-        """Choose among the quarter turns of a grid the one that the colours and the plane of motion allow."""
+    def _expected_phi(self, time_s: float) -> float | None:
+        """Return phi when last seen, gone on at its rate for less than half a turn; None before the first sighting."""
+        if self.plane is None or not self.recent:
+            return self.phi_rad
+        (before_s, before), (last_s, last) = self.recent[0], self.recent[-1]
+        here, there = self._in_plane(last), self._in_plane(before)
+        if here is None or there is None:
+            return here if here is not None else self.phi_rad
+        turned = _wrapped(here - there) / max(last_s - before_s, 1e-9) * (time_s - last_s)
+        return here + turned if abs(turned) < np.pi else here
+
+    def _take_up(self, picture: Picture, grid: Floats, expected_rad: float | None) -> Sighting | str:
+        """Choose among the quarter turns of a grid the one that the colours and the plane of motion allow.
+
+        Of two that differ by half a turn, the one nearer to the expected phi.
+        """
         outcome: Sighting | str = "no board in the picture"
         placed: list[tuple[float, Sighting, float]] = []
         for turn in range(4):
@@ -147,11 +162,11 @@ class Follower:
             phi_rad = self._in_plane(seen) if self.plane else 0.0
             if phi_rad is None:
                 outcome = "the board faces out of the plane"
-            elif self.phi_rad is None or self.plane is None:  # for the first time: as the camera file says
+            elif expected_rad is None or self.plane is None:  # for the first time: as the camera file says
                 along = np.diff(seen.grid, axis=0).mean(axis=(0, 1))
                 placed.append((-float(along @ self.camera.image_x), seen, phi_rad))
             else:
-                placed.append((abs(_wrapped(phi_rad - self.phi_rad)), seen, phi_rad))
+                placed.append((abs(_wrapped(phi_rad - expected_rad)), seen, phi_rad))
         if not placed:
             return outcome
         _, seen, phi_rad = min(placed, key=lambda one: one[0])

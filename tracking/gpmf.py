@@ -21,10 +21,14 @@ _MOST_PACKETS = 10  # a second each: more would mean reading the whole file twic
 
 @dataclass(frozen=True)
 class Telemetry:
-    """What the camera says of itself: its name ("" when it says nothing), and its exposures in s (may be empty)."""
+    """What the camera says of itself: its name ("" when it says nothing), and its exposures in s (may be empty).
+
+    ``rate`` (frames/s): at which it filmed (VFPS, from the HERO8 on); 0 when it does not say.
+    """
 
     camera: str = ""
     exposures_s: tuple[float, ...] = ()
+    rate: float = 0.0
 
     @property
     def exposure_s(self) -> float | None:
@@ -58,7 +62,7 @@ def _is_gpmd(stream: object) -> bool:
 
 def parse_telemetry(payloads: list[bytes]) -> Telemetry:
     """Read camera and exposures out of raw GPMF payloads; anything malformed ends its payload."""
-    camera, exposures = "", []
+    camera, exposures, rate = "", [], 0.0
     for payload in payloads:
         for key, kind, data in _records(payload, 0):
             if key in ("DVNM", "MINF") and kind == "c":
@@ -66,7 +70,10 @@ def parse_telemetry(payloads: list[bytes]) -> Telemetry:
             elif key == "SHUT" and kind in _NUMBERS:
                 values = np.frombuffer(data[: len(data) // 4 * 4] if kind == "f" else data, _NUMBERS[kind])
                 exposures += [float(value) for value in values if 0 < value < 1]
-    return Telemetry(camera, tuple(exposures))
+            elif key == "VFPS" and kind in _NUMBERS and len(data) >= 2 * int(_NUMBERS[kind][-1]):
+                over, under = np.frombuffer(data, _NUMBERS[kind])[:2].tolist()
+                rate = float(over) / float(under) if under > 0 else rate
+    return Telemetry(camera, tuple(exposures), rate)
 
 
 def _records(data: bytes, depth: int) -> Iterator[tuple[str, str, bytes]]:

@@ -18,6 +18,7 @@ from tracking.pose import apply, free_pose
 Floats = NDArray[np.float64]
 
 _STEPS = 60
+_SETTLED = 1e-6  # of the mean square: a thousandth of the residual's own uncertainty from 1000 corners
 _OUTLIER_SIGMA = 5.0
 _FOCAL_STARTS = (0.45, 0.65, 0.9, 1.3)  # of the picture's width: very wide to normal
 _COUNT = {"fisheye": 8, "brown_conrady": 9}
@@ -35,13 +36,17 @@ class View:
 
 @dataclass(frozen=True)
 class Fit:
-    """A lens with the covariance of its numbers (fx, fy, cx, cy, distortion...), and each view's rms residual in px."""
+    """A lens with the covariance of its numbers (fx, fy, cx, cy, distortion...), and each view's rms residual in px.
+
+    ``inliers`` (views,): how many corners of each view it rests on; where none, its rms is NaN.
+    """
 
     lens: Lens
     covariance: Floats
     poses: list[Floats]
     rms_px: float
     view_rms_px: Floats
+    inliers: NDArray[np.int64]
 
 
 def lens_of(kind: str, size: tuple[int, int], numbers: Floats, rms_px: float | None = None) -> Lens:
@@ -73,11 +78,12 @@ def fit_lens(kind: str, size: tuple[int, int], views: Sequence[View], start: Len
         raise TrackingError(f"calibrate: no {kind} lens fits the {len(views)} views; are they of one camera and mode?")
     numbers, poses, covariance, weights = _descend(kind, size, views, *best[1:], steps=_STEPS)
     lens = lens_of(kind, size, numbers)
-    misses = [view.pixels - lens.project(apply(pose, view.points)) for view, pose in zip(views, poses, strict=True)]
-    view_rms = np.array([np.sqrt((w @ (m**2)).sum() / (2 * w.sum())) for m, w in zip(misses, weights, strict=True)])
-    used = sum(float(w.sum()) for w in weights)
-    rms = float(np.sqrt(sum(float((w @ m**2).sum()) for m, w in zip(misses, weights, strict=True)) / (2 * used)))
-    return Fit(lens_of(kind, size, numbers, rms), covariance, poses, rms, view_rms)
+    misses = _split(_misses(lens, views, poses), views)
+    squares = np.array([(w @ np.nan_to_num(m) ** 2).sum() for m, w in zip(misses, weights, strict=True)])
+    used = np.array([w.sum() for w in weights])
+    view_rms = np.sqrt(np.divide(squares, 2 * used, out=np.full(len(used), np.nan), where=used > 0))
+    rms = float(np.sqrt(squares.sum() / (2 * used.sum())))
+    return Fit(lens_of(kind, size, numbers, rms), covariance, poses, rms, view_rms, used.astype(np.int64))
 
 
 def held_out_px(fit: Fit, views: Sequence[View]) -> Floats:
@@ -94,10 +100,20 @@ def _poses(lens: Lens, views: Sequence[View]) -> list[Floats] | None:
     return [pose[0] for pose in found if pose] if all(found) else None
 
 
+def _misses(lens: Lens, views: Sequence[View], poses: list[Floats]) -> Floats:
+    """Return by how much all corners, view after view, miss the lens's picture (n, 2), px."""
+    seen = np.concatenate([apply(pose, view.points) for view, pose in zip(views, poses, strict=True)])
+    return np.concatenate([view.pixels for view in views]) - lens.project(seen)
+
+
 def _square(kind: str, size: tuple[int, int], views: Sequence[View], numbers: Floats, poses: list[Floats]) -> float:
-    lens = lens_of(kind, size, numbers)
-    misses = [view.pixels - lens.project(apply(pose, view.points)) for view, pose in zip(views, poses, strict=True)]
-    return float(np.mean(np.concatenate([np.minimum((m**2).sum(axis=1), 100.0) for m in misses])))
+    miss = _misses(lens_of(kind, size, numbers), views, poses)
+    return float(np.mean(np.minimum((miss**2).sum(axis=1), 100.0)))
+
+
+def _split(values: Floats, views: Sequence[View]) -> list[Floats]:
+    """Return the parts of each view."""
+    return np.split(values, np.cumsum([len(view.points) for view in views])[:-1])
 
 
 def _descend(
@@ -114,7 +130,7 @@ def _descend(
         except TrackingError:  # a step to a lens that cannot be
             square = np.inf
         if square < best:
-            done = best - square < 1e-7 * best and damping < 1e-5
+            done = best - square < _SETTLED * best and damping < 1e-4
             numbers, poses, best, damping = numbers + step, trial, square, damping / 10
             if done:
                 break
@@ -135,26 +151,33 @@ def _normal(
     lens, n = lens_of(kind, size, numbers), len(numbers)
     scale = np.array((*(1e-4 * size[0],) * 4, *(1e-5,) * (n - 4)))
     nudged = [lens_of(kind, size, numbers + h * e) for h, e in zip(scale, np.eye(n), strict=True)]
-    seen = [apply(pose, view.points) for view, pose in zip(views, poses, strict=True)]
-    pictures = [lens.project_with_jacobian(points) for points in seen]
-    misses = [view.pixels - guess for view, (guess, _) in zip(views, pictures, strict=True)]
-    length = np.concatenate([np.linalg.norm(miss, axis=1) for miss in misses])
+    arm = np.concatenate([view.points @ pose[:3, :3].T for view, pose in zip(views, poses, strict=True)])
+    middle = np.repeat([pose[:3, 3] for pose in poses], [len(view.points) for view in views], axis=0)
+    guess, slope = lens.project_with_jacobian(arm + middle)
+    miss = np.concatenate([view.pixels for view in views]) - guess
+    length = np.linalg.norm(miss, axis=1)
     sigma = max(float(np.nanmedian(length)) / MEDIAN_OF_RAYLEIGH, 1e-3)
-    weights = [np.asarray(np.linalg.norm(m, axis=1) < _OUTLIER_SIGMA * sigma, dtype=np.float64) for m in misses]
+    weight = np.asarray(length < _OUTLIER_SIGMA * sigma, dtype=np.float64)
     prior = np.concatenate((np.zeros(4), np.full(n - 4, sigma**2 / _BEND_PRIOR**2)))
-    normal, right, blocks = np.diag(prior), -prior * numbers, []
-    for points, pose, (guess, slope), miss, weight in zip(seen, poses, pictures, misses, weights, strict=True):
-        arm = points - pose[:3, 3]
-        by_turn = np.cross(np.eye(3)[None], arm[:, None]).transpose(0, 2, 1)
-        J = np.nan_to_num(np.concatenate((slope @ by_turn, slope), axis=2))
-        K = np.stack([(other.project(points) - guess) / h for other, h in zip(nudged, scale, strict=True)], axis=-1)
-        K, r = np.nan_to_num(K), np.nan_to_num(miss)
-        A = np.einsum("n,nci,ncj->ij", weight, J, J)
-        A += damping * np.diag(np.diag(A)) + 1e-9 * np.eye(6)
-        B, g = np.einsum("n,nci,ncj->ij", weight, J, K), np.einsum("n,nci,nc->i", weight, J, r)
-        normal += np.einsum("n,nci,ncj->ij", weight, K, K) - B.T @ np.linalg.solve(A, B)
-        right += np.einsum("n,nci,nc->i", weight, K, r) - B.T @ np.linalg.solve(A, g)
+    by_turn = np.cross(np.eye(3)[None], arm[:, None]).transpose(0, 2, 1)
+    J = np.nan_to_num(np.concatenate((slope @ by_turn, slope), axis=2)) * weight[:, None, None]
+    K = [(other.project(arm + middle) - guess) / h for other, h in zip(nudged, scale, strict=True)]
+    own = np.nan_to_num(np.stack(K, axis=-1)) * weight[:, None, None]
+    r = np.nan_to_num(miss)
+    normal, right = np.einsum("nci,ncj->ij", own, own), np.einsum("nci,nc->i", own, r) - prior * numbers
+    normal += np.diag(prior)
+    starts = np.concatenate(([0], np.cumsum([len(view.points) for view in views])[:-1]))
+    every = np.concatenate((J, own, r[..., None]), axis=-1)
+    sums = np.add.reduceat(J.transpose(0, 2, 1) @ every, starts)
+    blocks = []
+    for whole in sums:
+        A, B, g = whole[:, :6], whole[:, 6 : 6 + n], whole[:, 6 + n]
+        A = A + damping * np.diag(np.diag(A)) + 1e-9 * np.eye(6)
+        solved = np.linalg.solve(A, np.column_stack((B, g)))
+        normal -= B.T @ solved[:, :n]
+        right -= B.T @ solved[:, n]
         blocks.append((A, B, g))
+    weights = _split(weight, views)
     return normal, right, blocks, weights
 
 

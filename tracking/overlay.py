@@ -35,7 +35,10 @@ def write_overlay(
     ``track.record`` must be open; every frame is shown, so that a snap can be looked at in slow motion.
     """
     assert track.record is not None
-    with Timeline(videos) as timeline, VideoWriter(path, timeline.width, timeline.height, Fraction(30), 12e6) as video:
+    with (
+        Timeline(videos, *track.part) as timeline,
+        VideoWriter(path, timeline.width, timeline.height, Fraction(30), 12e6) as video,
+    ):
         rows, start = track.record.rows(0, 0), 0
         for frame in timeline.frames():
             if frame.index >= start + len(rows):
@@ -59,7 +62,7 @@ def draw(picture: NDArray[np.uint8], track: Track, index: int, row: Any) -> None
         _axes(picture, track, x, z, phi)
         text += f"X {x * 1e3:8.3f} mm  Z {z * 1e3:8.3f} mm  Phi {np.degrees(phi):7.2f} deg"
     else:
-        text += f"not valid: {row['reason'].decode() or 'see the report'}"
+        text += f"not valid: {track.said[index]}"
     cv2.rectangle(picture, (0, 0), (picture.shape[1], 46), (0, 0, 0), -1)
     cv2.putText(picture, text, (12, 32), cv2.FONT_HERSHEY_SIMPLEX, 0.9, _WHITE if valid else _RED, 2, cv2.LINE_AA)
 

@@ -40,7 +40,6 @@ class Record:
                 ("file", "i4"),
                 ("corrupt", "i4"),
                 ("key", "?"),
-                ("repeats", "?"),
                 ("seen", "?"),
                 ("reason", "S60"),
                 ("contrast", "f4"),
@@ -77,11 +76,11 @@ class Record:
     def __len__(self) -> int:
         return self._count
 
-    def add(self, frame: Frame, corrupt: int, repeats: bool, found: Sighting | str) -> None:
-        """Append what one frame showed; ``corrupt``: packets lost before it, ``repeats``: it equals the last one."""
+    def add(self, frame: Frame, corrupt: int, found: Sighting | str) -> None:
+        """Append what one frame showed; ``corrupt``: packets lost before it."""
         row = np.zeros((), self.dtype)
         row["time_s"], row["frame"], row["file"] = frame.time_s, self._count, frame.file
-        row["corrupt"], row["key"], row["repeats"] = corrupt, frame.key, repeats
+        row["corrupt"], row["key"] = corrupt, frame.key
         if isinstance(found, Sighting):
             row["seen"], row["contrast"], row["rms_px"] = True, found.contrast, found.rms_px
             for name in ("widths", "homography", "grid", "used"):

@@ -43,6 +43,11 @@ class Settled:
         return float(np.sqrt(self.bundle.spread[LINE, LINE]))
 
     @property
+    def points_m(self) -> Floats:
+        """The corners (n, 3) on the board as printed."""
+        return self.bundle.printed_at(self.bundle.theta)
+
+    @property
     def plane(self) -> Plane:
         """The plane of motion as this camera sees it."""
         assert self.camera.world_from_camera is not None
@@ -55,7 +60,8 @@ class Settled:
         """
         by_theta = self.bundle.response(views, poses)
         by_theta[..., LINE] -= rate * views.middle[:, None]
-        return np.asarray(by_theta @ self.bundle.spread @ by_theta.transpose(0, 2, 1))
+        flat = by_theta.reshape(-1, by_theta.shape[-1]) @ self.bundle.spread
+        return np.asarray(flat.reshape(by_theta.shape) @ by_theta.transpose(0, 2, 1))
 
 
 def settle(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from tracking.bundle import free_start
 from tracking.chapters import Timeline
 from tracking.corners import FEWEST_CORNERS, LARGEST_RESIDUAL
+from tracking.doubt import Courses, course_of, doubted
 from tracking.errors import TrackingError
 from tracking.follow import NOT_DUE
 from tracking.lens import Lens
@@ -27,9 +27,9 @@ from tracking.video import DecodeReport, ahead
 from tracking.views import AROUND, Views, views_of
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 NO_FIT = "the corners fit no pose in the plane of motion"
-REPEATED = "the picture repeats the one before"
 #: Of a chunk: its first frame, its rows, what is seen in them, and in which of the rows.
 Viewed = tuple[int, Rows, Views, NDArray[np.intp]]
 _SPREAD = 40  # frames for each quantity that the constants are found from
@@ -39,47 +39,73 @@ class Gathered:
     """What is kept of every frame to judge the whole video: gathered while it is decoded, when processors have time."""
 
     def __init__(self, record: Record, lens: Lens) -> None:
-        self._record, self._lens, self._done = record, lens, 0
+        self._record, self._lens, self._done, self._lost = record, lens, 0, False
         self._kept: list[tuple[NDArray[Any], ...]] = []
-        self.reasons: Counter[str] = Counter()
 
     def take(self, *, last: bool = False) -> None:
         """Take in the chunks of the record that are complete; with ``last`` all of them."""
         while self._done < len(self._record) - (0 if last else CHUNK + AROUND):
             start, rows = self._done, self._record.rows(self._done, self._done + CHUNK)
-            views, where, repeats = views_of(self._record, self._lens, start, rows)
+            views, where = views_of(self._record, self._lens, start, rows)
             size = np.sqrt(views.rays.var(axis=1).sum(axis=1))
             middle = np.column_stack((views.rays.mean(axis=1) * self._lens.fx, size * self._lens.fx))
             quality = (views.widths, views.sweep, views.key, views.jump_px, views.speed_px, rows["rms_px"][where])
-            self._kept.append((start + where, middle, *quality))
-            self.reasons[REPEATED] += int(repeats.sum())
-            for text in rows["reason"][~rows["seen"] & ~repeats]:
-                self.reasons[text.decode()] += 1
+            course = course_of(rows["grid"][where].astype(np.float64))
+            self._kept.append(
+                (start + where, middle, *quality, rows["time_s"][where], course, self._since(rows)[where])
+            )
             self._done += len(rows)
 
-    def columns(self) -> list[NDArray[Any]]:
-        """Frame numbers (f,), middle and size of the board (f, 3) in px, and what `Frames` has besides the middle."""
-        return [np.concatenate(parts) for parts in zip(*self._kept, strict=True)]
+    def _since(self, rows: Rows) -> Flags:
+        """Return which rows a lost packet may have spoilt: those until the next picture that stands by itself."""
+        spoilt = np.empty(len(rows), np.bool_)
+        for k, (corrupt, key) in enumerate(zip(rows["corrupt"].tolist(), rows["key"].tolist(), strict=True)):
+            self._lost = not key and (self._lost or corrupt > 0)
+            spoilt[k] = self._lost
+        return spoilt
+
+    def judged(self) -> tuple[NDArray[np.int64], Floats, Frames, NDArray[np.object_]]:
+        """Return of the frames to be believed: numbers (f,), middle and size of the board (f, 3), px, and the rest.
+
+        Then why the others are not, by frame number (n,); "" for those that are, or show no board.
+        """
+        columns = [np.concatenate(parts) for parts in zip(*self._kept, strict=True)]
+        seen, middle, *quality, time_s, course, lost = columns
+        said = np.full(len(self._record), "", dtype=object)
+        if len(seen):
+            said[seen] = doubted(Courses(time_s, course, quality[-1].astype(np.float64), lost))
+        good = said[seen] == ""
+        return seen[good], middle[good], Frames(middle[good, :2], *(column[good] for column in quality)), said
 
 
 def solved(work: Task, record: Record, gathered: Gathered, report: DecodeReport, timeline: Timeline) -> Track:
     """Find the video's constants, then every frame's pose."""
-    board, reasons = work.board, gathered.reasons
+    board = work.board
     gathered.take(last=True)
-    seen, middle, *others = gathered.columns()
+    seen, middle, frames, said = gathered.judged()
+    if not len(seen) and (said != "").any():
+        why = Counter(said[said != ""].tolist()).most_common(1)[0][0]
+        what = f"{timeline.paths[0]}: no frame with the board is to be trusted ({why})"
+        raise TrackingError(f"{what}; copy the file from the camera again")
     if not len(seen):
-        commonest = next((text for text, _ in reasons.most_common() if text != NOT_DUE), "nothing seen")
         what = f"{timeline.paths[0]}: no board of {board} in any of {len(record)} frames"
-        raise TrackingError(f"{what} ({commonest}); check light, focus, the board's squares and the camera's place")
-    frames = Frames(middle[:, :2], *others)
+        raise TrackingError(
+            f"{what} ({_commonest(record)}); check light, focus, the board's squares and the camera's place"
+        )
     exposure_s = timeline.telemetry.exposure_s or exposure_by_smear(frames, timeline.period_s)
     features = np.column_stack((middle, frames.sweep)).astype(np.float32)
     chosen = np.unique(np.concatenate((np.arange(min(REST_FRAMES, len(seen))), _spread(features))))
-    views = _pick(record, work, seen[chosen])
+    views = _pick(record, work, seen[chosen], said == "")
     settled = settle(work.camera, board, work.rest_pose, views, level=work.level, exposure_s=exposure_s)
     codec = codec_of(frames)
-    with closing(ahead(_viewed(record, work.camera.lens), 1)) as chunks:
-        return _fit_all(work, record, chunks, report, settled, codec, exposure_s, reasons, timeline)
+    with closing(ahead(_viewed(record, work.camera.lens, said == ""), 1)) as chunks:
+        return _fit_all(work, record, chunks, report, settled, codec, exposure_s, said, timeline)
+
+
+def _commonest(record: Record) -> str:
+    """Return why most frames show no board."""
+    reasons = Counter(text.decode() for _, rows in record.chunks() for text in rows["reason"].tolist())
+    return next((text for text, _ in reasons.most_common() if text and text != NOT_DUE), "nothing seen")
 
 
 def _spread(features: NDArray[np.float32]) -> NDArray[np.intp]:
@@ -92,20 +118,20 @@ def _spread(features: NDArray[np.float32]) -> NDArray[np.intp]:
     return np.unique(np.concatenate(chosen))
 
 
-def _pick(record: Record, work: Task, frames: NDArray[np.int64]) -> Views:
+def _pick(record: Record, work: Task, frames: NDArray[np.int64], believed: Flags) -> Views:
     """Return the views of some frames of the record."""
     parts = []
     for start, rows in record.chunks():
         if np.any((frames >= start) & (frames < start + len(rows))):
-            views, where, _ = views_of(record, work.camera.lens, start, rows)
+            views, where = views_of(record, work.camera.lens, start, rows, believed)
             parts.append(views.pick(np.flatnonzero(np.isin(start + where, frames))))
     return Views(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in Views.__annotations__})
 
 
-def _viewed(record: Record, lens: Lens) -> Iterator[Viewed]:
+def _viewed(record: Record, lens: Lens, believed: Flags) -> Iterator[Viewed]:
     """Yield what is seen in each chunk of the record."""
     for start, rows in record.chunks():
-        views, where, _ = views_of(record, lens, start, rows)
+        views, where = views_of(record, lens, start, rows, believed)
         yield start, rows, views, where
 
 
@@ -117,11 +143,11 @@ def _fit_all(
     settled: Settled,
     codec: Codec,
     exposure_s: float,
-    reasons: Counter[str],
+    said: NDArray[np.object_],
     timeline: Timeline,
 ) -> Track:
     n, plane, line_s = len(record), settled.plane, settled.camera.line_s or 0.0
-    points_m = apply(settled.camera.tip_from_board, work.board.corner_points_m())
+    points_m = apply(settled.camera.tip_from_board, settled.points_m)
     eye_m = plane.world_from_camera[(0, 2), 3]
     state, sigma = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
     time_s, rms_px, corners = np.empty(n), np.full(n, np.nan), np.zeros(n, np.int64)
@@ -129,6 +155,8 @@ def _fit_all(
     row, guess = work.camera.lens.height / 2, None
     for start, rows, views, where in chunks:
         passed = np.full(len(rows), np.nan)
+        unseen = np.flatnonzero(~rows["seen"])
+        said[start + unseen] = [text.decode() for text in rows["reason"][unseen].tolist()]
         if len(where):
             guess = guess if guess is not None else free_start(views, settled.camera, work.board.corner_points_m())
             at = start + where
@@ -137,7 +165,7 @@ def _fit_all(
             fits = plane.fit_rays(views.at_once(line_s, exposure_s), views.px_per_ray, points_m, begin, views.used)
             number = fits.used.sum(axis=1)
             good = (fits.rms_px <= LARGEST_RESIDUAL * views.pitch_px) & (number >= FEWEST_CORNERS)
-            reasons[NO_FIT] += int((~good).sum())
+            said[at[~good]] = NO_FIT
             rate = np.gradient(fits.vector, views.time_s, axis=0) if len(at) > 1 else np.zeros((1, 3))
             vector, spread = without_lag(fits, rate * timeline.period_s, views.key, codec, eye_m)
             spread += settled.covariance(views, vector, rate)
@@ -164,7 +192,7 @@ def _fit_all(
         decode=report,
         camera=settled.camera,
         board=work.board,
-        invalid=MappingProxyType(dict(+reasons)),
+        said=said,
         rest_frames=settled.rest_frames,
         turn_sigma_rad=settled.turn_sigma_rad,
         line_sigma_s=settled.line_sigma_s,
@@ -174,6 +202,7 @@ def _fit_all(
         exposure_s=exposure_s,
         lag_px=codec.lag_px,
         never_seen=int(never.sum()),
+        part=(work.fps, work.from_s, work.to_s),
     )
 
 

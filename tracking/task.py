@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections import Counter
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -28,12 +28,13 @@ class Track:
     """What a video says about the tip.
 
     ``rms_px`` (n,): reprojection residual per coordinate and frame, ``corners`` (n,): how many corners it rests on (NaN
-    and 0 where invalid). ``camera``: the one used, with ``world_from_camera``, ``board_turn_rad`` and ``line_s`` as
-    found; ``trace.time_s`` is when the shutter passed the board's middle. ``invalid``: how many frames are not valid,
-    by reason. ``rest_frames``: how many still frames placed the camera (0 when its place was given). ``residual_px``
-    (corners, 2): the mean over all frames of what the corners miss by, and ``spread_px`` (corners, 2) its deviation.
-    ``exposure_s``: by the camera's telemetry, or by the smear; ``lag_px``: what the codec's prediction lags by, and
-    what was put right (see ``noise``). ``never_seen``: corners of the board that no frame shows.
+    and 0 where invalid), ``said`` (n,): why a frame is not valid, "" where it is. ``camera``: the one used, with
+    ``world_from_camera``, ``board_turn_rad`` and ``line_s`` as found; ``trace.time_s`` is when the shutter passed the
+    board's middle. ``rest_frames``: how many still frames placed the camera (0 when its place was given).
+    ``residual_px`` (corners, 2): the mean over all frames of what the corners miss by, and ``spread_px`` (corners, 2)
+    its deviation. ``exposure_s``: by the camera's telemetry, or by the smear; ``lag_px``: what the codec's prediction
+    lags by, and what was put right (see ``noise``). ``never_seen``: corners of the board that no frame shows.
+    ``part``: rate, beginning and end, as in ``Task``.
     """
 
     trace: TipTrace
@@ -42,7 +43,7 @@ class Track:
     decode: DecodeReport
     camera: Camera
     board: Board
-    invalid: Mapping[str, int]
+    said: NDArray[np.object_]
     rest_frames: int
     turn_sigma_rad: tuple[float, float]
     line_sigma_s: float
@@ -52,7 +53,13 @@ class Track:
     exposure_s: float = 0.0
     lag_px: float = 0.0
     never_seen: int = 0
+    part: tuple[float, float, float] = (0.0, -math.inf, math.inf)
     record: Record | None = None
+
+    @property
+    def invalid(self) -> dict[str, int]:
+        """How many frames are not valid, by reason, the commonest first."""
+        return dict(Counter(text for text in self.said.tolist() if text).most_common())
 
 
 @dataclass(frozen=True)
@@ -62,7 +69,8 @@ class Task:
     ``rest_pose`` (x_m, z_m, phi_rad) is the tip's known pose while the board stands still at the beginning; the
     camera's place is found from it, whatever ``camera`` says (see ``settle``). None takes ``camera.world_from_camera``.
     ``level``: the camera stands level, phi at rest is not taken from ``rest_pose``. ``near_px``: where the board is in
-    the first picture, if several are in view. ``start_s`` is added to the time stamps.
+    the first picture, if several are in view. ``start_s`` is added to the time stamps. ``fps``: at which it was filmed,
+    where the time stamps are of a slower replay (0: they are right); ``from_s`` and ``to_s``: the part of the film, s.
     """
 
     videos: tuple[Path, ...]
@@ -72,11 +80,16 @@ class Task:
     level: bool = False
     near_px: tuple[float, float] | None = None
     start_s: float = 0.0
+    fps: float = 0.0
+    from_s: float = -math.inf
+    to_s: float = math.inf
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.start_s) or not all(map(math.isfinite, self.rest_pose or ())):
             what = f"track: start_s {self.start_s} and rest_pose {self.rest_pose} must be finite"
             raise TrackingError(f"{what}; give s, and m, m, rad")
+        if not (math.isfinite(self.fps) and self.fps >= 0):
+            raise TrackingError(f"track: fps is {self.fps:g}; give the frames a second it was filmed at, as 240")
 
     def identity(self) -> dict[str, Any]:
         """What a record of followed corners depends on."""
@@ -87,4 +100,5 @@ class Task:
             "board": asdict(self.board),
             "rest": self.rest_pose,
             "near": self.near_px,
+            "part": (self.fps, self.from_s, self.to_s),
         }

@@ -14,17 +14,16 @@ import numpy as np
 
 from tracking.board import Board
 from tracking.camera import Camera
-from tracking.chapters import Timeline
+from tracking.chapters import Timeline, in_order
 from tracking.errors import TrackingError
 from tracking.follow import Follower
 from tracking.record import Record
 from tracking.solve import Gathered, solved
 from tracking.task import Task, Track
-from tracking.video import DecodeReport, Gap, Picture, ahead, frames_missing
+from tracking.video import DecodeReport, Gap, ahead, frames_missing
 
+_OTHER_RATE = 0.1  # 239.76 for 240 is no other rate; a replay is twice as slow at least
 _AHEAD = 24  # pictures decoded while the board is searched for, which takes 0.1 s: 75 MB of 1080p
-_STRIDE = 32  # rows between the pixels compared when looking for repeated pictures
-_SAME = 0.8  # of them: a copy keeps as many, and so do still scenes; the board's motion decides (see ``views``)
 
 
 def track(
@@ -46,8 +45,10 @@ def track(
     no rest, or no board.
     """
     files = [video] if isinstance(video, str | os.PathLike) else list(video)
-    with Timeline(files) as timeline, tempfile.TemporaryDirectory() as folder:
-        work = Task(tuple(timeline.paths), camera, board, **task)
+    work = Task(tuple(in_order(files)), camera, board, **task)
+    part = work.fps, work.from_s, work.to_s
+    with Timeline(files, *part) as timeline, tempfile.TemporaryDirectory() as folder:
+        _check_rate(timeline, work.fps)
         _check_size(timeline, camera)
         kept = Record(record or Path(folder) / "record", work.identity(), board.shape)
         try:
@@ -72,6 +73,14 @@ def _check_size(timeline: Timeline, camera: Camera) -> None:
         raise TrackingError(f"{timeline.paths[0]}: {what}; calibrate in the mode of the recording")
 
 
+def _check_rate(timeline: Timeline, fps: float) -> None:
+    """Raise TrackingError for a film in slow motion, unless somebody says which rate is right."""
+    plays, filmed = 1 / timeline.period_s, timeline.capture_rate
+    if not fps and filmed and abs(filmed / plays - 1) > _OTHER_RATE:
+        what = f"{timeline.paths[0]}: filmed at {filmed:.6g} frames/s by its tags, its time stamps run at {plays:.6g}"
+        raise TrackingError(f"{what}; give --fps {filmed:.6g}, or --fps {plays:.6g} if the time stamps are right")
+
+
 def _follow(
     timeline: Timeline,
     work: Task,
@@ -85,14 +94,12 @@ def _follow(
     after_s = float(before["time_s"][0]) if len(before) else -math.inf
     if ends := record.ends():
         follower.take_over(*ends)
-    corrupt, last = 0, None
+    corrupt = 0
     pictures = ahead(timeline.frames(after_s), _AHEAD)
     try:
         for frame in pictures:
-            sample = frame.luma[_STRIDE // 2 :: _STRIDE, :: 2 * _STRIDE].copy()
-            repeats = last is not None and _same(sample, last)
-            record.add(frame, frame.corrupt - corrupt, repeats, follower.look(frame.luma, frame.time_s))
-            corrupt, last = frame.corrupt, sample
+            record.add(frame, frame.corrupt - corrupt, follower.look(frame.luma, frame.time_s))
+            corrupt = frame.corrupt
             gathered.take()
             if progress:
                 progress(len(record), max(timeline.expected, len(record)))
@@ -103,10 +110,6 @@ def _follow(
         what = f"{timeline.paths[0]}: not one of {timeline.expected} frames could be decoded"
         raise TrackingError(f"{what}; copy the file again")
     return _account(record, timeline, timeline.corrupt - corrupt)
-
-
-def _same(one: Picture, other: Picture) -> bool:
-    return bool(np.count_nonzero(one == other) >= _SAME * one.size)
 
 
 def _account(record: Record, timeline: Timeline, corrupt: int) -> DecodeReport:

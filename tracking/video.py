@@ -25,6 +25,8 @@ Picture = NDArray[np.uint8]
 
 _LUMA_8 = ("yuv420p", "yuvj420p", "yuv422p", "yuvj422p", "yuv444p", "yuvj444p", "nv12", "nv21", "gray")
 _LUMA_10 = ("yuv420p10le", "yuv422p10le", "yuv444p10le", "p010le", "gray10le")
+# Android's MediaMuxer writes the first, other phones and converters the others.
+_CAPTURE_TAGS = ("android.capture.fps", "capture_fps", "capture_rate", "capture-frame-rate", "framerate.capture")
 _ROUNDING_S = 1e-6  # of times that were added up over chapters
 _SHIFT_10 = {"p010le": 8}  # p010 keeps its 10 bits at the top of the word
 
@@ -110,8 +112,8 @@ class VideoReader:
         self._stream.thread_type = "AUTO"
         self.width, self.height = codec.width, codec.height
         self.rate = self._stream.average_rate or self._stream.guessed_rate or Fraction(0)
-        # The average rate drops when frames are missing, which is just what gaps must show; the guessed one does not.
-        self.nominal_rate = self._stream.guessed_rate or self.rate
+        self._median_s = self._median_step_s()
+        self.capture_rate = self._tagged_rate()
         duration = float((self._stream.duration or 0) * (self._stream.time_base or 0))
         self.duration_s = duration
         self.expected = self._stream.frames or round(duration * float(self.rate))
@@ -132,8 +134,29 @@ class VideoReader:
 
     @property
     def period_s(self) -> float:
-        """Seconds from frame to frame where none is missing."""
-        return float(1 / self.nominal_rate) if self.nominal_rate else float("inf")
+        """Seconds from frame to frame where none is missing: the median by the file's index.
+
+        The mean would rise with what is missing; a rate that the library guesses is wild for a variable one.
+        """
+        if self._median_s > 0:
+            return self._median_s
+        rate = self._stream.guessed_rate or self.rate
+        return float(1 / rate) if rate else float("inf")
+
+    def _median_step_s(self) -> float:
+        """Return the median step of the index's time stamps (s); 0 for files without an index."""
+        stamps = np.sort([entry.timestamp for entry in self._stream.index_entries])
+        steps = np.diff(stamps)
+        return float(np.median(steps) * (self._stream.time_base or 0)) if len(steps) else 0.0
+
+    def _tagged_rate(self) -> float:
+        """Return at what rate (frames/s) the file's tags say it was filmed; 0 where they do not."""
+        tags = {**self._container.metadata, **self._stream.metadata}
+        for name, text in tags.items():
+            if name.lower().endswith(_CAPTURE_TAGS):
+                with contextlib.suppress(ValueError):
+                    return max(float(text), 0.0)
+        return 0.0
 
     def frames(self, after_s: float = float("-inf")) -> Iterator[Frame]:
         """Yield every frame later than ``after_s`` that decodes, in order of time.

@@ -27,8 +27,6 @@ _STENCILS = {
         (1 / 8, -1, 13 / 8, 0, -13 / 8, 1, -1 / 8),
     ),
 }
-_MOVING_PX = 0.25  # between frames: a picture that repeats while the board moves is a copy, not a frame
-_SAME_PX = 0.02
 
 
 @dataclass(frozen=True)
@@ -81,22 +79,25 @@ class Views:
         return Views(**{name: getattr(self, name)[which] for name in self.__dataclass_fields__})
 
 
-def views_of(record: Record, lens: Lens, start: int, rows: Rows) -> tuple[Views, NDArray[np.intp], Flags]:
-    """Return the views of a chunk of the record, where in the chunk they are, and which frames only repeat another.
+def views_of(
+    record: Record, lens: Lens, start: int, rows: Rows, believed: Flags | None = None
+) -> tuple[Views, NDArray[np.intp]]:
+    """Return the views of a chunk of the record, and where in the chunk they are.
 
-    A frame repeats when its picture equals the last one's while the board moves before and after.
+    ``believed``: of each frame of the video, whether its sighting counts (see ``doubt``); all do where it is None.
     """
     around = record.rows(start - AROUND, start + len(rows) + AROUND)
     lead = min(start, AROUND)
     n = record.shape[0] * record.shape[1]
     pixels = around["grid"].reshape(-1, n, 2).astype(np.float64)
     seen, time_s = around["seen"], around["time_s"]
+    if believed is not None:
+        seen = seen & believed[start - lead : start - lead + len(around)]
     flat, slopes = lens.rays_with_slopes(np.where(seen[:, None, None], pixels, lens.cx).reshape(-1, 2))
     rays = flat.reshape(pixels.shape)
     rate, bend, jerk, doubt = _derivatives(rays, time_s, seen)
     jump_px, speed_px = _jumps(pixels, time_s, seen)
-    repeats = _repeats(around, pixels, seen)
-    where = np.flatnonzero(seen[lead : lead + len(rows)] & ~repeats[lead : lead + len(rows)])
+    where = np.flatnonzero(seen[lead : lead + len(rows)])
     at = where + lead
     middle = pixels[at, :, 1].mean(axis=1)
     grid = pixels[at].reshape(-1, *record.shape, 2)
@@ -126,7 +127,7 @@ def views_of(record: Record, lens: Lens, start: int, rows: Rows) -> tuple[Views,
         jump_px=jump_px[at],
         speed_px=speed_px[at],
     )
-    return views, where, repeats[lead : lead + len(rows)]
+    return views, where
 
 
 def _derivatives(rays: Floats, time_s: Floats, seen: Flags) -> tuple[Floats, Floats, Floats, Floats]:
@@ -174,14 +175,3 @@ def _jumps(pixels: Floats, time_s: Floats, seen: Flags) -> tuple[Floats, Floats]
         jump[3:-3] = np.where(whole, (parts * motion).mean(axis=(1, 2)) / np.maximum(length, 1e-9), np.nan)
         speed[3:-3] = np.where(whole, length, np.nan)
     return jump, speed
-
-
-def _repeats(around: Rows, pixels: Floats, seen: Flags) -> Flags:
-    """Return which frames show what the one before does although the board moves on, the same way before and after."""
-    repeats = np.zeros(len(around), np.bool_)
-    step = np.diff(pixels.mean(axis=1), axis=0)
-    for k in np.flatnonzero(around["repeats"][2:-1]) + 2:
-        before, here, after = step[k - 2], step[k - 1], step[k]
-        onward = before @ after > _MOVING_PX**2 and np.abs(here).max() < _SAME_PX
-        repeats[k] = onward and seen[k - 2 : k + 2].all()
-    return repeats

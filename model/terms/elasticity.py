@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import math
 
-from model.compiled import compiled
+from model.compiled import allocates_nothing, compiled
 from model.constants import Constants
+from model.term import Frustum
+from model.terms.shell_energy import SHARE, shell_energy, shell_force, shell_stiffness
 
 
 @compiled
@@ -29,11 +31,37 @@ def elastic_energy(zeta: float, phi: float, zeta0: float, C1: float, C2: float, 
     return float(energy + C2 * ((zeta - zeta0) ** 2 + rphi2 / 2))
 
 
+@allocates_nothing
+def walls_force(f: Frustum) -> tuple[float, float]:
+    """-F on zeta and -M on phi of a frustum's walls, by equation 7 or by finite elements where the straw has them."""
+    if f.wall[0] == 0:
+        return elastic_force(f.zeta, f.phi, f.zeta0, f.C1, f.C2, f.r_i)
+    force, moment = shell_force(f.zeta, f.phi, f.r_i, f.wall)
+    share = f.wall[SHARE]
+    if share == 1:
+        return force, moment
+    other, turning = elastic_force(f.zeta, f.phi, f.zeta0, f.C1, f.C2, f.r_i)
+    return share * force + (1 - share) * other, share * moment + (1 - share) * turning
+
+
+@compiled
+def walls_energy(f: Frustum) -> float:
+    """Energy (J) that `walls_force` derives from."""
+    if f.wall[0] == 0:
+        return elastic_energy(f.zeta, f.phi, f.zeta0, f.C1, f.C2, f.r_i)
+    share = f.wall[SHARE]
+    other = elastic_energy(f.zeta, f.phi, f.zeta0, f.C1, f.C2, f.r_i)
+    return float(share * shell_energy(f.zeta, f.phi, f.r_i, f.wall) + (1 - share) * other)
+
+
 @compiled
 def softest(c: Constants) -> float:
     """Least stiffness of a frustum that may move, in its unloaded shape, N/m."""
     least = math.inf
     for i in range(c.cells):
         for j in range(2 - c.active, 2):
-            least = min(least, 16 * c.C1[i, j] * c.zeta0[i, j] ** 2 + 2 * c.C2[i, j])
+            if c.wall[i, j, 0] > 0:
+                least = min(least, shell_stiffness(c.zeta0[i, j], 0.0, c.r_i, c.wall[i, j])[0])
+            else:
+                least = min(least, 16 * c.C1[i, j] * c.zeta0[i, j] ** 2 + 2 * c.C2[i, j])
     return float(least)

@@ -21,7 +21,7 @@ def run(args: argparse.Namespace) -> int:
         if not path.parent.is_dir():
             raise ReplayError(f"{path}: there is no folder {path.parent}; make it or choose another place")
     with progress_bar("calibrate", "picture") as progress:
-        found = calibrate(args.pictures, progress)
+        found = calibrate(args.pictures, progress, squares_of(args.board) if args.board else None)
     lens = dataclasses.replace(found.fit.lens, name=args.name or args.output.stem)
     save_camera(args.output, Camera(lens))
     if args.picture:
@@ -32,6 +32,14 @@ def run(args: argparse.Namespace) -> int:
         say(f"advice: {line}")
     print(summary(found) + f"; written to {args.output}")
     return 0
+
+
+def squares_of(text: str) -> tuple[int, int]:
+    """The squares along both sides, of ``CxR``; ReplayError for anything else."""
+    across, _, down = text.lower().partition("x")
+    if not (across.isdecimal() and down.isdecimal() and min(int(across), int(down)) >= 5):
+        raise ReplayError(f"--board {text}: expected squares along both sides, at least 5, as 10x7 (9x6 inner corners)")
+    return int(across), int(down)
 
 
 def summary(found: Calibration) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from dataclasses import asdict
 from importlib.resources import as_file, files
+from typing import Any
 
 from model.filling import channel_radius, read_filling_tests
 from model.parameters import StrawParameters
@@ -53,12 +54,69 @@ def run(args: argparse.Namespace) -> int:
         ):
             made += save(draw(), args.out, name)
             update(3 + len(made) // 2, 9)
+    shell = _shell(args) if args.shell else None
     _print(table_of)
     print(f"figures in {args.out}: {', '.join(name for name in made if name.endswith('.png'))} (and .svg)")
+    if shell:
+        made += shell.pop("figures")
+        _print_shell(shell)
     if args.json:
         rows = [{**asdict(n), "difference": n.difference, "agrees": n.agrees} for n in table_of]
-        write_json(args.json, {"numbers": rows, "figures": [str(args.out / name) for name in made]})
+        result = {"numbers": rows, "figures": [str(args.out / name) for name in made]}
+        write_json(args.json, result | ({"shell": shell} if shell else {}))
     return 0
+
+
+def _shell(args: argparse.Namespace) -> dict[str, Any]:
+    """The paper's finite elements: table, cuts, rigidity of the odd frusta, and both runs by their energy."""
+    from replay.commands.shell import require_shell
+
+    require_shell()
+    from model.shell.threads import one_thread
+    from replay.paper import shell
+    from replay.paper.style import save
+    from replay.shell.table import frustum_table
+
+    problem = shell.specimen()
+    with one_thread(), progress_bar("finite elements", "step") as update:
+        rows, _ = frustum_table(problem, lambda done, of: update(done, of + 5))
+        update(8, 12)
+        cuts = shell.cuts(problem)
+        update(9, 12)
+        rigid = shell.rigidity()
+        update(10, 12)
+        geometry = shell.refitted()
+        update(11, 12)
+        runs = shell.elastic_runs(geometry)
+        figures = [
+            *save(shell.draw_cuts(cuts), args.out, "fig4-shell"),
+            *save(shell.draw_rigidity(rigid), args.out, "figS2-shell"),
+            *save(shell.draw_runs(runs), args.out, "fig67-shell"),
+        ]
+        update(12, 12)
+    rows += [*shell.rigidity_rows(rigid), *shell.snap_rows(geometry)]
+    return {
+        "table": [{**asdict(row), "difference": row.difference} for row in rows],
+        "agreement": shell.agreement(cuts),
+        "inferred": list(shell.INFERRED),
+        "verdict": shell.verdict(runs),
+        "figures": figures,
+    }
+
+
+def _print_shell(found: dict[str, Any]) -> None:
+    from replay.shell.table import Row, printed
+
+    print("\nby finite elements (director shell, nu = 0.33) beside equation 7")
+    print(printed([Row(r["name"], r["unit"], r["reduced"], r["shell"]) for r in found["table"]]))
+    for title, key in (
+        ("'very good agreement at moderate values', in figures:", "agreement"),
+        ("not stated in the paper, and inferred:", "inferred"),
+        ("does it explain the paper better?", "verdict"),
+    ):
+        print(title)
+        for line in found[key]:
+            print(f"  {line}")
 
 
 def _print(table: list[Number]) -> None:

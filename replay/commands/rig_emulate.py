@@ -9,6 +9,7 @@ from collections import Counter
 from model.parameters import load_straw
 from replay.commands.rig_run import emulation
 from replay.errors import ReplayError
+from replay.settings import settings_of
 from rig.faults import SeededFaults
 from rig.interrupts import Interrupts
 
@@ -21,7 +22,7 @@ def run(args: argparse.Namespace) -> int:
     faults = SeededFaults(args.faults, seed=args.seed) if args.faults else None
     with (
         Interrupts() as interrupts,
-        emulation(straw, deployed, args.controller, args.listen, faults=faults) as emulated,
+        emulation(straw, deployed, args.controller, args.listen, faults=faults, device=settings_of(args)) as emulated,
     ):
         print(f"{args.controller} with a straw of {straw.cells} cells at {emulated.url}; Ctrl-C ends it", flush=True)
         while interrupts.pending is None:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import ast
 from typing import Any
 
 from replay.errors import ReplayError
-from rig.limits import PressureLimits
+from replay.settings import settings_of as given_settings
 from rig.rig_file import RigFile, load_rig
 
 CONTROLLER, RATE_HZ = "ob1-mk4", 100.0
@@ -38,21 +37,7 @@ def settings_of(args: argparse.Namespace) -> dict[str, Any]:
     settings: dict[str, Any] = {}
     if rig is not None:
         settings = {**rig.settings, "channels": rig.channels, "limits": rig.limits}
-    for text in args.setting:
-        key, equals, value = text.partition("=")
-        if not equals or not key.isidentifier():
-            raise ReplayError(f"--setting {text}: expected KEY=VALUE, as unit=B or regulators=4,0,0,0")
-        try:
-            settings[key] = ast.literal_eval(value)
-        except (ValueError, SyntaxError):
-            settings[key] = value  # text needs no quotes
-    if args.limits:
-        try:
-            low, high, *rate = (float(part) * 1e3 for part in args.limits.split(","))
-            given = PressureLimits(low, high, *rate)
-        except (ValueError, TypeError):
-            raise ReplayError(
-                f"--limits {args.limits}: expected MIN,MAX or MIN,MAX,RATE in kPa, as -40,60,50"
-            ) from None
-        settings["limits"] = given.and_also(rig.limits) if rig else given  # the table's limits stay below
-    return settings
+    given = given_settings(args)
+    if rig is not None and "limits" in given:
+        given["limits"] = given["limits"].and_also(rig.limits)  # the table's limits stay below
+    return settings | given

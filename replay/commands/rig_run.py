@@ -12,6 +12,7 @@ import numpy as np
 
 from model.parameters import StrawParameters, load_straw
 from model.simulate import Stepper
+from replay.about_run import about_run, note_run
 from replay.commands.rig_of import settings_of, take_rig
 from replay.errors import ReplayError
 from replay.filming import Filming
@@ -23,7 +24,8 @@ from rig.controller import Controller, make_controller
 from rig.emulate import Emulation, emulator_of
 from rig.guarded import GuardedController
 from rig.orders import Orders
-from rig.protocol import PressureProtocol, load_protocol
+from rig.protocol import PressureProtocol
+from rig.protocol_toml import load_protocol
 from rig.run import Run
 from rig.run_derived import write_tip
 from rig.run_read import read_run
@@ -37,6 +39,7 @@ def run(args: argparse.Namespace) -> int:
     rig = take_rig(args)
     protocol = load_protocol(args.protocol)
     straw = load_straw(args.straw)
+    about_run(args)  # what is wrong with it is said before anything else happens
     if rig is not None:
         protocol.check_limits(rig.limits)
     camera = rig.camera if rig and not args.no_film else None
@@ -60,13 +63,18 @@ def live_of(args: argparse.Namespace, straw: StrawParameters, protocol: Pressure
 def _run(args: argparse.Namespace, straw: StrawParameters, protocol: PressureProtocol, live: Live | None) -> int:
     if live:
         say(f"look at {live.url} while it runs")
-    if args.emulate:
-        outcome = drive_emulated(args, straw, protocol, live)
-    elif args.fast or args.tip:
+    if (args.fast or args.tip) and not args.emulate:
         raise ReplayError("--fast and --tip belong to --emulate: a real rig runs in real time and is filmed")
-    else:
-        rig = GuardedController(args.controller, args.port, **channels_of(args, protocol))
-        outcome = drive(rig, protocol, args.output, straw.cells, args.rate, args.led, live, **about_of(args))
+    check_new(args.output)
+    try:
+        if args.emulate:
+            outcome = drive_emulated(args, straw, protocol, live)
+        else:
+            rig = GuardedController(args.controller, args.port, **channels_of(args, protocol))
+            outcome = drive(rig, protocol, args.output, straw.cells, args.rate, args.led, live, **about_of(args))
+    finally:
+        if args.output.exists():  # a run that failed or was interrupted is a recording, too
+            note_run(args, args.output)
     if args.json:
         write_json(args.json, {"recording": str(outcome.path), "cycles": outcome.cycles, "missed": outcome.missed})
     print(
@@ -86,7 +94,7 @@ def channels_of(args: argparse.Namespace, protocol: PressureProtocol) -> dict[st
 def about_of(args: argparse.Namespace) -> dict[str, str]:
     """What the command line says of the specimen, over what the protocol says."""
     given = {"specimen": args.specimen, "cycle": args.cycle, "rig": args.rig}
-    return {key: str(value) for key, value in given.items() if value is not None}
+    return {key: str(value) for key, value in given.items() if value is not None} | about_run(args)
 
 
 def drive_emulated(
@@ -103,7 +111,7 @@ def drive_emulated(
         rig = (
             make_controller(args.controller, emulated.url, clock=clock, **settings)
             if clock
-            else GuardedController(args.controller, emulated.url, **settings)
+            else GuardedController(args.controller, emulated.url, remembered=False, **settings)
         )
         outcome = drive(rig, protocol, args.output, straw.cells, args.rate, args.led, live, **about_of(args))
     if args.tip:

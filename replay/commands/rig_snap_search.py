@@ -10,6 +10,7 @@ from dataclasses import asdict
 
 from model.parameters import StrawParameters, load_straw
 from model.simulate import Stepper
+from replay.about_run import about_run, note_run
 from replay.commands.rig_emulate import cells_of
 from replay.commands.rig_of import settings_of
 from replay.commands.rig_run import emulation
@@ -33,6 +34,7 @@ def run(args: argparse.Namespace) -> int:
     """Search, and print the interval."""
     straw = load_straw(args.straw)
     deployed = deployed_of(args, straw.cells)
+    about_run(args)  # what is wrong with it is said before anything else happens
     if args.output:
         check_new(args.output)
     rig = emulated_rig if args.emulate else real_rig
@@ -44,6 +46,7 @@ def run(args: argparse.Namespace) -> int:
         finally:
             if writer:
                 writer.finish()
+                note_run(args, writer.path)
     if args.json:
         write_json(args.json, as_data(found))
     print(summary(found, args.direction))
@@ -153,6 +156,7 @@ def metadata_of(
         "zero_time_ns": str(controller.clock.wall_ns()),
         "protocol": f"snap search, {args.direction}, steps of {args.step:g} kPa to {args.resolution:g} kPa",
         **controller.snapshot(),
+        **about_run(args),
     }
 
 

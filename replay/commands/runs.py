@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import asdict
 from datetime import UTC, datetime
+from pathlib import Path
 
 from replay.commands.runs_compare import compare_runs
 from replay.output import write_json
@@ -64,7 +66,10 @@ def show(args: argparse.Namespace) -> int:
     path = find(args.dir, args.run)
     found, notes = read_run(path), read_notes(path)
     start_s, end_s = span_s(found)
-    files = {one.path.name: one.problem or "as recorded" for one in check(path)}
+    try:
+        files = {one.path.name: one.problem or "as recorded" for one in check(path)}
+    except RigError as error:
+        files = {manifest_of(path).name: str(error)}
     derived = [str(one) for one in family(path, args.dir)]
     data = {
         "file": str(path),
@@ -148,31 +153,56 @@ def verify(args: argparse.Namespace) -> int:
     entries = _catalogue(args, rebuild=True)
     wanted = {find(args.dir, name, entries).resolve() for name in args.runs}
     problems: list[str] = []
-    files = 0
+    recorded: list[Path] = []
+    unknown: list[Path] = []
+    copies: dict[str, str] = {}
     known = {entry.sha256 for entry in entries}
+    entered = _entered(args.dir / entry.name for entry in entries)
     for entry in entries:
         path = args.dir / entry.name
         if wanted and path.resolve() not in wanted:
             continue
-        files += 1
         if entry.problem:
             problems.append(f"{path}: {entry.problem}")
         if entry.parent and entry.parent not in known:
             problems.append(f"{path}: the run it was derived from (sha256 {entry.parent[:12]}...) is not in {args.dir}")
+        if entry.sha256 and (first := copies.setdefault(entry.sha256, entry.name)) != entry.name:
+            print(f"{path}: the same recording as {args.dir / first}")
         try:
-            checked = [one for one in check(path) if one.path != path or not entry.problem]
+            checked = check(path)
         except RigError as error:
             problems.append(str(error))
+            unknown.append(path)
             continue
-        files += sum(one.path != path for one in checked)
+        recorded += [one.path for one in checked if not one.problem]
         problems += [f"{one.path}: {one.problem} since it was entered in {manifest_of(path)}"
-                     for one in checked if one.problem]  # fmt: skip
+                     for one in checked if one.problem and not (one.path == path and entry.problem)]  # fmt: skip
+        if path.resolve() not in entered:
+            unknown.append(path)
     if args.json:
-        write_json(args.json, {"files": files, "problems": problems})
+        names = {"recorded": [str(one) for one in recorded], "unknown": [str(one) for one in unknown]}
+        write_json(args.json, {"files": len(recorded) + len(unknown), **names, "problems": problems})
     for text in problems:
         print(text)
-    print(f"{files} files checked, {len(problems)} problems" if problems else f"{files} files checked, all as recorded")
+    counts = f"{len(recorded)} files as recorded, {len(problems)} changed or damaged, {len(unknown)} unknown"
+    print(counts + _unknown(unknown))
     return 1 if problems else 0
+
+
+def _entered(runs: Iterable[Path]) -> set[Path]:
+    """Every file that some run's manifest lists; a manifest that cannot be read lists none."""
+    found: set[Path] = set()
+    for run in runs:
+        with suppress(RigError):
+            found |= {(run.parent / name).resolve() for name in read_manifest(run)}
+    return found
+
+
+def _unknown(files: list[Path]) -> str:
+    if not files:
+        return ""
+    names = ", ".join(path.name for path in files[:3]) + (", ..." if len(files) > 3 else "")
+    return f": no checksum was kept of {names}, so nobody can tell (straw runs attach RUN FILE keeps one)"
 
 
 def export_run(args: argparse.Namespace) -> int:

@@ -16,7 +16,8 @@ from model.rest import rest_state
 from replay.errors import ReplayError
 from replay.gather import read_whole
 from replay.output import write_json, write_text
-from replay.progress import prepare, progress_bar
+from replay.progress import prepare, progress_bar, say
+from replay.track_expected import against_model
 from replay.track_file import as_csv, track_to_file
 from rig.camera_clock import load_clock
 from rig.run import Run
@@ -40,11 +41,16 @@ def run(args: argparse.Namespace) -> int:
     rest = rest_of(args.rest, filmed, camera, load_straw(args.straw))
     clock = load_clock(args.clock) if args.clock else None
     task: dict[str, Any] = {"level": args.level, "clock": clock, "near_px": pair(args.near) if args.near else None}
+    task |= {"fps": args.fps}
+    task |= {name: value for name in ("from_s", "to_s") if (value := getattr(args, name)) is not None}
     outputs = [path for path in (args.csv, args.overlay, args.report, args.save_camera) if path]
     for path in outputs:
         check_folder(path)
     tracked = track_to_file(args.videos, camera, rest, args.output, filmed, args.start, board=board, **task)
     assert tracked.record is not None
+    if filmed:
+        for line in against_model(filmed, tracked.trace, load_straw(args.straw), tracked.camera):
+            say(f"{in_order(args.videos)[0].name}: {line}")
     try:
         if args.csv:
             write_text(args.csv, as_csv(tracked))

@@ -19,7 +19,8 @@ from replay.track_file import track_to_file
 from rig.clock import SteppedClock
 from rig.controller import make_controller
 from rig.plant import PressurePlant
-from rig.protocol import PressureProtocol, load_protocol
+from rig.protocol import PressureProtocol
+from rig.protocol_toml import load_protocol
 from rig.run_read import read_run
 from rig.twin import TwinHistory
 from tracking.camera import Camera

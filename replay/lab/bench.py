@@ -19,7 +19,7 @@ from replay.lab.queue import Item, Queue
 from rig.errors import RigError
 from rig.orders import control_of as control_file
 from rig.orders import read_control, running, send_order
-from rig.protocol import protocol_from_toml
+from rig.protocol_toml import protocol_from_toml
 from rig.rig_file import RigFile
 
 #: A rig that was armed and not started for so long is not armed any more: somebody went for a coffee.

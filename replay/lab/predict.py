@@ -25,7 +25,7 @@ def predicted(task: dict[str, Any]) -> dict[str, Any]:
     from replay.live.follow import Follower
     from replay.live.server import run_of
     from replay.report.page import SCRIPTS, assemble
-    from rig.protocol import protocol_from_toml
+    from rig.protocol_toml import protocol_from_toml
 
     protocol = protocol_from_toml(task["toml"], "protocol")
     straw = straw_from_toml(task.get("straw", ""))

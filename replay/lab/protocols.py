@@ -10,7 +10,7 @@ import numpy as np
 
 from rig.errors import RigError
 from rig.limits import PressureLimits
-from rig.protocol import protocol_from_toml
+from rig.protocol_toml import protocol_from_toml
 
 #: Points of a drawing; more is thinned by taking every so-manieth.
 POINTS = 2000

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from rig.errors import RigError
-from rig.protocol import protocol_from_toml
+from rig.protocol_toml import protocol_from_toml
 
 MOST = 500
 NOT_STARTED = "not started"

@@ -31,7 +31,8 @@ from replay.report.data import SHOWN, straw_data
 from replay.report.page import SCRIPTS, assemble
 from rig.errors import RigError
 from rig.orders import read_control, send_order
-from rig.protocol import PressureProtocol, protocol_from_toml
+from rig.protocol import PressureProtocol
+from rig.protocol_toml import protocol_from_toml
 
 UPDATES_HZ = 30.0
 #: After the run's end the page is served for so long, for what is on its way to get there.

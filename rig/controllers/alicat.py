@@ -13,10 +13,10 @@ import re
 import time
 from typing import Any, NamedTuple
 
-from rig.errors import RigError
+from rig.errors import NoAnswerError, RigError
 from rig.limits import PressureLimits
 from rig.line import Line
-from rig.line_controller import LineController
+from rig.line_controller import LineController, Mark
 from rig.reading import Answer
 
 CR = b"\r"
@@ -24,7 +24,20 @@ NUMBER = re.compile(r"[+-]?\d{1,5}\.\d{1,4}")
 STATUS = frozenset(["TOV", "MOV", "VOV", "POV", "OVR", "HLD", "VTM", "LCK"])
 DISTRUSTED = {"POV": "the pressure is beyond its sensor", "OVR": "a value is beyond its sensor"}
 SETPOINT_AT = {2: 1, 4: 3, 6: 4, 7: 4}  # among the values, by how many there are; pressure is always the first
-MODEL = re.compile(rb"[A-Z] M\d\d .*\r")
+MODEL = re.compile(rb"[A-Z] M00 [ -~]*\r")
+ROW = re.compile(rb"[A-Z] [MD]\d\d [ -~]*\r")  # of the tables that describe it
+REFUSED = b"?\r"
+QUIET_S = 0.03  # between two lines of a table there is no such pause: 57 bytes on the slowest common line
+#: Registers that the PyPI package alicat reads from all controllers: what is controlled, and the gains of its loop.
+REGISTERS = (122, 21, 22, 23)
+
+
+def marks_of(unit: str) -> list[Mark]:
+    """Requests whose answers cannot be mistaken for a frame: registers, and the tables for firmware that has none."""
+    registers: list[Mark] = [
+        (f"{unit}R{n}".encode() + CR, re.compile(rf"{unit} +0*{n} *= *-?\d+\s*\r".encode())) for n in REGISTERS
+    ]
+    return [*registers, *((f"{unit}??{t}*".encode() + CR, re.compile(f"{unit} {t}00 [ -~]*\r".encode())) for t in "MD")]
 
 
 def encode_set(unit: str, setpoint: float, decimals: int) -> bytes:
@@ -51,7 +64,7 @@ def decode_frame(reply: bytes, unit: str) -> Frame:
     status = frozenset(words[1:]) & STATUS
     numbers = values[:-1] if len(values) in (6, 7) else values  # the last one names the gas
     if not words or words[0] != unit or len(values) not in SETPOINT_AT or not all(map(NUMBER.fullmatch, numbers)):
-        raise RigError(f"Alicat sent a damaged frame {reply!r}; it was not used")
+        raise NoAnswerError(f"Alicat sent a damaged frame {reply!r}; it was not used")
     return Frame(float(values[0]), float(values[SETPOINT_AT[len(values)]]), status, reply)
 
 
@@ -63,6 +76,7 @@ class Alicat(LineController):
     """
 
     name = "alicat"
+    terminator = CR
 
     def __init__(
         self,
@@ -80,27 +94,41 @@ class Alicat(LineController):
         self.span = PressureLimits(*span_pa)
         self.resolution_pa = unit_pa * 10.0**-decimals
         self.byte_s = 10 / baud
-        super().__init__(Line(port, baud=baud), **settings)
+        self.marks = marks_of(unit)
+        super().__init__(Line(port, baud=baud), timeout_s, **settings)
         if self.channels != (1,) or not re.fullmatch("[A-Z]", unit):
             raise RigError(
                 f"Alicat {unit!r}, channels {self.channels}: it has one letter for a name and channel 1 only"
             )
-        self.timeout_s = timeout_s
         self.model = ""
 
-    def _catch_up(self) -> None:
-        """Frames bear no mark of their request, so ask for what only the model table answers."""
+    def _identify(self) -> None:
+        """Ask for the table of what it is; its other lines follow, and nothing may be asked while they do."""
         self._line.drain()
         self._line.write(self.unit.encode() + b"??M*" + CR)
-        deadline = time.monotonic() + self.timeout_s
+        deadline_s = time.monotonic() + self.timeout_s
         while not MODEL.fullmatch(reply := self._line.read_until(CR, self.timeout_s)):
-            if time.monotonic() > deadline:
-                raise RigError(f"Alicat answered {reply!r} when asked for its model; check unit letter, port and baud")
+            if time.monotonic() > deadline_s:
+                raise NoAnswerError(
+                    f"Alicat answered {reply!r} when asked for its model; check unit letter, port and baud"
+                )
         self.model = reply.decode("ascii", errors="replace").strip()
-        self._line.quiet(0.03)  # the rest of the table
+        self._line.quiet(QUIET_S)
+
+    def _is_whole(self, reply: bytes) -> bool:
+        if reply == REFUSED or ROW.fullmatch(reply) or any(answer.fullmatch(reply) for _, answer in self.marks):
+            return True
+        try:
+            decode_frame(reply, self.unit)
+        except RigError:
+            return False
+        return True
 
     def _exchange(self, request: bytes) -> bytes:
+        deadline_s = time.monotonic() + self.timeout_s
         reply = self._line.exchange(request, CR, self.timeout_s)
+        while ROW.fullmatch(reply):  # the rest of a table that was a mark
+            reply = self._line.read_until(CR, deadline_s - time.monotonic())
         decode_frame(reply, self.unit)  # a damaged one may be the beginning of another
         return reply
 

@@ -13,7 +13,7 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from rig.errors import RigError
+from rig.errors import NoAnswerError, RigError
 from rig.limits import PressureLimits
 from rig.line import Line
 from rig.line_controller import LineController
@@ -24,6 +24,11 @@ READ_ALL = b"<PINGA?\n"
 CHANNELS = 4
 BAUD = 115200
 NUMBER = re.compile(r"-?\d{1,6}(\.\d{1,6})?")
+ANSWER = re.compile(rb">[A-Z]{5}[?!]\W[ -~]*\n")
+MARKS = [
+    (request, re.compile(b">" + re.escape(request[1:7]) + rb"\W[ -~]*\n"))
+    for request in (FIRMWARE, b"<TRIGI?\n", b"<TRIGO?\n")
+]
 ECHO = re.compile(r"[0-4]:-?\d+")
 
 
@@ -60,7 +65,9 @@ def decode_payload(reply: bytes, dialect: Dialect = Dialect()) -> str:
     text = reply.decode("ascii", errors="replace").strip()
     head, *rest = text.split(dialect.separator)
     if not re.fullmatch(r">[A-Z]{5}[?!]", head) or not rest:
-        raise RigError(f"OB1 MK4 answered {text!r}, which is not its grammar; check port and firmware (1.4.1 or later)")
+        raise NoAnswerError(
+            f"OB1 MK4 answered {text!r}, which is not its grammar; check port and firmware (1.4.1 or later)"
+        )
     if rest[0] != dialect.ok:
         raise RigError(f"OB1 MK4 refused: {text!r}; check channel and pressure range")
     return dialect.separator.join(rest[1:])
@@ -73,7 +80,7 @@ def decode_readings(reply: bytes, dialect: Dialect = Dialect()) -> Answer:
     """
     fields = decode_payload(reply, dialect).split(":")
     if len(fields) != 3 * CHANNELS or not all(map(NUMBER.fullmatch, fields)):
-        raise RigError(f"OB1 MK4 sent a damaged reading {reply!r}; it was not used")
+        raise NoAnswerError(f"OB1 MK4 sent a damaged reading {reply!r}; it was not used")
     regulators, sensors, kinds = (dict(enumerate(map(float, fields[k::3]), 1)) for k in range(3))
     return Answer(
         {channel: value * dialect.reading_unit_pa for channel, value in regulators.items()},
@@ -92,6 +99,8 @@ class Ob1Mk4(LineController):
     name = "ob1-mk4"
     resolution_pa = 100.0
     byte_s = 10 / BAUD  # 8N1: ten bits
+    terminator = b"\n"
+    marks = MARKS
 
     def __init__(
         self,
@@ -103,15 +112,17 @@ class Ob1Mk4(LineController):
         **settings: Any,
     ) -> None:
         self.span = PressureLimits(range_mbar[0] * 100.0, range_mbar[1] * 100.0)
-        super().__init__(Line(port, baud=BAUD), **settings)
+        super().__init__(Line(port, baud=BAUD), timeout_s, **settings)
         if not set(self.channels) <= set(range(1, CHANNELS + 1)):
             raise RigError(f"OB1 MK4 has channels 1..{CHANNELS}, not {self.channels}")
-        self.timeout_s = timeout_s
         self.dialect = dialect
         self.firmware = ""
 
-    def _catch_up(self) -> None:
+    def _identify(self) -> None:
         self.firmware = decode_payload(self._exchange(FIRMWARE), self.dialect)
+
+    def _is_whole(self, reply: bytes) -> bool:
+        return ANSWER.fullmatch(reply) is not None
 
     def _exchange(self, request: bytes) -> bytes:
         deadline = time.monotonic() + self.timeout_s
@@ -119,7 +130,7 @@ class Ob1Mk4(LineController):
         while not is_answer_to(request, reply):
             left_s = deadline - time.monotonic()
             if left_s <= 0.0:
-                raise RigError(f"OB1 MK4 answered {reply!r} to {request!r}; check port, cable and firmware")
+                raise NoAnswerError(f"OB1 MK4 answered {reply!r} to {request!r}; check port, cable and firmware")
             reply = self._line.read_until(b"\n", left_s)
         return reply
 

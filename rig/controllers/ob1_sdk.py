@@ -24,6 +24,7 @@ MBAR_PA = 100.0
 CALIBRATION = 1000  # doubles
 #: Pressure range (mbar) by the code of a channel's regulator; 0 is none.
 REGULATORS = {1: (0.0, 200.0), 2: (0.0, 2000.0), 3: (0.0, 8000.0), 4: (-900.0, 1000.0), 5: (-900.0, 6000.0)}
+OPEN_S = 10.0  # its own examples wait for some seconds
 LOST = {-8030: "no communication with the instrument", -8033: "its loop does not run"}
 DLL_ENV = "STRAW_ELVEFLOW_DLL"
 
@@ -68,6 +69,7 @@ class Ob1Sdk(Controller):
         path = self.dll or os.environ.get(DLL_ENV, "")
         if not path or not Path(path).is_file():
             raise RigError(f"OB1 needs the vendor's library {path or 'Elveflow64.dll'}; name it in {DLL_ENV} or dll=")
+        self.progress(OPEN_S)
         try:
             self._sdk = ctypes.CDLL(path)  # cdecl, as the vendor's own examples load it
         except OSError as error:
@@ -99,6 +101,7 @@ class Ob1Sdk(Controller):
 
     def _close(self) -> None:
         if self._sdk is not None and self._id >= 0:
+            self.progress(OPEN_S)
             self._sdk.OB1_Destructor(self._id)
         self._id = -1
 
@@ -145,6 +148,7 @@ class Ob1Sdk(Controller):
         """Call the library; its error codes become errors that name the call."""
         if self._sdk is None or (self._id < 0 and function.startswith("OB1") and function != "OB1_Initialization"):
             raise LinkLostError(f"OB1 {self.port} is not open; open it first")
+        self.progress(OPEN_S if function == "OB1_Initialization" else 0.0)
         code = getattr(self._sdk, function)(*arguments)
         if code in LOST:
             raise LinkLostError(

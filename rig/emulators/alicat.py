@@ -6,28 +6,42 @@ import re
 from collections.abc import Mapping
 
 from rig.emulator import Emulator
+from rig.errors import RigError
 from rig.plant import Plant
 
 GAUGE_PRESSURE = 38  # register 122 says what is controlled
 MODEL = ("M00 www.alicat.com", "M01 Alicat Scientific", "M02 Ph  emulated", "M03 PCD-100KPAG-D", "M04 Serial 000000")
 UNIT_PA, FULL_SCALE = 1000.0, 100.0
+FRAMES = {"pressure": "", "mass": "Air"}  # with the gas that the frame names
+BAUDS = (2400, 9600, 19200, 38400, 57600, 115200)
+LOOP = {85: 1, 21: 500, 22: 3500, 23: 100}  # registers of the control loop: algorithm, P, D, I
+TARES = ("V", "PC", "P")
 
 
 class AlicatEmulator(Emulator):
     """A dual-valve controller in kPa gauge on channel 1, called ``unit``.
 
-    ``gas`` empty: a PCD, whose frame is pressure and setpoint. With the name of a gas: an MCD that regulates pressure,
-    whose frame holds temperature and flows (standard litres a minute of the line's flow) as well.
+    ``frame`` "pressure": a PCD, whose frame is pressure and setpoint. "mass": an MCD that regulates pressure, whose
+    frame holds temperature, flows (standard litres a minute of the line's flow) and gas as well, the frame that the
+    PyPI package alicat (0.9.0) reads. ``baud`` is its line's rate.
     """
 
     terminator = b"\r"
-    baud = 19200
 
-    def __init__(self, plants: Mapping[int, Plant], unit: str = "A", gas: str = "") -> None:
+    def __init__(
+        self, plants: Mapping[int, Plant], unit: str = "A", frame: str = "pressure", baud: int = 19200
+    ) -> None:
         super().__init__(plants)
-        self.unit, self.gas = unit, gas
+        if frame not in FRAMES or not re.fullmatch("[A-Z]", str(unit)) or baud not in BAUDS:
+            raise RigError(
+                f"emulated Alicat: unit {unit!r}, frame {frame!r}, baud {baud!r}; units are letters, frames are "
+                f"{' and '.join(FRAMES)}, rates {', '.join(map(str, BAUDS))}"
+            )
+        self.unit, self.baud = unit, baud
+        self.gas = FRAMES[frame]
         self.setpoint = 0.0
-        self.registers = {122: GAUGE_PRESSURE}
+        self.registers = {122: GAUGE_PRESSURE, **LOOP}
+        self.ramp, self.ramps = "+0000.00 0 4 kPa/s", "0 0 0 0"
         self.held = self.locked = False
 
     def answer(self, line: bytes, time_s: float) -> bytes:
@@ -56,6 +70,15 @@ class AlicatEmulator(Emulator):
                 plant.hold(time_s, self.held)
         elif command in ("L", "U"):
             self.locked = command == "L"
+        elif command in TARES:
+            pass  # its zero is true already
+        elif match := re.fullmatch(r"SR( (\d+\.\d\d) ([3-7]))?", command):
+            if match[1]:
+                self.ramp = f"{float(match[2]):+08.2f} 0 {match[3]} kPa"
+            return f"{self.unit} {self.ramp}"
+        elif match := re.fullmatch(r"LSRC((?: [01]){4})?", command):
+            self.ramps = (match[1] or self.ramps).strip()
+            return f"{self.unit} {self.ramps}"
         elif command == "??M*":
             return "\r".join(f"{self.unit} {row}" for row in MODEL)
         elif command == "??D*":
@@ -66,7 +89,7 @@ class AlicatEmulator(Emulator):
             return f"{self.unit}   10v05.0-R24"
         elif command == "LS":
             return f"{self.unit} {self.setpoint:+08.2f} {self.setpoint:+08.2f} 12 kPaG"
-        elif match := re.fullmatch(r"[RW](\d+)(=(\d+))?", command):
+        elif match := re.fullmatch(r"[RWrw](\d+)(=(\d+))?", command):
             register = int(match[1])
             if match[3]:
                 self.registers[register] = int(match[3])

@@ -19,7 +19,7 @@ from model.parameters import StrawParameters
 from replay.commands.rig_run import drive, emulation
 from replay.live.feed import Live
 from rig.guarded import GuardedController
-from rig.protocol import protocol_from_toml
+from rig.protocol_toml import protocol_from_toml
 from rig.reading import Reading
 from rig.run_read import read_run
 

@@ -7,6 +7,8 @@ import signal
 import statistics
 import time
 from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
 
 from rig.emulate import Emulation
 from rig.plant import PressurePlant
@@ -27,7 +29,11 @@ WAYS: dict[str, tuple[str, Callable[[Script], object]]] = {
     "os.abort, a crash": (f"{SAYS_WHEN}; os.abort()", lambda one: None),
     "frozen (SIGSTOP), heartbeat 1 s": (READING, lambda one: one.process.send_signal(signal.SIGSTOP)),
     "its guardian killed instead": (READING, lambda one: os.kill(one.guardian_pid, signal.SIGKILL)),
+    "script and guardian killed at once": (READING, lambda one: _kill(one.process.pid, one.guardian_pid)),
+    "its guardian hangs (SIGSTOP)": (READING, lambda one: os.kill(one.guardian_pid, signal.SIGSTOP)),
+    "its guardian hangs, then Ctrl-C": (READING, lambda one: _hang_and_interrupt(one)),
 }
+WATCHED_S = 10.0
 
 
 def _twice(one: Script, number: signal.Signals) -> None:
@@ -36,12 +42,25 @@ def _twice(one: Script, number: signal.Signals) -> None:
     one.process.send_signal(number)
 
 
+def _kill(*pids: int) -> None:
+    for pid in pids:  # stopped first: none is to see another one die
+        os.kill(pid, signal.SIGSTOP)
+    for pid in pids:
+        os.kill(pid, signal.SIGKILL)
+
+
+def _hang_and_interrupt(one: Script) -> None:
+    os.kill(one.guardian_pid, signal.SIGSTOP)
+    one.process.send_signal(signal.SIGINT)
+
+
 def main() -> None:
     """Print the median and the longest of a few repeats."""
     print(f"{'the script ends by':<36}{'median / ms':>12}{'longest / ms':>14}")
     for name, (then, end) in WAYS.items():
         show(name, [vented_after(then, end) for _ in range(REPEATS)])
     show("link lost, script dead, link returns", [vented_after_return() for _ in range(REPEATS)])
+    print(f"all three killed, as when the computer dies: {left_after_all_died() / 1e3:+.1f} kPa after {WATCHED_S:g} s")
 
 
 def show(name: str, took_s: list[float]) -> None:
@@ -80,6 +99,28 @@ def vented_after_return() -> float:
             time.sleep(0.5)  # the guardian has its vent confirmed, and ends
         one.process.communicate()
         return took_s
+
+
+def left_after_all_died() -> float:
+    """Pressure (Pa) that is left ``WATCHED_S`` after script, guardian and standby were killed."""
+    before = set(_standbys())
+    with Emulation(NoStraw(), plant=PressurePlant(), latency_s=1e-3) as emulation:
+        one = Script(emulation, READING)
+        time.sleep(1.0)
+        _kill(one.process.pid, one.guardian_pid, *set(_standbys()) - before)
+        one.process.communicate()
+        time.sleep(WATCHED_S)
+        return emulation.plant.pressure(emulation.twin.now())
+
+
+def _standbys() -> list[int]:
+    """Process ids of all standbys (Linux)."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            if b"rig.standby" in (folder / "cmdline").read_bytes():
+                found.append(int(folder.name))
+    return found
 
 
 if __name__ == "__main__":

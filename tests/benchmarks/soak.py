@@ -79,7 +79,7 @@ def soak(name: str, exchanges: int, rate: float, seed: int, folder: Path) -> Rep
                     controller.set_pressure(1, wanted_pa)
                     wrong = "" if plant._told_pa == wanted_pa else f"set {wanted_pa}, told {plant._told_pa}"
                 else:
-                    wrong = _wrong(controller.read()[0], plant, emulation, controller)
+                    wrong = misread(controller.read()[0], plant, emulation, controller)
                 report.good += not wrong
                 if wrong:
                     _judge(wrong, faults.log[seen:], report)
@@ -102,7 +102,7 @@ def soak(name: str, exchanges: int, rate: float, seed: int, folder: Path) -> Rep
     return report
 
 
-def _wrong(reading: Reading, plant: PressurePlant, emulation: Emulation, controller: Controller) -> str:
+def misread(reading: Reading, plant: PressurePlant, emulation: Emulation, controller: Controller) -> str:
     """Empty when some instant of the reading's own time span had this pressure, within half a step of the reading."""
     zero_ns = emulation.twin._zero_ns
     ends = [(reading.monotonic_ns + side * reading.half_width_ns - zero_ns) * 1e-9 for side in (-1, 1)]

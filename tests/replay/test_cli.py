@@ -12,6 +12,8 @@ import pytest
 
 from model.parameters import StrawParameters
 from replay.cli import main
+from rig.notes import read_notes
+from rig.run_read import read_run
 from rig.run_write import RunWriter
 from tracking.camera import Camera, save_camera
 from tracking.encode import VideoWriter
@@ -258,3 +260,25 @@ def test_a_bad_table_of_filling_tests_is_named(
 ) -> None:
     bad = make(good, ".csv")
     assert bad.name in refused(capsys, "identify", "filling", bad, "-o", good / "straw.toml")
+
+
+def test_operator_notes_tags_and_facts_are_on_record(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "p.toml").write_text(PROTOCOL.format(p=-1, t=0.1))
+    run = ["rig", "run", str(tmp_path / "p.toml"), "--emulate", "--fast", "-o", str(tmp_path / "r.mcap")]
+    assert main([*run, "--meta", "cycles=3"]) == 2
+    assert "cycles is the recording's own" in capsys.readouterr().err
+    assert main([*run, "--tag", "two words"]) == 2
+    assert "expected one word" in capsys.readouterr().err
+    assert not (tmp_path / "r.mcap").exists()
+    about = ["--operator", "Ada", "--note", "pump was loud", "--note", "new tube", "--tag", "good"]
+    assert main([*run, *about, "--meta", "fluid=water 20 C", "--meta", "specimen=s-9"]) == 0
+    recorded = read_run(tmp_path / "r.mcap")
+    assert recorded.specimen == "s-9"
+    assert [recorded.metadata[key] for key in ("operator", "note", "fluid")] == [
+        "Ada",
+        "pump was loud / new tube",
+        "water 20 C",
+    ]
+    notes = read_notes(tmp_path / "r.mcap")
+    assert notes.tags == ("good",)
+    assert [text for _, text in notes.notes] == ["pump was loud", "new tube"]

@@ -16,7 +16,7 @@ from rig.clock import SteppedClock
 from rig.controller import make_controller
 from rig.emulate import Emulation
 from rig.errors import RigError
-from rig.protocol import protocol_from_toml
+from rig.protocol_toml import protocol_from_toml
 from rig.run_derived import write_tip
 from rig.run_read import read_run
 from rig.session import run_protocol

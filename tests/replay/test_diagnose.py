@@ -31,7 +31,7 @@ from replay.diagnose.search import Fit, descend
 from replay.diagnose.snaps import crossings, levels_of
 from replay.diagnose.stages import CLOSE, HOPELESS, base_anew, from_the_winner
 from replay.paper.runs import DEPLOYMENT
-from rig.protocol import load_protocol
+from rig.protocol_toml import load_protocol
 from tests.apparatus.campaign import NONE, campaign
 from tests.apparatus.campaign import write as write_run
 from tests.apparatus.effects import Cause

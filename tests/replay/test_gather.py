@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,8 @@ from rig.run_derived import write_tip
 from rig.run_read import read_run
 from tests.replay.test_cli import recording
 from tracking.trace import TipTrace
+
+TRACKS = {"a.mcap": 0.0, "b.mcap": 0.1}
 
 
 def tracked(raw: Path, path: Path, later_s: float = 0.0) -> Path:
@@ -37,7 +40,7 @@ def test_a_track_is_laid_beside_the_pressure_of_its_run_on_the_absolute_clock(tm
 
 def test_two_tracks_of_one_run_are_not_chosen_between(tmp_path: Path) -> None:
     recording(tmp_path / "raw.mcap", tip=False)
-    tips = [tracked(tmp_path / "raw.mcap", tmp_path / name) for name in ("a.mcap", "b.mcap")]
+    tips = [tracked(tmp_path / "raw.mcap", tmp_path / name, later_s) for name, later_s in TRACKS.items()]
     with pytest.raises(ReplayError, match=r"b\.mcap: a second track of .*raw\.mcap"):
         gather([tmp_path / "raw.mcap", *tips])
 
@@ -46,3 +49,11 @@ def test_a_track_alone_asks_for_its_run(tmp_path: Path) -> None:
     recording(tmp_path / "raw.mcap", tip=False)
     with pytest.raises(ReplayError, match="the run it was tracked from"):
         gather([tracked(tmp_path / "raw.mcap", tmp_path / "tip.mcap")])
+
+
+def test_the_same_recording_twice_is_said(tmp_path: Path) -> None:
+    recording(tmp_path / "raw.mcap")
+    shutil.copy(tmp_path / "raw.mcap", tmp_path / "copy.mcap")
+    for other in ("raw.mcap", "copy.mcap"):
+        with pytest.raises(ReplayError, match=rf"{other}: the same recording as .*raw\.mcap; give it once"):
+            gather([tmp_path / "raw.mcap", tmp_path / other])

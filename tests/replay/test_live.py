@@ -23,7 +23,7 @@ from replay.cli import main
 from replay.commands.rig_run import drive, emulation
 from replay.live.feed import Live
 from rig.controller import make_controller
-from rig.protocol import protocol_from_toml
+from rig.protocol_toml import protocol_from_toml
 from rig.run_read import read_run
 from tests.replay.test_replay_command import FOLD
 

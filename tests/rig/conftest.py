@@ -10,7 +10,8 @@ import pytest
 from rig.controller import Controller, make_controller
 from rig.emulate import Emulation
 from rig.plant import PressurePlant
-from rig.protocol import PressureProtocol, protocol_from_toml
+from rig.protocol import PressureProtocol
+from rig.protocol_toml import protocol_from_toml
 from tracking.trace import TipTrace
 
 

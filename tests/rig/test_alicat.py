@@ -15,13 +15,18 @@ from rig.clock import SteppedClock
 from rig.controller import make_controller
 from rig.controllers.alicat import Alicat, decode_frame, encode_set
 from rig.emulate import Emulation
+from rig.emulator import Emulator
 from rig.emulators.alicat import AlicatEmulator
 from rig.errors import RigError
 from rig.guarded import GuardedController
 from rig.plant import PressurePlant
 from rig.protocol import PressureProtocol
+from rig.protocol_toml import protocol_from_toml
+from rig.reading import Reading
 from rig.run_read import read_run
 from rig.session import run_protocol
+from rig.wire import Sent
+from tests.benchmarks.soak import misread
 
 EXCHANGES = (Path(__file__).parent / "exchanges" / "alicat.txt").read_text().splitlines()
 PAIRS = [
@@ -139,8 +144,12 @@ async def main():
         locked = await instrument.is_locked()
         await instrument.unlock()
         firmware = await instrument.get_firmware()
+        await instrument.tare_pressure()
+        pid = (await instrument.get_pid())["loop_type"]
+        ramp = (await instrument.get_maxramp())["max_ramp"]
         await instrument.set_pressure(0.0)
-        print([first["pressure"], first["control_point"], second["pressure"], second["setpoint"], locked, firmware])
+        values = [first["pressure"], first["control_point"], second["pressure"], second["setpoint"]]
+        print([*values, locked, firmware, pid, ramp])
 
 asyncio.run(main())
 """
@@ -153,8 +162,8 @@ def test_a_client_that_nobody_here_wrote_works_against_the_emulator(straw: objec
         pytest.skip("the PyPI package alicat is not here: pip install it, or name a Python in STRAW_ALICAT_PYTHON")
     plant = PressurePlant(noise_pa=0.0, resolution_pa=10.0)
     # The package (0.9.0) cannot read the short frames of a PCD, so the emulator plays an MCD that regulates pressure.
-    with Emulation(straw, "alicat", *(["pty"] if os.name == "posix" else []), "127.0.0.1:0", plant=plant) as emulation:
-        emulation.device.gas = "Air"  # type: ignore[attr-defined]
+    addresses = ["pty", "127.0.0.1:0"] if os.name == "posix" else ["127.0.0.1:0"]
+    with Emulation(straw, "alicat", *addresses, plant=plant, device={"frame": "mass"}) as emulation:
         for url in emulation.urls:
             time.sleep(0.3)  # until what the one before told it has decayed
             said = subprocess.run(
@@ -163,4 +172,40 @@ def test_a_client_that_nobody_here_wrote_works_against_the_emulator(straw: objec
                 text=True,
                 timeout=30,
             )
-            assert said.stdout.strip() == "[0.0, 'gauge pressure', -12.5, -12.5, True, 'A   10v05.0-R24']", said.stderr
+            assert (
+                said.stdout.strip() == "[0.0, 'gauge pressure', -12.5, -12.5, True, 'A   10v05.0-R24', 'PD/PDF', 0.0]"
+            ), said.stderr
+
+
+def test_answers_that_come_late_end_no_run_and_are_on_record(straw: object, tmp_path: Path) -> None:
+    class LateNowAndThen:
+        """The 20th exchange is answered 0.7 s late, the 60th 1.9 s, each long after the driver's patience."""
+
+        count = 0
+
+        def answer(self, device: Emulator, line: bytes, time_s: float) -> Sent:
+            self.count += 1
+            return Sent(device.answer(line, time_s), late_s={20: 0.7, 60: 1.9}.get(self.count, 0.0))
+
+    protocol = protocol_from_toml(
+        'pressure_unit = "kPa"\ninitial_deployed = []\nmain = [{ ramp = [0, 20], for_s = 5.0 }]', "slow.toml"
+    )
+    plant = PressurePlant(noise_pa=0.0, resolution_pa=10.0)
+    with (
+        Emulation(straw, "alicat", plant=plant, faults=LateNowAndThen(), latency_s=0.0) as emulation,
+        make_controller("alicat", emulation.url) as controller,
+    ):
+        read, wrong = controller.read, []
+
+        def judged() -> tuple[Reading, ...]:
+            readings = read()
+            wrong.append(misread(readings[0], plant, emulation, controller))
+            return readings
+
+        controller.read = judged  # type: ignore[method-assign]
+        outcome = run_protocol(controller, protocol, tmp_path / "run.mcap")
+    run = read_run(tmp_path / "run.mcap")
+    assert run.metadata["exit_status"] == "success"
+    assert outcome.missed == len([event for event in run.events if event.kind == "fault"]) > 0
+    assert [text for text in wrong if text] == []  # every reading was the pressure of the time that it claims
+    assert len(wrong) == outcome.cycles - outcome.missed

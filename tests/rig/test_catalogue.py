@@ -148,7 +148,7 @@ def test_a_run_that_was_changed_says_so_when_it_is_opened(folder: Path) -> None:
 def test_verify_answers_no_when_anything_is_wrong(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     at = ["--dir", str(folder)]
     assert main(["runs", "verify", "a", "b", *at]) == 0
-    assert "2 files checked, all as recorded" in capsys.readouterr().out
+    assert "2 files as recorded, 0 changed or damaged, 0 unknown" in capsys.readouterr().out
     assert main(["runs", "verify", *at, "--json", str(folder / "v.json")]) == 1
     problems = json.loads((folder / "v.json").read_text())["problems"]
     assert len(problems) == 2  # the part and the foreign file
@@ -239,3 +239,58 @@ def test_a_trace_with_gaps_compares_only_where_both_are(folder: Path) -> None:
     )
     write_tip(folder / "s.mcap", short, {"run_id": "s"}, "", ZERO_NS + 10**12)
     assert main(["runs", "compare", str(folder / "a.mcap"), str(folder / "s.mcap")]) == 2  # nothing in common
+
+
+def test_a_tag_after_a_torn_line_is_kept_and_found(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = folder / "a.mcap"
+    say(run, "tag", "first")
+    with notes_of(run).open("ab") as stream:
+        stream.write(b'{"time": "2026-11-24T00:00:00+00:00", "tag": "cut in the mi\xc3')
+    assert main(["runs", "tag", str(run), "good"]) == 0
+    assert "tags first, good" in capsys.readouterr().out
+    assert read_notes(run).tags == ("first", "good")
+
+
+def test_verify_tells_recorded_unknown_and_changed_apart(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    at = ["--dir", str(folder), "--json", str(folder / "v.json")]
+    manifest_of(folder / "later" / "b.mcap").unlink()
+    for name in ("c.mcap.part", "d.mcap"):
+        (folder / name).unlink()
+    assert main(["runs", "verify", *at]) == 0
+    said = json.loads((folder / "v.json").read_text())
+    assert [Path(name).name for name in said["recorded"]] == ["a.mcap"]
+    assert sorted(Path(name).name for name in said["unknown"]) == ["a-tip.mcap", "b.mcap"]
+    assert "all as recorded" not in (out := capsys.readouterr().out)
+    assert "1 files as recorded, 0 changed or damaged, 2 unknown: no checksum was kept of" in out
+    assert main(["runs", "attach", str(folder / "a.mcap"), str(folder / "a-tip.mcap")]) == 0
+    assert main(["runs", "verify", *at]) == 0
+    assert [Path(name).name for name in json.loads((folder / "v.json").read_text())["unknown"]] == ["b.mcap"]
+    shutil.copy(folder / "a.mcap", folder / "copy.mcap")
+    capsys.readouterr()
+    assert main(["runs", "verify", *at]) == 0
+    assert "copy.mcap: the same recording as" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("text", ["", "no digest at all\n"])
+def test_a_damaged_checksum_file_is_called_that_and_its_run_can_be_read(
+    folder: Path, text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = folder / "a.mcap"
+    manifest_of(run).write_text(text)
+    assert read_run(run).damage == ()
+    assert "whether the run is as recorded cannot be told" in read_run(run).lost[-1]
+    assert {e.name: e.kind for e in catalogue(folder)}["a.mcap"] == "run"
+    assert main(["runs", "show", "a", "--dir", str(folder)]) == 0
+    capsys.readouterr()
+    assert main(["runs", "verify", "a", "--dir", str(folder)]) == 1
+    said = capsys.readouterr().out
+    assert f"manifest {manifest_of(run)}" in said
+    assert "0 files as recorded, 1 changed or damaged, 1 unknown" in said
+
+
+def test_to_recover_nothing_is_no_success(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    data = (folder / "a.mcap").read_bytes()
+    (folder / "head.mcap.part").write_bytes(data[:900])
+    assert main(["runs", "recover", str(folder / "head.mcap.part")]) == 2
+    assert "no message that can be read" in capsys.readouterr().err
+    assert not (folder / "head.mcap").exists()

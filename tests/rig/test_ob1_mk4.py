@@ -176,7 +176,7 @@ def test_a_vent_is_tried_again_when_neither_the_set_before_nor_its_own_first_req
         return sent
 
     monkeypatch.setattr(SocketSerial, "write", stalled_twice)
-    with pytest.raises(RigError, match=r"was not taken within 0\.5 s"):
+    with pytest.raises(RigError, match=r"was not taken within 0\.3 s"):
         controller.set_pressure(1, 40e3)
     controller.vent()
     assert next(refused, None) is None

@@ -3,6 +3,7 @@
 import os
 import shutil
 import subprocess
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -104,4 +105,22 @@ def test_the_library_lives_in_the_guardian_when_it_is_guarded(dll: str, log: Cal
     with GuardedController("ob1-sdk", "01F64B3B", dll=dll) as controller:
         controller.set_pressure(1, -25e3)
         assert controller.read()[0].pressure_pa == -25e3
+    assert log()[-2:] == ["set 1 0", "close"]
+
+
+def test_a_library_that_does_not_return_ends_its_guardian_and_the_standby_vents(
+    dll: str, log: Callable[[], list[str]], tmp_path: Path
+) -> None:
+    with GuardedController("ob1-sdk", "01F64B3B", dll=dll) as controller:
+        controller.set_pressure(1, -20e3)
+        (tmp_path / "fault").write_text("7777")
+        start_s = time.monotonic()
+        with pytest.raises(
+            LinkLostError, match=r"no sign of life.*straw rig vent --port 01F64B3B --controller ob1-sdk"
+        ):
+            controller.read()
+        while log()[-1] != "close" or log()[-2] != "set 1 0":  # by the standby: this script has not vented yet
+            assert time.monotonic() < start_s + 4.0
+            time.sleep(0.01)
+        assert time.monotonic() - start_s < 3.0  # 0.5 s until the guardian counts as stuck, 1 s of silence, a start
     assert log()[-2:] == ["set 1 0", "close"]

@@ -1,5 +1,6 @@
 """A protocol file says exactly what will be commanded, or one line says why not."""
 
+import tracemalloc
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -8,9 +9,11 @@ import numpy as np
 import pytest
 import scipy.signal
 
+from replay.cli import main
 from rig.errors import RigError
 from rig.limits import PressureLimits
-from rig.protocol import load_protocol, protocol_from_toml
+from rig.protocol_toml import load_protocol, protocol_from_toml
+from tests.benchmarks.mutated_protocols import show
 
 HEAD = 'pressure_unit = "kPa"\ninitial_deployed = [1, 4]\n'
 HOLD = "[[main]]\nhold = 0\nfor_s = 1\n"
@@ -185,3 +188,25 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
 def test_limits_only_ever_narrow_each_other() -> None:
     both = PressureLimits(-10e3, 50e3, 5e3).and_also(PressureLimits(-20e3, 30e3))
     assert both == PressureLimits(-10e3, 30e3, 5e3)
+
+
+def test_sixty_days_are_shown_for_what_their_points_cost(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "long.toml"
+    cycle = "{ hold = -25, for_s = 43200 }, { ramp = [-25, 35], for_s = 20000 }, { hold = 35, for_s = 23200 }"
+    path.write_text(HEAD + f"[[main]]\nrepeat = 60\ndo = [{cycle}]\n")
+    tracemalloc.start()
+    assert main(["rig", "show", str(path), "-o", str(tmp_path / "long.png")]) == 0
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 100e6  # the picture's own pixels, not 41 GB at a sample a millisecond
+    assert "5.184e+06 s (60 days)" in capsys.readouterr().out
+    assert len(load_protocol(path).time_s) == 360
+
+
+def test_protocols_with_something_changed_end_with_0_or_with_2_and_one_line() -> None:
+    assert [one.problem for one in map(show, range(12)) if one.problem] == []  # a thousand: the benchmark
+
+
+def test_a_protocol_of_ages_is_refused() -> None:
+    with pytest.raises(RigError, match="longer than 1e\\+09 s; check for_s"):
+        protocol_from_toml(HEAD + "[[main]]\nhold = 0\nfor_s = 1e300", "bad.toml")

@@ -79,13 +79,13 @@ def test_what_needs_no_recovery_or_allows_none_is_one_line(tmp_path: Path) -> No
     with pytest.raises(RigError, match="is whole: nothing to recover"):
         recover(path)
     part = tmp_path / "run.mcap.part"
-    part.write_bytes(path.read_bytes()[:900])
+    part.write_bytes(path.read_bytes()[:-100])
     with pytest.raises(RigError, match="exists and is not overwritten"):
         recover(part)
     with pytest.raises(RigError, match="cannot be read"):
         recover(tmp_path / "missing.part")
     part.write_bytes(b"\x89MCAP0\r\n" + b"\xff" * 100)
-    with pytest.raises(RigError, match="holds nothing that can be read"):
+    with pytest.raises(RigError, match="holds no message that can be read"):
         recover(part)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["run.mcap", "run.mcap.part"]
 
@@ -93,7 +93,7 @@ def test_what_needs_no_recovery_or_allows_none_is_one_line(tmp_path: Path) -> No
 SCRIPT = """
 import resource, sys
 from rig.guarded import GuardedController
-from rig.protocol import protocol_from_toml
+from rig.protocol_toml import protocol_from_toml
 from rig.session import run_protocol
 protocol = protocol_from_toml('pressure_unit = "kPa"\\ninitial_deployed=[]\\nmain = [{ hold = -25, for_s = 60 }]', "p")
 with GuardedController("ob1-mk4", sys.argv[1]) as controller:
@@ -121,6 +121,7 @@ def test_a_disk_that_fills_up_vents_ends_the_run_and_keeps_what_was_written(
     _, said = process.communicate(timeout=40)
     assert process.returncode == 1
     assert "cannot be written: File too large; check space" in said
+    assert f"what was recorded is kept in {tmp_path / 'run.mcap.part'}" in said
     sets = [line for _, line in emulation.wire.received if line.startswith(b"<PRESS!")]
     assert sets[-2:].count(b"<PRESS!:0:0\n") == 2  # the session's vent, and the controller's on closing
     assert b"<PRESS!:0:-250\n" in sets

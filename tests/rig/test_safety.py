@@ -156,11 +156,93 @@ def test_a_lost_link_is_vented_when_it_returns_even_after_the_script_is_dead(
 
 
 @posix
+def test_script_and_guardian_both_killed_are_vented_by_the_standby_which_notes_it(
+    emulation: Emulation, script: Callable[..., Script], tmp_path: Path
+) -> None:
+    one = script(f"from pathlib import Path; controller.record_in(Path({str(tmp_path / 'note')!r}))\n    {READING}")
+    time.sleep(1.0)  # the standby has started
+
+    def kill_both() -> None:
+        os.kill(one.guardian_pid, signal.SIGSTOP)  # or it would vent before it dies
+        one.process.kill()
+        os.kill(one.guardian_pid, signal.SIGKILL)
+
+    assert one.vent_after(kill_both) < 1.0
+    deadline = time.monotonic() + 5.0
+    while "confirmed" not in (tmp_path / "note").read_text():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    assert "was killed: the standby vents" in (tmp_path / "note").read_text()
+
+
+@posix
+def test_a_guardian_that_hangs_is_ended_vented_in_two_seconds_and_called_by_its_name(
+    script: Callable[..., Script],
+) -> None:
+    one = script()
+    took_s = one.vent_after(lambda: os.kill(one.guardian_pid, signal.SIGSTOP))
+    assert took_s < 2.0
+    _, said = one.process.communicate()
+    assert "gave no sign of life for 1 s" in said
+    assert "straw rig vent --port socket://" in said
+
+
+@posix
+def test_a_guardian_that_hangs_while_the_script_sleeps_or_is_interrupted_is_vented_too(
+    script: Callable[..., Script],
+) -> None:
+    asleep = script("time.sleep(30)")
+    time.sleep(0.8)  # but for the heartbeat, nothing but the standby looks at the guardian
+    os.kill(asleep.guardian_pid, signal.SIGSTOP)
+    assert asleep.vent_after(lambda: None) < 2.5
+    interrupted = script()
+    os.kill(interrupted.guardian_pid, signal.SIGSTOP)
+    assert interrupted.vent_after(lambda: interrupted.process.send_signal(signal.SIGINT)) < 2.0
+    interrupted.process.wait(5.0)
+
+
+@posix
+def test_reads_of_a_script_that_froze_are_refused_with_the_true_reason(script: Callable[..., Script]) -> None:
+    one = script()
+    took_s = one.vent_after(lambda: one.process.send_signal(signal.SIGSTOP))
+    assert took_s < 2.0
+    one.process.send_signal(signal.SIGCONT)
+    _, said = one.process.communicate(timeout=5.0)
+    assert "silent for 1 s, so its guardian vented" in said
+    assert "lost link" not in said
+
+
+@posix
+def test_a_pipe_ends_with_the_command_and_a_guardian_told_to_end_ends(
+    emulation: Emulation, script: Callable[..., Script]
+) -> None:
+    one = script()
+    time.sleep(0.1)
+    emulation.wire.close()
+    one.process.wait(10.0)
+    start_s = time.monotonic()
+    one.process.communicate(timeout=10.0)
+    assert time.monotonic() - start_s < 1.0
+    assert _alive(one.guardian_pid)  # it goes on trying, but nobody has to wait for it
+    os.kill(one.guardian_pid, signal.SIGTERM)
+    while _alive(one.guardian_pid):
+        assert time.monotonic() - start_s < 8.0
+        time.sleep(0.01)
+
+
+@posix
+def test_a_guardian_told_to_end_vents_first(script: Callable[..., Script]) -> None:
+    one = script()
+    assert one.vent_after(lambda: os.kill(one.guardian_pid, signal.SIGTERM)) < 1.0
+
+
+@posix
 def test_a_killed_run_keeps_its_record_and_the_guardian_notes_its_vent_beside_it(
     emulation: Emulation, script: Callable[..., Script], tmp_path: Path
 ) -> None:
     one = script(
-        "from rig.protocol import protocol_from_toml; from rig.session import run_protocol; run_protocol(controller, "
+        "from rig.protocol_toml import protocol_from_toml; from rig.session import run_protocol; "
+        "run_protocol(controller, "
         "protocol_from_toml('pressure_unit = \"kPa\"\\ninitial_deployed = []\\nmain = [{ hold = -25, for_s = 60 }]', "
         f"'long.toml'), {str(tmp_path / 'run.mcap')!r})"
     )

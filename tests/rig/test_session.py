@@ -171,7 +171,7 @@ def test_ctrl_c_and_kill_vent_first_even_when_they_come_again(
 def test_a_process_that_is_told_to_end_vents_on_its_way_out(emulation: Emulation, sets: Sets, tmp_path: Path) -> None:
     script = f"""
 from rig.controller import make_controller
-from rig.protocol import protocol_from_toml
+from rig.protocol_toml import protocol_from_toml
 from rig.session import run_protocol
 text = 'pressure_unit = "kPa"\\ninitial_deployed = []\\nmain = [{{hold = 20, for_s = 60}}]'
 with make_controller("ob1-mk4", "{emulation.url}") as controller:

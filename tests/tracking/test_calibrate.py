@@ -80,3 +80,11 @@ def test_pictures_of_two_sizes_or_without_boards_are_refused_in_one_line(tmp_pat
 def test_the_fit_does_not_depend_on_where_it_starts(hero6):
     views = views_by_opencv(replace(hero6, fx=1500.0, fy=1500.0), reach=0.1)
     assert fit_lens("fisheye", (1920, 1080), views).lens.fx == pytest.approx(1500, abs=2)
+
+
+def test_a_view_that_no_lens_explains_is_left_without_corners_and_without_a_warning(hero6):
+    views = views_by_opencv(hero6)
+    nonsense = View(views[0].points, np.random.default_rng(0).uniform(100, 900, (63, 2)), "nonsense")
+    fit = fit_lens("fisheye", (1920, 1080), [*views, nonsense])
+    assert fit.inliers[-1] < 16 <= fit.inliers[:-1].min()
+    assert fit.lens.fx == pytest.approx(hero6.fx, abs=2)

@@ -4,14 +4,21 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import av
 import numpy as np
 import pytest
 
+from tests.painting.film import encode
 from tests.tracking.test_video import pictures, written
-from tracking.chapters import Timeline, in_order, siblings
+from tracking.board import Board
+from tracking.camera import Camera
+from tracking.chapters import Timeline, copies, in_order, siblings
 from tracking.encode import VideoWriter
 from tracking.errors import TrackingError
 from tracking.gpmf import parse_telemetry, read_telemetry
+from tracking.lens import Lens
+from tracking.track import track
+from tracking.video import VideoReader
 
 
 def test_gopro_chapters_are_put_in_order_and_others_left_alone():
@@ -95,3 +102,54 @@ def test_broken_telemetry_is_no_reason_to_fail(realdata, tmp_path):
         assert all(0 < value < 1 for value in parse_telemetry([bytes(garbled)]).exposures_s)
     assert read_telemetry(written(tmp_path / "v.mp4", 3)).camera == ""
     assert read_telemetry(Path(tmp_path / "none.mp4")).exposure_s is None
+
+
+def test_slow_motion_is_told_by_the_files_tags_and_put_right_by_the_rate(tmp_path):
+    """As phones save 240 frames/s for replay at 30."""
+    with av.open(str(tmp_path / "v.mp4"), "w", options={"movflags": "use_metadata_tags"}) as container:
+        container.metadata["com.android.capture.fps"] = "240.000000"
+        stream = container.add_stream("libx264", rate=30)
+        stream.width, stream.height, stream.pix_fmt = 320, 240, "yuv420p"
+        for picture in pictures(24):
+            frame = av.VideoFrame.from_ndarray(np.repeat(picture[..., None], 3, axis=2), format="rgb24")
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+    with pytest.raises(TrackingError, match=r"filmed at 240.*run at 30.*--fps 240"):
+        track(tmp_path / "v.mp4", camera_of(320, 240), Board())
+    with Timeline([tmp_path / "v.mp4"], 240.0) as timeline:
+        times = [frame.time_s for frame in timeline.frames()]
+    np.testing.assert_allclose(times, np.arange(24) / 240, atol=1e-6)
+
+
+def camera_of(width, height):
+    return Camera(Lens("fisheye", width, height, 200, 200, width / 2, height / 2, (0, 0, 0, 0)), np.eye(4))
+
+
+def test_a_part_of_a_film_keeps_its_times(tmp_path):
+    written(tmp_path / "v.mp4", 40)
+    period = 1001 / 240000
+    with Timeline([tmp_path / "v.mp4"], 0.0, 10 * period, 25 * period) as timeline:
+        frames = [(frame.index, frame.time_s) for frame in timeline.frames()]
+        assert timeline.expected == 15
+    assert [index for index, _ in frames] == list(range(15))
+    np.testing.assert_allclose([time_s for _, time_s in frames], np.arange(10, 25) * period, rtol=1e-9)
+    with pytest.raises(TrackingError, match=r"nothing lies between 3.*0\.167 s long"):
+        Timeline([tmp_path / "v.mp4"], 0.0, 3.0)
+
+
+def test_a_file_named_twice_is_refused_and_one_that_holds_the_same_is_known(tmp_path):
+    one = written(tmp_path / "a.mp4", 5)
+    (tmp_path / "b.mp4").write_bytes(one.read_bytes())
+    with pytest.raises(TrackingError, match="once"):
+        Timeline([one, one])
+    assert copies([one, tmp_path / "b.mp4"]) == [(tmp_path / "b.mp4", one)]
+
+
+def test_a_variable_rate_has_no_holes(tmp_path):
+    """Every fourth frame comes late by a third of a period, as phones' do: the library then guesses 90000 frames/s."""
+    ticks = np.round(1001 * (np.arange(40) + np.where(np.arange(40) % 4 == 3, 0.3, 0.0))).astype(int)
+    encode(tmp_path / "v.mp4", pictures(40), ticks=[tick / 1001 for tick in ticks])
+    with VideoReader(tmp_path / "v.mp4") as video:
+        assert len(list(video.frames())) == 40
+        assert video.period_s == pytest.approx(1001 / 240000, rel=1e-3)
+        assert video.report().gaps == ()

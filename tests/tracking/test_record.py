@@ -12,8 +12,8 @@ import pytest
 from tests.tracking.test_track import REST, errors, rms
 from tracking.board import Board
 from tracking.camera import Camera, save_camera
+from tracking.doubt import REPEATED
 from tracking.encode import VideoWriter
-from tracking.solve import REPEATED
 from tracking.synthetic import paint_video
 from tracking.track import track
 from tracking.video import VideoReader

@@ -7,10 +7,15 @@
 #include <string.h>
 
 #ifdef _WIN32
+#include <windows.h>
 #define API __declspec(dllexport)
+#define REST Sleep(1000)
 #else
+#include <unistd.h>
 #define API
+#define REST sleep(1)
 #endif
+#define HANGS 7777
 
 static double told[5];
 static int is_open;
@@ -24,6 +29,10 @@ static void note(const char *text) { /* what reached the "instrument", for the t
     FILE *said = fault ? fopen(fault, "r") : NULL;
     code_to_return = 0;
     if (said) { if (fscanf(said, "%d", &code_to_return) != 1) code_to_return = 0; fclose(said); }
+    if (code_to_return == HANGS) { /* once: whoever loads the library next finds it well */
+        remove(fault);
+        for (;;) REST;
+    }
 }
 
 API int32_t OB1_Initialization(char name[], uint16_t r1, uint16_t r2, uint16_t r3, uint16_t r4, int32_t *id) {

@@ -1,0 +1,126 @@
+"""straw design: geometries for wanted snap pressures, lengths and states; the chosen ones by finite elements."""
+
+from __future__ import annotations
+
+import argparse
+from concurrent.futures import Executor
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from model.design import Design, Wish, in_order, read_wish, refined, sweep, with_varied
+from model.elasticity import EQUATION_7
+from model.parameters import StrawParameters, load_straw
+from replay.errors import ReplayError
+from replay.output import write_json, write_text
+from replay.progress import prepare, progress_bar
+from replay.workers import workers
+
+
+def run(args: argparse.Namespace) -> int:
+    """Search, check, print, draw; 1 where nothing gives all that is wanted."""
+    wish, straw = read_wish(args.wish), load_straw(args.straw).replace(elasticity=EQUATION_7)
+    if args.count < 64:
+        raise ReplayError(f"--count {args.count}: expected 64 or more")
+    try:
+        args.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ReplayError(f"{args.out}: cannot make this folder: {error.strerror}; choose another place") from None
+    prepare()
+    if wish.order:
+        return _ordered(args, wish, straw)
+    with workers(args.jobs, args.dask) as executor:
+        designs: list[Design] = []
+        with progress_bar("sweep", "design") as update:
+            for chunk in sweep(wish, straw, args.count, executor):
+                designs += chunk
+                update(len(designs), args.count)
+        best = refined(wish, straw, designs, args.keep)
+        if not best:
+            raise ReplayError("design: no point of the ranges is a straw; |zeta02| must be below zeta01, r_i below r_o")
+        checked = _checked(best[: args.check], straw, executor)
+    _print(wish, best, checked)
+    from replay.paper.style import save
+    from replay.shell.design_map import design_map
+
+    names = save(design_map(wish, designs, best), args.out, "designs")
+    for number, design in enumerate(best, 1):
+        write_text(args.out / f"design-{number}.toml", with_varied(straw, design.varied).to_toml())
+    print(f"{args.out}: design-1.toml to design-{len(best)}.toml, {names[0]}")
+    if args.json:
+        rows = [{**asdict(d), "shell": c} for d, c in zip(best, [*checked, *[None] * len(best)], strict=False)]
+        write_json(args.json, {"designs": rows, "swept": len(designs)})
+    return 0 if best[0].cost < len(wish.wanted) else 1
+
+
+def shell_gives(straw: StrawParameters) -> dict[str, float]:
+    """Snap pressures and deployed length of a straw's first cell by finite elements, end sealed; plain data."""
+    from model.errors import ModelError
+    from model.shell.equilibria import balance, straight_end
+    from model.shell.problem import Problem
+    from model.shell.profile import profile_of
+    from model.shell.threads import one_thread
+
+    with one_thread():
+        try:
+            problem = Problem(profile_of(straw), float(straw.E_pa[0, 1]))
+            odd, even = (float(x) for x in straw.zeta0_m[0])
+            top = balance(problem.barely_tilted().model(), -0.9 * even, 0.0)
+            up, down = (straight_end(problem, folded).pressure_pa / 1e3 for folded in (True, False))
+        except ModelError:
+            return {}
+    length = 1e3 * (odd + top.point.zeta_m) if top and top.stable else float("nan")
+    return {"deploy_kpa": up, "fold_kpa": down, "deployed_length_mm": length}
+
+
+def _checked(best: list[Design], straw: StrawParameters, executor: Executor | None) -> list[dict[str, float]]:
+    """The best by finite elements."""
+    if not best:
+        return []
+    from replay.commands.shell import require_shell
+
+    require_shell()
+    straws = [with_varied(straw, d.varied) for d in best]
+    made = []
+    with progress_bar("finite elements", "design") as update:
+        results = executor.map(shell_gives, straws) if executor else map(shell_gives, straws)
+        for done, result in enumerate(results, 1):
+            made.append(result)
+            update(done, len(straws))
+    return made
+
+
+def _print(wish: Wish, best: list[Design], checked: list[dict[str, float]]) -> None:
+    columns = [*wish.vary, *wish.wanted]
+    print("      " + " ".join(f"{name:>18}" for name in columns))
+    print("wanted" + " ".join(f"{wish.wanted.get(name, np.nan):>18.4g}" for name in columns).replace("nan", "   "))
+    for number, design in enumerate(best, 1):
+        values = {**design.varied, **design.gives}
+        print(f"{number:>6}" + " ".join(f"{values[name]:>18.5g}" for name in columns))
+        if number <= len(checked):
+            found = checked[number - 1]
+            shown = (f"{found[name]:>18.5g}" if name in found else f"{'':>18}" for name in columns)
+            print(" shell" + " ".join(shown) + ("" if found else "  did not converge"))
+
+
+def _ordered(args: argparse.Namespace, wish: Wish, straw: StrawParameters) -> int:
+    """Cells that snap one after another."""
+    if args.straw is None and len(wish.order) != straw.cells:
+        straw = straw.replace(cells=len(wish.order))
+    made, seen = in_order(wish, straw)
+    print(" snap  cell  wanted kPa  in the whole straw kPa  thickness mm")
+    for k, (cell, pressure) in enumerate(seen):
+        wanted = wish.first_kpa + k * wish.apart_kpa
+        print(f"{k + 1:>5} {cell:>5} {wanted:>11.3f} {pressure / 1e3:>23.3f} {1e3 * made.h_m[cell - 1, 1]:>13.4f}")
+    from replay.paper.style import save
+    from replay.shell.design_map import order_figure
+
+    path: Path = args.out / "ordered.toml"
+    write_text(path, made.to_toml())
+    names = save(order_figure(wish, made, seen), args.out, "ordered")
+    print(f"{path}, {args.out / names[0]}")
+    if args.json:
+        rows = [{"cell": cell, "pressure_pa": p, "h_m": float(made.h_m[cell - 1, 1])} for cell, p in seen]
+        write_json(args.json, {"order": rows})
+    return 0

@@ -1,0 +1,1 @@
+"""Finite elements beside the reduced energy: the table and the pictures."""

@@ -1,0 +1,87 @@
+"""What the run's model has against a track: the tip moves the other way, or as if it were filmed in slow motion."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.parameters import StrawParameters
+from model.simulate import simulate
+from replay.driving import driving_pressure
+from replay.errors import USER_ERRORS
+from rig.run import Run
+from tracking.camera import Camera
+from tracking.trace import TipTrace
+
+Floats = NDArray[np.float64]
+
+RATE_HZ = 240.0
+_LONGEST_S = 60.0  # of the run; the first minute tells, and predicting takes a hundredth of it
+_CHANNELS = {"X": ("x_m", 5e-4), "Z": ("z_m", 5e-4), "Phi": ("phi_rad", 5e-3)}  # and how much motion tells a direction
+_AGAINST = -0.5  # correlation: no physics that a model may lack turns a motion round
+_SLOWER = 3.0  # times; replays are 4 to 40 times slower than life
+_PATH = (0.05, 0.95)  # of the way that the tip goes: between them it moves
+
+
+def against_model(run: Run, tip: TipTrace, straw: StrawParameters, camera: Camera) -> list[str]:
+    """Return what to say, one line each; nothing where the run does not tell what moves, or all agrees.
+
+    Compared are directions, and how long the motion takes: what a model that lacks some physics still knows.
+    """
+    if run.pressure is None or run.initial_deployed is None or run.cells != straw.cells:
+        return []
+    if np.count_nonzero(tip.valid) < 10:
+        return []
+    begin_s = float(run.pressure.time_s[0])
+    host_s = np.arange(begin_s, min(float(run.pressure.time_s[-1]), begin_s + _LONGEST_S), 1 / RATE_HZ)
+    try:
+        expected = simulate(straw, driving_pressure(run.pressure, run.command), host_s, run.initial_deployed)
+    except USER_ERRORS:  # whoever replays the run hears of it
+        return []
+    pairs = {}
+    for name, (channel, least) in _CHANNELS.items():
+        seen, predicted = getattr(tip, channel)[tip.valid], np.asarray(getattr(expected, channel), dtype=np.float64)
+        if name == "Phi":
+            seen, predicted = np.unwrap(seen), np.unwrap(predicted)
+        if min(np.ptp(seen), np.ptp(predicted)) > least:
+            pairs[name] = seen - seen[0], predicted - predicted[0]
+    if not pairs:
+        return []
+    slow = _slower(tip.time_s[tip.valid], host_s, pairs)
+    if slow > _SLOWER:
+        fps = slow / float(np.median(np.diff(tip.time_s)))
+        what = f"the tip takes {slow:.1f} times as long for its motion as the run's model"
+        return [f"{what}: filmed in slow motion? then give the rate it was filmed at, near --fps {fps:.0f}"]
+    reversed_ = [
+        f"{name} ({likeness:.2f})"
+        for name, (seen, predicted) in pairs.items()
+        if (likeness := _likeness(tip.time_s[tip.valid], seen, host_s, predicted)) < _AGAINST
+    ]
+    if not reversed_:
+        return []
+    what = f"{', '.join(reversed_)} moves against what the run's model expects (correlation)"
+    return [f"{what}: is board_x_in_image '{camera.board_x_in_image}', and mount '{camera.mount}'?"]
+
+
+def _likeness(seen_s: Floats, seen: Floats, host_s: Floats, predicted: Floats) -> float:
+    """Correlation of two displacements from rest, neither with its mean taken away: the direction is asked."""
+    there = np.interp(seen_s, host_s, predicted)
+    size = float(np.linalg.norm(seen) * np.linalg.norm(there))
+    return float(seen @ there) / size if size > 0 else 0.0
+
+
+def _slower(seen_s: Floats, host_s: Floats, pairs: dict[str, tuple[Floats, Floats]]) -> float:
+    """How many times longer the tip takes for most of its way than predicted."""
+    seen = np.column_stack([one / np.ptp(other) for one, other in pairs.values()])
+    predicted = np.column_stack([other / np.ptp(other) for _, other in pairs.values()])
+    return _moving_s(seen_s, seen) / max(_moving_s(host_s, predicted), 1 / RATE_HZ)
+
+
+def _moving_s(time_s: Floats, place: Floats) -> float:
+    """Seconds between a twentieth of the way gone and all but a twentieth; steps below a hundredth of it are noise."""
+    coarse = np.round(place / 0.01) * 0.01
+    gone = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(coarse, axis=0), axis=1))))
+    if gone[-1] <= 0:
+        return 0.0
+    first, last = (int(np.searchsorted(gone, share * gone[-1])) for share in _PATH)
+    return float(time_s[last] - time_s[first])

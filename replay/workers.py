@@ -1,0 +1,38 @@
+"""Where many small jobs run: here, on this machine's cores, or on a Dask cluster."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing import get_context
+
+from replay.errors import ReplayError
+
+
+@contextmanager
+def workers(jobs: int, dask: str | None = None) -> Iterator[Executor | None]:
+    """An executor of ``jobs`` processes, of a Dask scheduler's address, or None for one job at a time here."""
+    if dask:
+        try:
+            from distributed import Client
+        except ImportError:
+            raise ReplayError("--dask needs the package distributed: pip install 'straw[dask]'") from None
+        try:
+            client = Client(dask, timeout="10s")  # type: ignore[no-untyped-call]
+        except (OSError, TimeoutError, ValueError) as error:
+            raise ReplayError(
+                f"--dask {dask}: no scheduler answers there: {error}; start one with dask scheduler"
+            ) from None
+        with client:
+            yield client.get_executor()  # type: ignore[no-untyped-call]
+        return
+    if jobs <= 1:
+        yield None
+        return
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        try:
+            yield pool
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise

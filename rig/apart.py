@@ -1,0 +1,39 @@
+"""Starts a process of this package out of reach of what ends its parent: Ctrl-C, a closed terminal, a killed group."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+# The directory this package came from, wherever that is: the other process must run the same code.
+START = "import sys; sys.path.insert(0, {folder!r}); from {module} import main; main()"
+
+
+def start_apart(module: str, *, answers: bool) -> subprocess.Popen[bytes]:
+    """Run ``main`` of a module in its own session and process group (on Windows without console, and out of the job).
+
+    Its stdin is a pipe, which the operating system closes when this process ends, however it ends. With ``answers`` its
+    stdout is a pipe too and it shares stderr; without, it has neither.
+    """
+
+    def started(flags: int) -> subprocess.Popen[bytes]:
+        return subprocess.Popen(
+            [sys.executable, "-c", START.format(folder=str(Path(__file__).parents[1]), module=module)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE if answers else subprocess.DEVNULL,
+            stderr=None if answers else subprocess.DEVNULL,
+            start_new_session=True,  # POSIX
+            creationflags=flags,  # Windows
+        )
+
+    apart, freed = (
+        sum(getattr(subprocess, name, 0) for name in names)
+        for names in (("DETACHED_PROCESS", "CREATE_NEW_PROCESS_GROUP"), ("CREATE_BREAKAWAY_FROM_JOB",))
+    )
+    try:
+        return started(apart | freed)
+    except OSError:
+        if not freed:
+            raise
+        return started(apart)  # the job does not let its processes go

@@ -1,0 +1,53 @@
+"""Designing: what is wanted comes out of the reduced model again, and a wish that is none is named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from model.design import Wish, gives, in_order, read_wish, refined, sweep, with_varied
+from model.errors import ModelError
+from model.parameters import StrawParameters
+
+RANGES = {"zeta01_mm": (3.0, 5.0), "zeta02_mm": (-3.5, -1.5), "h_mm": (0.3, 0.8)}
+
+
+def test_the_papers_own_frustum_is_found_from_what_it_does() -> None:
+    straw = StrawParameters()
+    wanted = {k: v for k, v in gives(straw).items() if k != "stable_states"}
+    wish = Wish(wanted, RANGES)
+    designs = [d for chunk in sweep(wish, straw, 128) for d in chunk]
+    best = refined(wish, straw, designs, keep=1)[0]
+    assert best.varied["zeta01_mm"] == pytest.approx(3.78, abs=1e-4)
+    assert best.varied["zeta02_mm"] == pytest.approx(-2.28, abs=1e-4)
+    assert best.varied["h_mm"] == pytest.approx(0.508, abs=1e-4)
+    assert gives(with_varied(straw, best.varied))["stable_states"] == 4
+
+
+def test_cells_snap_one_after_another_in_the_order_wanted() -> None:
+    wish = Wish(order=(2, 3, 1), first_kpa=20.0, apart_kpa=2.0)
+    straw, seen = in_order(wish, StrawParameters(cells=3))
+    assert [cell for cell, _ in seen] == [2, 3, 1]
+    assert [p for _, p in seen] == pytest.approx([20e3, 22e3, 24e3], abs=20)
+    assert straw.h_m[1, 1] < straw.h_m[2, 1] < straw.h_m[0, 1]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[wanted]\ndeploy = 3\n[vary]\nh_mm = [1, 2]\n", "wanted.deploy"),
+        ("[wanted]\ndeploy_kpa = 3\n[vary]\nh_mm = [2, 1]\n", "vary.h_mm"),
+        ("[wanted]\ndeploy_kpa = 3\n", "expected"),
+        ("[order]\ncells = [1, 1]\nfirst_kpa = 1\napart_kpa = 1\n", "each once"),
+        ("[order]\ncells = [1]\nfirst_kpa = 1\napart_kpa = -1\n", "one sign"),
+        ("wanted = 3\n", "table"),
+        ("[wanted\n", "not TOML"),
+    ],
+)
+def test_a_wish_that_is_none_is_named_in_one_line(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "wish.toml"
+    path.write_text(text)
+    with pytest.raises(ModelError, match=said) as error:
+        read_wish(path)
+    assert "\n" not in str(error.value)

@@ -1,0 +1,73 @@
+"""A straw as a body: closed, of the right volume, and read by another program where one is at hand."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from model.errors import ModelError
+from model.parameters import StrawParameters
+from model.solid.outline import Flange, section, volume_m3
+from model.solid.step import step_text
+from model.solid.stl import RECORD, stl_bytes, triangles
+from replay.cli import main
+
+STRAW = StrawParameters(cells=3)
+
+
+def test_the_triangles_close_and_enclose_the_bodys_volume() -> None:
+    around = 180
+    corners = section(STRAW)
+    facets = triangles(corners, around)
+    edges: Counter[tuple[tuple[int, ...], tuple[int, ...]]] = Counter()
+    for facet in np.round(1e9 * facets).astype(int):
+        points = [tuple(p) for p in facet.tolist()]
+        edges.update((points[i], points[(i + 1) % 3]) for i in range(3))
+    assert set(edges.values()) == {1}
+    assert all((b, a) in edges for a, b in edges)
+    volume = np.einsum("ni,ni->", facets[:, 0], np.cross(facets[:, 1], facets[:, 2])) / 6
+    # a polygon of n corners has sin(2 pi / n) / (2 pi / n) of its circle's area
+    share = np.sin(2 * np.pi / around) / (2 * np.pi / around)
+    assert volume == pytest.approx(share * volume_m3(corners), rel=1e-9)
+
+
+def test_a_written_stl_has_all_triangles_in_mm() -> None:
+    data = stl_bytes(triangles(section(STRAW), 24))
+    record = np.frombuffer(data[84:], RECORD)
+    assert int(np.frombuffer(data[80:84], "<u4")[0]) == len(record)
+    assert record["corners"][..., 2].max() == pytest.approx(1e3 * section(STRAW)[:, 1].max(), rel=1e-6)
+
+
+def test_the_wall_is_as_thick_as_the_straw_says() -> None:
+    corners = section(STRAW)
+    wall_m3 = volume_m3(corners) - np.pi * Flange().radius_m ** 2 * Flange().thickness_m
+    slants = [np.hypot(3.55e-3, z) for z in (3.78e-3, 2.28e-3)]
+    middle = np.pi * (STRAW.r_i_m + STRAW.r_o_m)
+    thin = 0.508e-3 * (3 * middle * sum(slants) + 2 * np.pi * STRAW.r_i_m * Flange().collar_m)
+    assert wall_m3 == pytest.approx(thin, rel=0.02)  # the lid cuts the last wall, corners overlap
+
+
+def test_another_program_reads_the_step_as_one_solid_of_that_volume(tmp_path: Path) -> None:
+    occ = pytest.importorskip("netgen.occ")
+    path = tmp_path / "s.step"
+    path.write_text(step_text(section(STRAW)))
+    shape = occ.OCCGeometry(str(path)).shape
+    assert len(list(shape.solids)) == 1
+    assert shape.mass == pytest.approx(1e9 * volume_m3(section(STRAW)), rel=1e-9)
+
+
+def test_walls_that_would_meet_are_named() -> None:
+    with pytest.raises(ModelError, match="walls meet"):
+        section(STRAW, folded=True)
+    assert volume_m3(section(STRAW.replace(h_m=np.array(0.05e-3)), folded=True)) > 0
+
+
+def test_a_name_of_another_kind_is_refused_before_anything_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["solid", "-o", str(tmp_path / "s.obj")]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert not list(tmp_path.iterdir())

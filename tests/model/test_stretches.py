@@ -1,0 +1,39 @@
+"""A run in stretches is the run itself, and what passes while the straw rests costs nothing."""
+
+import numpy as np
+
+from model.parameters import StrawParameters
+from model.simulate import simulate
+from model.stretches import Stretch, simulate_stretches
+
+EVERYTHING = (-np.inf, np.inf)
+
+
+def pressure(time_s: np.ndarray) -> np.ndarray:
+    """A fold at 0.5 s, and a small step 30 s later, each approached as a controller does."""
+    fold = -25e3 * -np.expm1(-50.0 * np.maximum(time_s - 0.5, 0.0))
+    return fold + 5e3 * -np.expm1(-50.0 * np.maximum(time_s - 30.0, 0.0))
+
+
+def test_it_is_the_same_motion_with_the_rest_left_out() -> None:
+    straw, deployed = StrawParameters(), [1, 4]
+    stretches = [Stretch(0.5, False), Stretch(30.0, True), Stretch(32.0, False)]
+    long = simulate_stretches(straw, pressure, stretches, deployed, rate_hz=240.0, window_s=EVERYTHING)
+    assert long.skipped_s > 15.0
+    whole = simulate(straw, pressure, np.arange(0.0, 32.0, 1 / 240), deployed)
+    for name, close in (("x_m", 3e-6), ("z_m", 3e-6), ("phi_rad", 3e-4)):
+        # some steps of the integrator's own accuracy; STILL_M times the seconds left out would be no more
+        np.testing.assert_allclose(
+            getattr(long, name), np.interp(long.time_s, whole.time_s, getattr(whole, name)), atol=close
+        )
+    assert len(long.time_s) < 0.5 * len(whole.time_s)
+    part = simulate_stretches(straw, pressure, stretches, deployed, rate_hz=240.0, window_s=(30.0, 31.0))
+    inside = (long.time_s >= 30.0) & (long.time_s < 31.0)
+    np.testing.assert_allclose(part.x_m, long.x_m[inside], atol=1e-7)
+
+
+def test_a_year_of_rest_takes_no_time() -> None:
+    stretches = [Stretch(0.5, False), Stretch(3e7, True), Stretch(3e7 + 1.0, False)]
+    long = simulate_stretches(StrawParameters(), pressure, stretches, [1, 4], rate_hz=240.0, window_s=EVERYTHING)
+    assert len(long.time_s) < 240 * 30
+    assert long.time_s[-1] > 3e7

@@ -1,0 +1,164 @@
+"""The learned proposal: its mathematics, its file, and what it says of recordings of another apparatus."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from model.parameters import StrawParameters
+from replay.diagnose.library import causes
+from replay.diagnose.observation import Observation, observe
+from replay.diagnose.propose import network
+from replay.diagnose.propose.learned import SHIPPED, load, shipped
+from replay.diagnose.propose.proposal import Proposal, propose
+from replay.diagnose.propose.recorded import recorded
+from replay.diagnose.propose.simulate_campaigns import Group, simulated_group
+from replay.errors import ReplayError
+from replay.gather import gather
+
+BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)
+
+
+@pytest.fixture(scope="module")
+def given(shared: Path) -> dict[str, list[Observation]]:
+    """The recordings by specimen, four runs of each."""
+    names = ("fold-25kPa", "deploy-35kPa-1", "staircase", "deploy-30kPa-6")
+    return {
+        specimen: [observe(r) for r in gather([shared / "recordings" / specimen / f"{n}.mcap" for n in names])]
+        for specimen in ("open-a", "open-b", "open-c", "open-d")
+    }
+
+
+@pytest.fixture(scope="module")
+def proposals(given: dict[str, list[Observation]]) -> dict[str, Proposal]:
+    return {specimen: propose(observations, BASE) for specimen, observations in given.items()}
+
+
+def test_the_network_s_slopes_are_those_of_its_loss() -> None:
+    rng = np.random.default_rng(5)
+    w = {k: x.astype(np.float64) for k, x in network.fresh(rng, 12, 3, 4).items()}
+    batch = network.Batch(rng.normal(size=(9, 12)), np.array([0, 2, 3]))
+    values = np.where(rng.random((3, 4)) < 0.3, np.nan, rng.normal(size=(3, 4)))
+    truth = network.Truth((rng.random((3, 3)) < 0.5).astype(np.float64), values)
+    _, slopes = network.slopes(w, batch, truth, None)
+    means = network.answer(w, batch)[:, 3:7]  # taken as known where deviations are learned
+    for name, x in w.items():
+        along = rng.normal(size=x.shape)
+        losses = []
+        for step in (1e-6, -1e-6):
+            moved = {**w, name: x + step * along}
+            losses.append(network.loss(network.answer(moved, batch), truth, means)[0])
+        assert (losses[0] - losses[1]) / 2e-6 == pytest.approx(float(np.sum(slopes[name] * along)), rel=1e-5, abs=1e-8)
+
+
+def test_a_group_is_the_same_for_the_same_seed_and_after_it_was_kept(tmp_path: Path) -> None:
+    group, again = simulated_group(3), simulated_group(3)
+    assert group is not None
+    assert again is not None
+    np.testing.assert_array_equal(group.motion, again.motion)
+    group.save(tmp_path / "group-000003.npz")
+    kept = Group.load(tmp_path / "group-000003.npz")
+    assert kept.protocols == group.protocols
+    np.testing.assert_array_equal(kept.cause_u, group.cause_u)
+    np.testing.assert_array_equal(kept.nominal.zeta0_m, group.nominal.zeta0_m)
+    one, other = (recorded(g, 0, np.random.default_rng(1)) for g in (group, kept))
+    np.testing.assert_array_equal(one.runs[0].tip, other.runs[0].tip)
+
+
+def test_the_weights_are_small_and_say_where_they_come_from() -> None:
+    about = shipped().about
+    assert SHIPPED.stat().st_size <= 10e6
+    assert set(about["causes"]) <= set(causes(9))
+    assert {"recipe", "seed", "date", "version", "sha256", "recordings"} <= set(about)
+
+
+def test_damaged_weights_are_refused_by_name(tmp_path: Path) -> None:
+    learned = shipped()
+    path = tmp_path / "weights.npz"
+    learned.save(path)
+    assert load(path).about["sha256"]
+    with np.load(path) as data:
+        arrays = dict(data)
+    arrays["scaling_mean"] = arrays["scaling_mean"] + 1
+    np.savez(path, **arrays)
+    with pytest.raises(ReplayError, match=r"weights\.npz"):
+        load(path)
+    path.write_bytes(b"nothing")
+    with pytest.raises(ReplayError, match="train"):
+        load(path)
+
+
+@pytest.mark.parametrize(
+    ("specimen", "cause"), [("open-b", "cohesion"), ("open-c", "poiseuille_loss"), ("open-d", "clock_offset")]
+)
+def test_what_is_concealed_in_the_given_recordings_is_among_the_first_to_be_tried(
+    proposals: dict[str, Proposal], specimen: str, cause: str
+) -> None:
+    assert cause in list(proposals[specimen].scores)[:3]
+
+
+def test_sizes_to_start_from_are_near_what_is_concealed(proposals: dict[str, Proposal]) -> None:
+    """5 N, 2e9 Pa s/m^3, 60 ms late: within a factor of three of it, which an exact fit closes."""
+    for specimen, cause, truth in (
+        ("open-b", "cohesion", 5.0),
+        ("open-c", "poiseuille_loss", 2e9),
+        ("open-d", "clock_offset", 0.06),
+    ):
+        ways = proposals[specimen].start([cause])
+        first = len(proposals[specimen].base)
+        sizes = [way[first].unknown.value(way[first].u) for way in ways]
+        assert any(truth / 3 < size < truth * 3 for size in sizes), sizes
+
+
+def test_the_order_of_the_runs_does_not_matter(
+    given: dict[str, list[Observation]], proposals: dict[str, Proposal]
+) -> None:
+    turned = propose(given["open-b"][::-1], BASE)
+    for name, score in proposals["open-b"].scores.items():
+        assert turned.scores[name] == pytest.approx(score, abs=1e-4)
+
+
+def test_a_cause_nobody_has_taught_is_tried_all_the_same(given: dict[str, list[Observation]]) -> None:
+    learned = shipped()
+    few = dict(learned.about, causes=["a law of yesterday", *learned.about["causes"][1:]])
+    forgotten = learned.about["causes"][0]
+    found = propose(
+        given["open-a"], BASE, learned=type(learned)(learned.members, learned.scaling, learned.familiar, few)
+    )
+    assert found.unknown_to_it == (forgotten,)
+    assert 0.01 < found.scores[forgotten] < 0.5
+    assert any(forgotten in names for names, _ in found.hypotheses)
+
+
+def test_hypotheses_are_all_sets_of_at_most_two_causes(proposals: dict[str, Proposal]) -> None:
+    found = proposals["open-a"].hypotheses
+    n = len(causes(9))
+    assert len({names for names, _ in found}) == len(found) == 1 + n + n * (n - 1) // 2
+    weights = [weight for _, weight in found]
+    assert weights == sorted(weights, reverse=True)
+    assert sum(weights) == pytest.approx(1)
+
+
+def test_what_looks_like_nothing_it_has_seen_is_called_unfamiliar(
+    given: dict[str, list[Observation]], proposals: dict[str, Proposal]
+) -> None:
+    """A tip that shakes by millimetres all the time."""
+    from dataclasses import replace
+
+    rng = np.random.default_rng(0)
+    shaken = [
+        replace(o, tip=o.tip + rng.normal(size=o.tip.shape) * np.array([[3e-3], [3e-3], [0.1]]))
+        for o in given["open-a"]
+    ]
+    assert proposals["open-a"].familiar
+    assert not propose(shaken, BASE).familiar
+
+
+def test_runs_that_the_straw_cannot_follow_are_left_out_by_name(given: dict[str, list[Observation]]) -> None:
+    """A straw that cannot rest deployed."""
+    thick = BASE.replace(h_m=5e-3)
+    found = propose(given["open-a"], thick)
+    assert set(found.runs_left_out) == {o.name for o in given["open-a"]}
+    assert not found.familiar
