@@ -44,12 +44,11 @@ def parser() -> argparse.ArgumentParser:
     rig_commands = rig.add_subparsers(title="commands", metavar="COMMAND", required=True)
     p = _command(rig_commands, "run", "drive a protocol and record the run", module="rig_run")
     p.add_argument("protocol", type=Path, metavar="P.toml")
-    where = p.add_mutually_exclusive_group(required=True)
-    where.add_argument("--port", metavar="URL", help="serial port, by-id path, or socket://host:port")
-    where.add_argument("--emulate", action="store_true", help="no hardware: an emulator with the straw behind it")
-    _controller(p)
+    _rig(p)
     p.add_argument("-o", "--output", type=Path, required=True, metavar="RUN.mcap", help="the recording")
-    p.add_argument("--rate", type=float, default=100.0, metavar="HZ", help="samples a second (100)")
+    p.add_argument("--rate", type=float, metavar="HZ", help="samples a second (100)")
+    p.add_argument("--specimen", metavar="NAME", help="which straw, over what the protocol says")
+    p.add_argument("--cycle", type=_seed, metavar="N", help="how often it was cycled before, likewise")
     _about(p)
     p.add_argument("--led", action="store_true", help="blink a code on the trigger output, for the camera's clock")
     p.add_argument(
@@ -59,7 +58,9 @@ def parser() -> argparse.ArgumentParser:
         metavar="HOST:PORT",
         help="a page to watch the run with the model beside it (this machine only, any port)",
     )
+    p.add_argument("--watched", action="store_true", help=argparse.SUPPRESS)  # straw lab has the orders, the page VENT
     p.add_argument("--fast", action="store_true", help="with --emulate: as fast as the arithmetic, not in real time")
+    p.add_argument("--no-film", action="store_true", help="leave the rig's camera alone")
     p.add_argument("--tip", type=Path, metavar="TIP.mcap", help="with --emulate: what a perfect camera would have seen")
     _straw(p, "the straw behind the emulator")
     _json(p)
@@ -87,6 +88,17 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--picture", type=Path, metavar="P.png", help="the projection's uncertainty over the picture")
     _json(p)
 
+    p = _command(
+        rig_commands, "check", "is all well: wiring, readings, the vent without and with pressure", "rig_check"
+    )
+    _rig(p)
+    p.add_argument("--pressure", type=float, default=2.0, metavar="KPA", help="to vent from; 0: not at all (2)")
+    _straw(p, "the straw behind the emulator")
+    _json(p)
+    p = _command(rig_commands, "tell", "hold, resume, stop or vent a run that goes on", module="rig_tell")
+    p.add_argument("order", choices=("hold", "resume", "stop", "vent", "state"))
+    p.add_argument("run", nargs="?", type=Path, metavar="RUN.mcap", help="its recording (whatever runs in --dir)")
+    p.add_argument("--dir", type=Path, default=Path(), metavar="DIR", help="where the recordings are (.)")
     p = _command(rig_commands, "show", "draw a protocol, and check it against its limits", module="rig_show")
     p.add_argument("protocol", type=Path, metavar="P.toml")
     p.add_argument("-o", "--output", type=Path, metavar="PICTURE", help="png, svg or pdf (the protocol's name, png)")
@@ -123,6 +135,16 @@ def parser() -> argparse.ArgumentParser:
     _json(p)
 
     _runs(commands)
+
+    p = _command(commands, "lab", "catalogue and operator's panel in a local page")
+    p.add_argument("folder", nargs="?", metavar="FOLDER", help="where the recordings are (the rig's, else the current)")
+    p.add_argument("--rig", type=Path, metavar="rig.toml", help="what stands on the table")
+    p.add_argument(
+        "--emulate", action="store_true", help="no hardware: every run on an emulator with the straw behind it"
+    )
+    p.add_argument("--listen", default="127.0.0.1:0", metavar="HOST:PORT", help="this machine only, any port")
+    p.add_argument("--remote", action="store_true", help="--listen may name an address that others can reach")
+    p.add_argument("--no-browser", action="store_true", help="print the address, open nothing")
 
     p = _command(commands, "track", "from a video to the tip's X, Z and Phi")
     p.add_argument("videos", type=Path, nargs="+", metavar="VIDEO", help="a file, or the chapters of one recording")
@@ -259,6 +281,8 @@ def _runs(commands: argparse._SubParsersAction[_Parser]) -> None:
     p = action("list", "what recordings there are", run=False)
     p.add_argument("--tag", metavar="TAG", help="only with this tag")
     p.add_argument("--specimen", metavar="NAME", help="only of this specimen")
+    p.add_argument("--where", default="", metavar="FILTER", help="as 'specimen = straw-7 and (cycle > 20 or starred)'")
+    p.add_argument("--sort", metavar="COLUMN", help="a column or key of the metadata; --sort=-start: latest first")
     p.add_argument("--rebuild", action="store_true", help="read every file anew")
     _json(p)
     p = action("show", "all that is known of one recording")
@@ -267,6 +291,13 @@ def _runs(commands: argparse._SubParsersAction[_Parser]) -> None:
     p = action("tag", "put tags on a recording")
     p.add_argument("tags", nargs="+", metavar="TAG")
     p.add_argument("--remove", action="store_true", help="take them off")
+    for name, text in (
+        ("star", "put a star on a recording"),
+        ("archive", "take a recording out of the lab's table; the file stays"),
+        ("lock", "lock a recording against being archived"),
+    ):
+        p = action(name, text)
+        p.add_argument("--remove", action="store_true", help="take that back")
     p = action("note", "write a note beside a recording")
     p.add_argument("text", nargs="+", metavar="TEXT")
     p = action("attach", "enter a run's video and other files into its manifest")
@@ -286,8 +317,16 @@ def _runs(commands: argparse._SubParsersAction[_Parser]) -> None:
     _json(p)
 
 
-def _controller(p: argparse.ArgumentParser) -> None:
-    p.add_argument("--controller", default="ob1-mk4", metavar="NAME", help="ob1-mk4 (default), ob1-sdk or alicat")
+def _rig(p: argparse.ArgumentParser) -> None:
+    p.add_argument("--rig", type=Path, metavar="rig.toml", help="what stands on the table; flags go before it")
+    where = p.add_mutually_exclusive_group()
+    where.add_argument("--port", metavar="URL", help="serial port, by-id path, or socket://host:port")
+    where.add_argument("--emulate", action="store_true", help="no hardware: an emulator with the straw behind it")
+    _controller(p, None)
+
+
+def _controller(p: argparse.ArgumentParser, default: str | None = "ob1-mk4") -> None:
+    p.add_argument("--controller", default=default, metavar="NAME", help="ob1-mk4 (default), ob1-sdk or alicat")
     p.add_argument("--limits", metavar="MIN,MAX[,RATE]", help="in kPa, kPa/s, below all else: --limits=-40,60,50")
     p.add_argument("--setting", action="append", default=[], metavar="KEY=VALUE", help="of the driver, as unit=B")
 

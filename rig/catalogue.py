@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
 from rig.errors import RigError
-from rig.notes import read_notes
+from rig.notes import SUFFIX, Notes, read_notes
+from rig.preview import Preview, preview_of
 from rig.run import Run
 from rig.run_read import read_run
 
 CRATE = "ro-crate-metadata.json"  # what lies beside it is a copy for others
 INDEX = ".straw-runs.json"
 RECORDINGS = (".mcap", ".mcap.part")
+#: Longer values of a recording's metadata (a straw's constants for one) are left to the recording.
+LONGEST = 200
 #: Changes when an entry's meaning does: an index of another version is built anew.
-VERSION = 1
+VERSION = 2
 
 
 @dataclass(frozen=True)
@@ -39,7 +43,13 @@ class Entry:
     parent: str = ""
     commit: str = ""
     problem: str = ""
+    cycle: int = 0
+    metadata: dict[str, str] = field(default_factory=dict, repr=False)
+    preview: Preview = field(default_factory=dict, repr=False)
+    said: str = ""  # time and size of its notes when they were read
     tags: tuple[str, ...] = ()
+    marks: tuple[str, ...] = ()
+    notes: tuple[tuple[str, str], ...] = ()
 
 
 def catalogue(
@@ -51,20 +61,56 @@ def catalogue(
     """
     if not folder.is_dir():
         raise RigError(f"{folder} is not a folder; name the one that holds the recordings")
-    found = (path for path in folder.rglob("*.mcap*") if path.name.endswith(RECORDINGS) and path.is_file())
-    paths = sorted(path for path in found if not (path.parent / CRATE).exists())
-    known = {} if rebuild else {entry.name: entry for entry in _read_index(folder)}
     entries = []
-    for number, path in enumerate(paths, 1):
-        name, stat = path.relative_to(folder).as_posix(), path.stat()
+    for entry, done, total in scan(folder, {} if rebuild else known(folder)):
+        entries.append(entry)
+        if progress:
+            progress(done, total)
+    save(folder, entries)
+    return sorted(entries, key=lambda entry: (entry.start_ns, entry.name))
+
+
+def scan(
+    folder: Path, known: dict[str, Entry], read: Callable[[Path, str], Entry] | None = None
+) -> Iterator[tuple[Entry, int, int]]:
+    """Entries below a folder as (entry, how many are done, of how many); ``read`` makes one, where it is not known."""
+    read = read or entry_of
+    paths = sorted(_files(folder))
+    for done, (name, stat, said) in enumerate(paths, 1):
         entry = known.get(name)
         if entry is None or (entry.size, entry.changed_ns) != (stat.st_size, stat.st_mtime_ns):
-            entry = _entry(path, name)
-        entries.append(replace(entry, tags=read_notes(path).tags))
-        if progress:
-            progress(number, len(paths))
-    _write_index(folder, entries)
-    return sorted(entries, key=lambda entry: (entry.start_ns, entry.name))
+            entry = read(folder / name, name)
+        if entry.said != said:
+            notes = read_notes(folder / name) if said else Notes()
+            entry = replace(entry, said=said, tags=notes.tags, marks=notes.marks, notes=notes.notes)
+        yield entry, done, len(paths)
+
+
+def known(folder: Path) -> dict[str, Entry]:
+    """What the index of a folder says, by name; empty where there is none of use."""
+    names = [one.name for one in fields(Entry)]
+    try:
+        data: Any = json.loads((folder / INDEX).read_text(encoding="utf-8"))
+        if data["version"] != VERSION:
+            return {}
+        return {row["name"]: Entry(**{name: _tuples(name, row[name]) for name in names}) for row in data["recordings"]}
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}  # it is built anew from the files, which know better
+
+
+def save(folder: Path, entries: list[Entry]) -> None:
+    """Write the index, for the next time."""
+    data = {
+        "version": VERSION,
+        "recordings": [{one.name: getattr(entry, one.name) for one in fields(Entry)} for entry in entries],
+    }
+    part = folder / f"{INDEX}.{os.getpid()}.part"  # two may build it at once
+    try:
+        part.write_text(json.dumps(data), encoding="utf-8")
+        part.replace(folder / INDEX)
+    except OSError:  # a folder one may only read has a catalogue as well, only slower
+        with suppress(OSError):
+            part.unlink()
 
 
 def find(folder: Path, wanted: str, entries: list[Entry] | None = None) -> Path:
@@ -111,8 +157,12 @@ def span_s(run: Run) -> tuple[float, float]:
     return (min(times), max(times)) if times else (0.0, 0.0)
 
 
-def _entry(path: Path, name: str) -> Entry:
-    stat = path.stat()
+def entry_of(path: Path, name: str) -> Entry:
+    """The entry of one recording, read whole; what cannot be read is an entry that says so."""
+    try:
+        stat = path.stat()
+    except OSError as error:
+        return Entry(name, 0, 0, "unreadable", problem=f"cannot be read: {error.strerror}")
     bare = Entry(name, stat.st_size, stat.st_mtime_ns, "unreadable")
     try:
         run = read_run(path)
@@ -132,23 +182,34 @@ def _entry(path: Path, name: str) -> Entry:
         parent=run.metadata.get("parent_sha256", ""),
         commit=run.software.get("git_commit", ""),
         problem=run.damage[0] if run.damage else "",
+        cycle=run.cycle,
+        metadata={key: value for key, value in run.metadata.items() if len(value) <= LONGEST},
+        preview=preview_of(run),
     )
 
 
-def _read_index(folder: Path) -> list[Entry]:
-    names = [field.name for field in fields(Entry) if field.name != "tags"]
-    try:
-        data: Any = json.loads((folder / INDEX).read_text(encoding="utf-8"))
-        if data["version"] != VERSION:
-            return []
-        return [Entry(*(row[name] for name in names)) for row in data["recordings"]]
-    except (OSError, ValueError, KeyError, TypeError):
-        return []  # it is built anew from the files, which know better
+def _files(folder: Path) -> Iterator[tuple[str, os.stat_result, str]]:
+    """Name, stat, and time and size of the notes of every recording below a folder."""
+    waiting = [(folder, "")]
+    while waiting:
+        here, prefix = waiting.pop()
+        try:
+            found = {item.name: item for item in os.scandir(here)}
+        except OSError:  # a folder that is gone by now, or nobody may read
+            continue
+        if CRATE in found:
+            continue
+        for name, item in found.items():
+            if item.is_dir(follow_symlinks=False):
+                waiting.append((here / name, f"{prefix}{name}/"))
+            elif name.endswith(RECORDINGS) and item.is_file():
+                notes = found.get(name + SUFFIX)
+                with suppress(OSError):
+                    about = notes.stat() if notes else None
+                    yield prefix + name, item.stat(), f"{about.st_mtime_ns}:{about.st_size}" if about else ""
 
 
-def _write_index(folder: Path, entries: list[Entry]) -> None:
-    data = {"version": VERSION, "recordings": [asdict(entry) for entry in entries]}
-    part = folder / (INDEX + ".part")
-    with suppress(OSError):  # a folder one may only read has a catalogue as well, only slower
-        part.write_text(json.dumps(data), encoding="utf-8")
-        part.replace(folder / INDEX)
+def _tuples(name: str, value: Any) -> Any:
+    if name == "notes":
+        return tuple((when, text) for when, text in value)
+    return tuple(value) if name in ("tags", "marks") else value

@@ -23,8 +23,8 @@ class Emulation:
 
     ``name`` is a controller of ``rig.controllers`` that has an emulator. Each of ``addresses`` is ``"host:port"``
     (port 0 for any) or ``"pty"``; the one device answers on all of them, ``urls`` says where. The straw hangs on
-    channel 1; ``device`` are the emulated instrument's own settings. Time is real unless ``clock`` is a
-    SteppedClock, which the program that drives it has to share.
+    channel 1, on further ``channels`` hangs a closed line; ``device`` are the emulated instrument's own settings. Time
+    is real unless ``clock`` is a SteppedClock, which the program that drives it has to share.
     """
 
     def __init__(
@@ -37,14 +37,16 @@ class Emulation:
         faults: Faults | None = None,
         clock: Clock | None = None,
         step_s: float = STEP_S,
+        channels: tuple[int, ...] = (1,),
         device: Mapping[str, Any] | None = None,
     ) -> None:
         emulator = emulator_of(name)
         self.plant = plant or PressurePlant()
         self.twin = Twin(stepper, self.plant, clock, step_s=step_s)
         self.clock = self.twin.clock
+        plants = {**{channel: PressurePlant(seed=channel) for channel in channels}, 1: self.plant}
         try:
-            self.device = emulator({1: self.plant}, **(device or {}))
+            self.device = emulator(plants, **(device or {}))
         except TypeError as error:
             raise RigError(f"emulated {name}: {error}; its docstring in rig/emulators names its settings") from None
         lock = threading.Lock()

@@ -63,6 +63,11 @@ class GuardedController(Controller):
         """Process id of the guardian, None while there is none."""
         return self._process.pid if self._process else None
 
+    @property
+    def heartbeat_s(self) -> float:
+        """How long the script may be silent, s."""
+        return self._orders.heartbeat_s
+
     def _open(self) -> None:
         while True:
             self._process = start_apart("rig.guardian", answers=True)

@@ -1,4 +1,4 @@
-"""Notes and tags: what people say about a recording, beside it, for the recording itself is never changed."""
+"""Notes, tags and marks: what people say about a recording, beside it, for the recording itself is never changed."""
 
 from __future__ import annotations
 
@@ -7,19 +7,23 @@ import os
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from rig.errors import RigError
 
 SUFFIX = ".notes.jsonl"
+#: A star picks out, an archived run is out of sight, a locked one cannot be archived.
+MARKS = ("star", "archive", "lock")
 
 
 @dataclass(frozen=True)
 class Notes:
-    """Tags in force, and notes as (time in ISO 8601, text), oldest first."""
+    """Tags and marks in force, and notes as (time in ISO 8601, text), oldest first, and their lines' numbers."""
 
     tags: tuple[str, ...] = ()
     notes: tuple[tuple[str, str], ...] = ()
+    marks: tuple[str, ...] = ()
+    lines: tuple[int, ...] = ()
 
 
 def notes_of(run: Path) -> Path:
@@ -29,15 +33,22 @@ def notes_of(run: Path) -> Path:
 
 def check_word(kind: str, text: str) -> None:
     """Raise RigError where this cannot be a note, or a tag."""
-    if not text.strip() or (kind != "note" and not text.replace("-", "").replace("_", "").replace(".", "").isalnum()):
-        raise RigError(f"{kind} {text!r}: expected {'some text' if kind == 'note' else 'one word, as good or re-run'}")
+    is_tag = kind in ("tag", "untag")
+    if not text.strip() or (is_tag and not text.replace("-", "").replace("_", "").replace(".", "").isalnum()):
+        raise RigError(f"{kind} {text!r}: expected {'one word, as good or re-run' if is_tag else 'some text'}")
 
 
-def say(run: Path, kind: str, text: str) -> None:
-    """Append a "note", a "tag", or an "untag"; nothing that was said before is touched."""
+def say(run: Path, kind: str, text: str, **more: object) -> None:
+    """Append a "note", a "tag" or "untag", a "mark" or "unmark"; nothing that was said before is touched.
+
+    ``instead_of=LINE`` of a note says which line it replaces; "unnote" takes a line's note away.
+    """
     text = " ".join(text.split())
-    check_word(kind, text)
-    said = {"time": datetime.now(UTC).isoformat(timespec="seconds"), kind: text}
+    if kind in ("mark", "unmark"):
+        _check_mark(run, kind, text)
+    else:
+        check_word(kind, text)
+    said = {"time": datetime.now(UTC).isoformat(timespec="seconds"), kind: text, **more}
     line = json.dumps(said, ensure_ascii=False).encode() + b"\n"
     try:
         with notes_of(run).open("ab+") as stream:
@@ -61,16 +72,33 @@ def read_notes(run: Path) -> Notes:
     except OSError:
         return Notes()
     tags: dict[str, None] = {}
-    notes = []
-    for line in lines:
+    marks: dict[str, None] = {}
+    notes: dict[int, tuple[str, str]] = {}
+    for number, line in enumerate(lines, 1):
         try:
-            said = json.loads(line)
-            if "tag" in said:
-                tags[str(said["tag"])] = None
-            elif "untag" in said:
-                tags.pop(str(said["untag"]), None)
-            else:
-                notes.append((str(said["time"]), str(said["note"])))
+            _apply(json.loads(line), number, tags, marks, notes)
         except (ValueError, KeyError, TypeError):
             continue
-    return Notes(tuple(tags), tuple(notes))
+    return Notes(tuple(tags), tuple(notes.values()), tuple(marks), tuple(notes))
+
+
+def _apply(
+    said: dict[str, Any], number: int, tags: dict[str, None], marks: dict[str, None], notes: dict[int, tuple[str, str]]
+) -> None:
+    for kind, held in (("tag", tags), ("mark", marks)):
+        if kind in said:
+            held[str(said[kind])] = None
+        elif f"un{kind}" in said:
+            held.pop(str(said[f"un{kind}"]), None)
+    if "unnote" in said:
+        notes.pop(int(said["unnote"]), None)
+    elif "note" in said:
+        notes.pop(int(said.get("instead_of", 0)), None)
+        notes[number] = (str(said["time"]), str(said["note"]))
+
+
+def _check_mark(run: Path, kind: str, mark: str) -> None:
+    if mark not in MARKS:
+        raise RigError(f"{kind} {mark!r}: expected one of {', '.join(MARKS)}")
+    if (kind, mark) == ("mark", "archive") and "lock" in read_notes(run).marks:
+        raise RigError(f"{run.name} is locked, so it is not archived; take the lock off first")

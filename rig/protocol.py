@@ -32,6 +32,8 @@ class PressureProtocol:
     channel: int = 1
     limits: PressureLimits = STRAW_LIMITS
     text: str = field(default="", repr=False)
+    also: tuple[PressureProtocol, ...] = ()
+    """What other channels do meanwhile: tables of the same length, on the same clock."""
 
     def __post_init__(self) -> None:
         time_s, pressure_pa = self.time_s, self.pressure_pa
@@ -44,6 +46,20 @@ class PressureProtocol:
         if not 0.0 <= self.zero_s <= time_s[-1]:
             raise RigError(f"protocol {self.name}: zero_s {self.zero_s:g} lies outside 0..{time_s[-1]:g} s")
         self.check_limits(self.limits)
+        channels = [part.channel for part in self.parts]
+        for part in self.also:
+            if abs(part.duration_s - self.duration_s) > 1e-6:
+                raise RigError(
+                    f"protocol {self.name}: channel {part.channel} lasts {part.duration_s:g} s, channel {self.channel} "
+                    f"{self.duration_s:g} s; make them equal, with a hold"
+                )
+            if channels.count(part.channel) > 1:
+                raise RigError(f"protocol {self.name}: channel {part.channel} is driven twice; write it once")
+
+    @property
+    def parts(self) -> tuple[PressureProtocol, ...]:
+        """One table a channel: this one, then ``also``."""
+        return (self, *self.also)
 
     def __call__(self, time_s: ArrayLike) -> Floats:
         """Commanded pressure (Pa) at seconds since the start; the first value before it, the last one after the end."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -10,13 +11,13 @@ import numpy as np
 
 from rig.errors import RigError
 from rig.limits import STRAW_LIMITS, PressureLimits
-from rig.protocol import PressureProtocol
+from rig.protocol import Floats, PressureProtocol
 from rig.segments import Points, compile_entries
 from rig.toml_place import At
 
 UNITS_PA = {"Pa": 1.0, "mbar": 100.0, "kPa": 1000.0}
 SECTIONS = ("prefix", "main", "suffix")
-TOP_KEYS = ("name", "pressure_unit", "initial_deployed", "specimen", "cycle", "channel", "limits", *SECTIONS)
+TOP_KEYS = ("name", "pressure_unit", "initial_deployed", "specimen", "cycle", "channel", "limits", "also", *SECTIONS)
 
 
 def load_protocol(path: str | Path) -> PressureProtocol:
@@ -54,6 +55,43 @@ def _deployed(at: At, value: object) -> tuple[int, ...]:
     return tuple(sorted(cells))
 
 
+def _table(
+    at: At, document: dict[str, Any], limits: PressureLimits, unit_pa: float, lengths_s: tuple[float, ...] = ()
+) -> tuple[tuple[Floats, Floats], tuple[float, ...]]:
+    """Times (s) and pressures (Pa) of the three sections one after the other, and how long each is.
+
+    ``lengths_s``: how long they have to be; a section that is not there is then a hold at 0.
+    """
+    points: Points = []
+    found_s: list[float] = []
+    for number, section in enumerate(SECTIONS):
+        entries = document.get(section, [])
+        segment = compile_entries(at, entries, f"[[{section}]]", lambda p: limits.why_not(p * unit_pa))
+        if lengths_s and not segment and lengths_s[number]:
+            segment = [(0.0, 0.0), (lengths_s[number], 0.0)]
+        length_s = segment[-1][0] if segment else 0.0
+        if lengths_s and abs(length_s - lengths_s[number]) > 1e-6:
+            at.fail(f"{section} lasts {length_s:g} s, that of the first channel {lengths_s[number]:g} s; add a hold")
+        points += [(sum(found_s) + t, p * unit_pa) for t, p in segment]
+        found_s.append(length_s)
+    return (np.array([t for t, _ in points]), np.array([p for _, p in points])), tuple(found_s)
+
+
+def _also(
+    at: At, tables: object, lengths_s: tuple[float, ...], limits: PressureLimits, unit_pa: float
+) -> Iterator[tuple[int, Floats, Floats]]:
+    """Channel, times and pressures of what other channels do meanwhile."""
+    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
+        at.fail("also must be written as [[also]] tables: channel = 2, and prefix, main, suffix of its own")
+    for number, table in enumerate(tables, 1):
+        here = at.inside(f"[[also]] {number}")
+        here.known_keys(table, ("channel", *SECTIONS))
+        if "channel" not in table:
+            here.fail("channel is missing; say which one")
+        (time_s, pa), _ = _table(here, table, limits, unit_pa, lengths_s)
+        yield here.integer(table["channel"], "channel", 1), time_s, pa
+
+
 def protocol_from_toml(text: str, name: str) -> PressureProtocol:
     """The protocol written in ``text``; ``name`` says where it came from in errors. Raises RigError with one line."""
     at = At(name)
@@ -71,30 +109,29 @@ def protocol_from_toml(text: str, name: str) -> PressureProtocol:
     unit_pa = UNITS_PA[unit]
     limits = _limits(at.inside("[limits]"), document, unit_pa)
 
-    points: Points = []
-    start_s = zero_s = 0.0
-    for section in SECTIONS:
-        if section == "main":
-            zero_s = start_s
-        entries = document.get(section, [])
-        segment = compile_entries(at, entries, f"[[{section}]]", lambda p: limits.why_not(p * unit_pa))
-        points += [(start_s + t, p * unit_pa) for t, p in segment]
-        start_s += segment[-1][0] if segment else 0.0
+    main, lengths_s = _table(at, document, limits, unit_pa)
     if not document["main"]:
         at.fail("main is empty; add at least one [[main]] entry")
 
     try:
+        called = at.string(document.get("name", PurePath(name).stem), "name")
+        deployed = _deployed(at, document["initial_deployed"])
+        channel = at.integer(document.get("channel", 1), "channel", 1)
         return PressureProtocol(
-            name=at.string(document.get("name", PurePath(name).stem), "name"),
-            time_s=np.array([t for t, _ in points]),
-            pressure_pa=np.array([p for _, p in points]),
-            zero_s=zero_s,
-            initial_deployed=_deployed(at, document["initial_deployed"]),
+            name=called,
+            time_s=main[0],
+            pressure_pa=main[1],
+            zero_s=lengths_s[0],
+            initial_deployed=deployed,
             specimen=at.string(document.get("specimen", ""), "specimen"),
             cycle=at.integer(document.get("cycle", 0), "cycle", 0),
-            channel=at.integer(document.get("channel", 1), "channel", 1),
+            channel=channel,
             limits=limits,
             text=text,
+            also=tuple(
+                PressureProtocol(called, time_s, pa, lengths_s[0], deployed, channel=other, limits=limits)
+                for other, time_s, pa in _also(at, document.get("also", []), lengths_s, limits, unit_pa)
+            ),
         )
     except RigError as error:
         raise RigError(str(error) if str(error).startswith(name) else f"{name}: {error}") from None

@@ -11,6 +11,7 @@ from rig.controller import Controller
 from rig.errors import LimitError, LinkLostError, NoAnswerError, RigError
 from rig.interrupts import Interrupts
 from rig.led import BURST_S, blink
+from rig.operator import Operator, StoppedError
 from rig.protocol import PressureProtocol
 from rig.run import CELLS
 from rig.run_write import RunWriter
@@ -26,12 +27,16 @@ Progress = Callable[[float, float, float], None]  # (time s, duration s, measure
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a run went: the finished recording, cycles done, the loop rate reached (Hz) and the readings that failed."""
+    """How a run went: the finished recording, cycles done, the loop rate reached (Hz) and the readings that failed.
+
+    ``stopped`` says who ended it before the protocol did; empty when nobody did.
+    """
 
     path: Path
     cycles: int
     rate_hz: float
     missed: int
+    stopped: str = ""
 
 
 def run_protocol(
@@ -43,24 +48,30 @@ def run_protocol(
     metadata: Mapping[str, str] | None = None,
     progress: Progress | None = None,
     led: bool = False,
+    operator: Operator | None = None,
 ) -> Outcome:
     """Drive an opened controller through the protocol, read every cycle, and record all of it in ``path`` (MCAP).
 
     Time 0 of the recording is the start of the protocol's main part. ``metadata`` joins the record ``straw.run``.
     ``led`` blinks a coded burst on the trigger output before and after, for the camera's clock (see rig/led.py).
+    ``operator`` may hold and end the run from another thread.
     Limits in force are those of the protocol and of the controller together, and every point is checked before
     anything moves. On the normal end, an error, Ctrl-C (KeyboardInterrupt), or SIGTERM (SystemExit) the straw is
     vented first, then the file is finished with the reason in it; a second Ctrl-C changes nothing about that.
     """
     if not controller.is_open:
         raise RigError(f"controller {controller.name} is not open; write: with controller: run_protocol(...)")
-    protocol.check_limits(controller.limits.and_also(protocol.limits))
-    if protocol.channel not in controller.channels:
-        raise RigError(f"protocol {protocol.name} wants channel {protocol.channel}, in use: {controller.channels}")
+    for part in protocol.parts:
+        part.check_limits(controller.limits.and_also(protocol.limits))
+        if part.channel not in controller.channels:
+            raise RigError(f"protocol {protocol.name} wants channel {part.channel}, in use: {controller.channels}")
     if not 0.0 < rate_hz <= 1000.0:
         raise RigError(f"loop rate {rate_hz:g} Hz must be above 0 and at most 1000")
     with controller.narrowed(protocol.limits), Interrupts("interrupted: venting first") as interrupts:
-        outcome = _Session(controller, protocol, Path(path), rate_hz, metadata or {}, progress, interrupts, led).run()
+        session = _Session(
+            controller, protocol, Path(path), rate_hz, metadata or {}, progress, interrupts, led, operator or Operator()
+        )
+        outcome = session.run()
         interrupts.check()  # a signal that came during the last vent still counts
         return outcome
 
@@ -78,6 +89,7 @@ class _Session:
         progress: Progress | None,
         interrupts: Interrupts,
         led: bool,
+        operator: Operator,
     ) -> None:
         self.controller = controller
         self.protocol = protocol
@@ -85,6 +97,11 @@ class _Session:
         self.progress = progress
         self.interrupts = interrupts
         self.led = led
+        self.operator = operator
+        self.stopped = ""
+        self.told_pa: dict[int, float] = {}  # by channel, as acknowledged
+        self.measured_pa = 0.0
+        self.steps_s = {part.channel: list(part.steps_s) for part in protocol.parts}
         self.cycles = self.missed = 0
         self.run_s = 0.0
         self.start_ns = controller.clock.monotonic_ns() + round((ARM_S + BURST_S * led) * 1e9)
@@ -119,6 +136,9 @@ class _Session:
         except RigError as error:
             reason = str(error)
             raise RigError(f"{error}; what was recorded is kept in {self.writer.kept}") from None
+        except StoppedError as stop:
+            status, reason = "abort", str(stop)
+            self.stopped = reason
         except (KeyboardInterrupt, SystemExit) as stop:
             status, reason = "abort", "Ctrl-C" if isinstance(stop, KeyboardInterrupt) else "the program was told to end"
             raise
@@ -127,34 +147,23 @@ class _Session:
             raise
         finally:
             self.vent_and_finish(status, reason)
-        return Outcome(self.writer.path, self.cycles, self.cycles / self.run_s if self.run_s else 0.0, self.missed)
+        rate_hz = self.cycles / self.run_s if self.run_s else 0.0
+        return Outcome(self.writer.path, self.cycles, rate_hz, self.missed, self.stopped)
 
     def loop(self) -> None:
         """Command when the table changes, read and log every cycle, until the protocol's end."""
-        protocol, controller = self.protocol, self.controller
-        steps = list(protocol.steps_s)
-        told_pa: float | None = None
+        duration_s = self.protocol.duration_s
         misses, answered_s = 0, time.monotonic()
-        measured_pa = 0.0
         self.wait_until(0.0)
-        self.event("start", protocol.name)
+        self.event("start", self.protocol.name)
         now_s = due_s = self.now_s()
-        while now_s < protocol.duration_s:
+        while (protocol_s := self.operator.protocol_s(now_s)) < duration_s:
             self.interrupts.check()
+            for kind, text in self.operator.said():
+                self.event(kind, text)
             try:
-                wanted_pa = float(protocol(now_s))
-                if controller.rounded(wanted_pa) != told_pa:
-                    told_pa = None  # until it is acknowledged; otherwise the next cycle asks for what is due by then
-                    command = controller.set_pressure(protocol.channel, wanted_pa)
-                    told_pa = command.pressure_pa
-                    self.writer.command(command)
-                    if steps and steps[0] <= now_s:
-                        steps = [step_s for step_s in steps if step_s > now_s]
-                        self.event("step", f"to {told_pa:g} Pa", command.wall_ns)
-                for reading in controller.read():
-                    self.writer.reading(reading)
-                    if reading.channel == protocol.channel:
-                        measured_pa = reading.pressure_pa
+                self.command(protocol_s)
+                self.listen()
                 misses, answered_s = 0, time.monotonic()
             except (LinkLostError, LimitError):
                 raise
@@ -169,11 +178,36 @@ class _Session:
             self.cycles += 1
             self.run_s = self.now_s()
             if self.progress:
-                self.progress(min(self.run_s, protocol.duration_s), protocol.duration_s, measured_pa)
+                self.progress(min(protocol_s, duration_s), duration_s, self.measured_pa)
             due_s = max(due_s + self.period_s, self.run_s)  # a late cycle is not made up for by a burst
             self.wait_until(due_s)
             now_s = self.now_s()
         self.event("stop", "end of protocol")
+
+    def command(self, protocol_s: float) -> None:
+        """Tell each channel what its table says, when that is not what it was told last."""
+        for part in self.protocol.parts:
+            channel, wanted_pa = part.channel, float(part(protocol_s))
+            if self.controller.rounded(wanted_pa) == self.told_pa.get(channel):
+                continue
+            self.told_pa.pop(channel, None)  # until it is acknowledged; otherwise the next cycle asks for what is due
+            command = self.controller.set_pressure(channel, wanted_pa)
+            self.told_pa[channel] = command.pressure_pa
+            self.writer.command(command)
+            steps = self.steps_s[channel]
+            if steps and steps[0] <= protocol_s:
+                self.steps_s[channel] = [step_s for step_s in steps if step_s > protocol_s]
+                which = "" if part is self.protocol else f"channel {channel} "
+                self.event("step", f"{which}to {command.pressure_pa:g} Pa", command.wall_ns)
+
+    def listen(self) -> None:
+        """Read every channel in use."""
+        readings = self.controller.read()
+        for reading in readings:
+            self.writer.reading(reading)
+            if reading.channel == self.protocol.channel:
+                self.measured_pa = reading.pressure_pa
+        self.operator.heard(self.now_s(), readings, self.told_pa)
 
     def vent_and_finish(self, status: str, reason: str) -> None:
         """Vent before anything else, then say how it went, then finish the file."""
@@ -214,6 +248,7 @@ class _Session:
             self.controller.clock.sleep(BEAT_S)
             self.controller.beat()
             self.interrupts.check()
+            self.operator.check()
         self.controller.clock.sleep(left_s)
 
     def burst(self) -> None:
@@ -223,3 +258,4 @@ class _Session:
 
     def event(self, kind: str, text: str, wall_ns: int | None = None) -> None:
         self.writer.event(kind, text, self.controller.clock.wall_ns() if wall_ns is None else wall_ns)
+        self.operator.happened(self.now_s(), kind, text)

@@ -13,15 +13,17 @@ import numpy as np
 from model.parameters import StrawParameters, load_straw
 from model.simulate import Stepper
 from replay.about_run import about_run, note_run
+from replay.commands.rig_of import settings_of, take_rig
 from replay.errors import ReplayError
+from replay.filming import Filming
 from replay.live.feed import Live
 from replay.output import check_new, write_json
 from replay.progress import prepare, progress_bar, say
-from replay.settings import settings_of
 from rig.clock import SteppedClock
 from rig.controller import Controller, make_controller
 from rig.emulate import Emulation, emulator_of
 from rig.guarded import GuardedController
+from rig.orders import Orders
 from rig.protocol import PressureProtocol
 from rig.protocol_toml import load_protocol
 from rig.run import Run
@@ -34,10 +36,16 @@ from tracking.trace import TipTrace
 
 def run(args: argparse.Namespace) -> int:
     """Run the protocol and say what was recorded."""
+    rig = take_rig(args)
     protocol = load_protocol(args.protocol)
     straw = load_straw(args.straw)
     about_run(args)  # what is wrong with it is said before anything else happens
-    with live_of(args, straw, protocol) as live:
+    if rig is not None:
+        protocol.check_limits(rig.limits)
+    camera = rig.camera if rig and not args.no_film else None
+    if camera and args.fast:
+        raise ReplayError("--fast is no time to film: add --no-film, or leave out --fast")
+    with Filming(camera, args.output), live_of(args, straw, protocol) as live:
         return _run(args, straw, protocol, live)
 
 
@@ -49,7 +57,7 @@ def live_of(args: argparse.Namespace, straw: StrawParameters, protocol: Pressure
         raise ReplayError("--live shows a run in real time; leave out --fast")
     check_new(args.output)
     prepare()
-    return Live(straw, protocol, args.live)
+    return Live(straw, protocol, args.live, args.output, args.watched)
 
 
 def _run(args: argparse.Namespace, straw: StrawParameters, protocol: PressureProtocol, live: Live | None) -> int:
@@ -62,8 +70,8 @@ def _run(args: argparse.Namespace, straw: StrawParameters, protocol: PressurePro
         if args.emulate:
             outcome = drive_emulated(args, straw, protocol, live)
         else:
-            rig = GuardedController(args.controller, args.port, **settings_of(args))
-            outcome = drive(rig, protocol, args.output, straw.cells, args.rate, args.led, live, **about_run(args))
+            rig = GuardedController(args.controller, args.port, **channels_of(args, protocol))
+            outcome = drive(rig, protocol, args.output, straw.cells, args.rate, args.led, live, **about_of(args))
     finally:
         if args.output.exists():  # a run that failed or was interrupted is a recording, too
             note_run(args, args.output)
@@ -73,7 +81,20 @@ def _run(args: argparse.Namespace, straw: StrawParameters, protocol: PressurePro
         f"{protocol.name}: {outcome.cycles} samples at {outcome.rate_hz:.1f} Hz, {outcome.missed} missed; "
         f"recorded in {outcome.path}"
     )
-    return 0
+    if outcome.stopped:
+        say(f"{protocol.name}: {outcome.stopped}")
+    return 1 if outcome.stopped else 0
+
+
+def channels_of(args: argparse.Namespace, protocol: PressureProtocol) -> dict[str, Any]:
+    """The controller's settings; where nobody says which channels are in use, those that the protocol drives."""
+    return {"channels": tuple(part.channel for part in protocol.parts), **settings_of(args)}
+
+
+def about_of(args: argparse.Namespace) -> dict[str, str]:
+    """What the command line says of the specimen, over what the protocol says."""
+    given = {"specimen": args.specimen, "cycle": args.cycle, "rig": args.rig}
+    return {key: str(value) for key, value in given.items() if value is not None} | about_run(args)
 
 
 def drive_emulated(
@@ -83,13 +104,16 @@ def drive_emulated(
     clock = SteppedClock() if args.fast else None
     if args.tip:
         check_new(args.tip)
-    with emulation(straw, protocol.initial_deployed, args.controller, clock=clock) as emulated:
+    settings = channels_of(args, protocol)
+    with emulation(
+        straw, protocol.initial_deployed, args.controller, clock=clock, channels=settings["channels"]
+    ) as emulated:
         rig = (
-            make_controller(args.controller, emulated.url, clock=clock, **settings_of(args))
+            make_controller(args.controller, emulated.url, clock=clock, **settings)
             if clock
-            else GuardedController(args.controller, emulated.url, remembered=False, **settings_of(args))
+            else GuardedController(args.controller, emulated.url, remembered=False, **settings)
         )
-        outcome = drive(rig, protocol, args.output, straw.cells, args.rate, args.led, live, **about_run(args))
+        outcome = drive(rig, protocol, args.output, straw.cells, args.rate, args.led, live, **about_of(args))
     if args.tip:
         write_true_tip(args.tip, read_run(outcome.path), emulated.twin.history)
     return outcome
@@ -133,12 +157,14 @@ def drive(
     **metadata: str,
 ) -> Outcome:
     """Run a protocol on a controller and record it, with a bar; ``metadata`` joins ``straw.run``."""
-    with controller as opened, progress_bar(f"drive {protocol.name}", "ms") as progress:
+    with (
+        controller as opened,
+        orders_of(opened, protocol, output, live) as reached_at,
+        progress_bar(f"drive {protocol.name}", "ms") as progress,
+    ):
 
         def reached(now_s: float, whole_s: float, measured_pa: float) -> None:
             progress(round(now_s * 1e3), round(whole_s * 1e3))
-            if live:
-                live.send(now_s, measured_pa)
 
         return run_protocol(
             opened,
@@ -148,4 +174,25 @@ def drive(
             led=led,
             metadata={"cells": str(cells), **metadata},
             progress=reached,
+            operator=reached_at.operator if reached_at else None,
         )
+
+
+def orders_of(
+    controller: Controller, protocol: PressureProtocol, output: Path, live: Live | None
+) -> Orders | nullcontext[None]:
+    """Where orders to the run are taken, if it is to be watched."""
+    if live is None:
+        return nullcontext()
+    guardian = None
+    if isinstance(controller, GuardedController):
+        guardian = {"pid": controller.guardian_pid, "heartbeat_s": controller.heartbeat_s}
+    about = {
+        "url": live.url,
+        "protocol": protocol.name,
+        "specimen": protocol.specimen,
+        "duration_s": protocol.duration_s,
+        "limits": str(controller.limits.and_also(protocol.limits)),
+        "guardian": guardian,
+    }
+    return Orders(output, live, about)

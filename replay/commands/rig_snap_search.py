@@ -12,11 +12,11 @@ from model.parameters import StrawParameters, load_straw
 from model.simulate import Stepper
 from replay.about_run import about_run, note_run
 from replay.commands.rig_emulate import cells_of
+from replay.commands.rig_of import settings_of
 from replay.commands.rig_run import emulation
 from replay.errors import ReplayError
 from replay.output import check_new, write_json
 from replay.progress import say
-from replay.settings import settings_of
 from rig.clock import SteppedClock
 from rig.controller import Controller, make_controller
 from rig.emulate import Emulation

@@ -13,8 +13,10 @@ from replay.commands.runs_compare import compare_runs
 from replay.output import write_json
 from replay.progress import progress_bar
 from rig.catalogue import Entry, catalogue, family, find, kind_of, span_s
+from rig.columns import COLUMNS, metadata_names, ordered
 from rig.crate import export
 from rig.errors import RigError
+from rig.filter import compiled
 from rig.manifest import check, manifest_of, read_manifest, seal
 from rig.notes import notes_of, read_notes, say
 from rig.recover import recover
@@ -29,10 +31,15 @@ def run(args: argparse.Namespace) -> int:
 def list_runs(args: argparse.Namespace) -> int:
     """One line for each recording."""
     entries = [entry for entry in _catalogue(args) if _wanted(entry, args)]
+    where = compiled(args.where, metadata_names(entries))
+    entries = [entry for entry in entries if where(entry)]
+    if args.sort:
+        check_column(args.sort.removeprefix("-"), entries)
+        entries = ordered(entries, args.sort)
     if args.json:
         write_json(args.json, [asdict(entry) for entry in entries])
     if not entries:
-        print(f"no recordings in {args.dir}" + (" that match" if args.tag or args.specimen else ""))
+        print(f"no recordings in {args.dir}" + (" that match" if args.tag or args.specimen or args.where else ""))
         return 0
     rows = [("start (UTC)", "kind", "run", "specimen", "s", "status", "tags", "file")]
     rows += [
@@ -114,6 +121,14 @@ def tag(args: argparse.Namespace) -> int:
     for word in args.tags:
         say(path, "untag" if args.remove else "tag", word)
     print(f"{path}: tags {', '.join(read_notes(path).tags) or 'none'}")
+    return 0
+
+
+def mark(args: argparse.Namespace) -> int:
+    """Star, archive or lock a recording, or take that back."""
+    path = find(args.dir, args.run)
+    say(path, "unmark" if args.remove else "mark", args.action)
+    print(f"{path}: {', '.join(read_notes(path).marks) or 'no star, not archived, not locked'}")
     return 0
 
 
@@ -224,6 +239,12 @@ def _wanted(entry: Entry, args: argparse.Namespace) -> bool:
     return (not args.tag or args.tag in entry.tags) and (not args.specimen or args.specimen == entry.specimen)
 
 
+def check_column(name: str, entries: list[Entry]) -> None:
+    """Raise RigError where a name is neither a column nor among the recordings' metadata."""
+    if name not in COLUMNS and name not in metadata_names(entries):
+        raise RigError(f"no such column: {name}; known: {', '.join(COLUMNS)}, and what the recordings' metadata say")
+
+
 def _when(wall_ns: int) -> str:
     return datetime.fromtimestamp(wall_ns * 1e-9, UTC).strftime("%Y-%m-%d %H:%M:%S") if wall_ns else "-"
 
@@ -233,6 +254,9 @@ ACTIONS: dict[str, Callable[[argparse.Namespace], int]] = {
     "show": show,
     "tag": tag,
     "note": note,
+    "star": mark,
+    "archive": mark,
+    "lock": mark,
     "attach": attach,
     "compare": compare_runs,
     "verify": verify,

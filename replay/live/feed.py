@@ -2,33 +2,57 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
+import math
 import socket
-import struct
 import subprocess
 import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 from model.parameters import StrawParameters
 from replay.errors import ReplayError
+from rig.operator import Operator
+from rig.orders import control_of
 from rig.protocol import PressureProtocol
+from rig.reading import Reading
 
-#: A reading on its way to the page: seconds since the protocol's start, measured Pa. NaN seconds: the run has ended.
-READING = struct.Struct("<dd")
 HERE = "127.0.0.1:0"
 
 
-class Live:
-    """A page server beside a run; use as a context manager, then ``send`` every reading.
+class Live(Operator):
+    """A page server beside a run, and the operator of that run; use as a context manager.
 
     Model and server live in a process of their own: nothing they do can hold this one's interpreter lock. ``url`` is
-    where to look. ReplayError where the address cannot be had.
+    where to look. ``recording`` is where the run will be, hence where its orders are taken; ``watched``: another page
+    has the orders but for VENT. ReplayError where the address cannot be had.
     """
 
-    def __init__(self, straw: StrawParameters, protocol: PressureProtocol, address: str = HERE) -> None:
+    def __init__(
+        self,
+        straw: StrawParameters,
+        protocol: PressureProtocol,
+        address: str = HERE,
+        recording: Path | None = None,
+        watched: bool = False,
+    ) -> None:
+        super().__init__()
+        if importlib.util.find_spec("uvicorn") is None:
+            raise ReplayError("--live needs the web server's packages; install them with: pip install 'straw[lab]'")
         self.url = ""
-        self._task = {"straw": straw.to_toml(), "protocol": protocol.text, "name": protocol.name, "address": address}
+        self._main = str(protocol.channel)
+        control = str(control_of(recording).absolute()) if recording else ""
+        self._task = {
+            "straw": straw.to_toml(),
+            "protocol": protocol.text,
+            "name": protocol.name,
+            "address": address,
+            "control": control,
+            "watched": watched,
+        }
 
     def __enter__(self) -> Self:
         command = [sys.executable, "-m", "replay.live.server"]
@@ -51,15 +75,30 @@ class Live:
             raise
         return self
 
-    def send(self, time_s: float, measured_pa: float) -> None:
-        """Tell the page of a reading; what the page cannot take is lost to it, and to nobody else."""
+    def heard(self, now_s: float, readings: Sequence[Reading], told_pa: Mapping[int, float]) -> None:
+        """Tell the page of a cycle; what the page cannot take is lost to it, and to nobody else."""
+        self._send(
+            {
+                "t": now_s,
+                "main": self._main,
+                "pa": {reading.channel: reading.pressure_pa for reading in readings},
+                "told": dict(told_pa),
+                "flow": {r.channel: r.flow_m3_s for r in readings if math.isfinite(r.flow_m3_s)},
+            }
+        )
+
+    def happened(self, now_s: float, kind: str, text: str) -> None:
+        """Tell the page of an event."""
+        self._send({"t": now_s, "event": kind, "text": text})
+
+    def _send(self, message: Mapping[str, Any]) -> None:
         try:
-            self._socket.send(READING.pack(time_s, measured_pa))
+            self._socket.send(json.dumps(message).encode())
         except OSError:  # the page has gone, or is busy
             return
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
-        self.send(float("nan"), 0.0)
+        self._send({"end": True})
         self._socket.close()
         self._stop()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
 import signal
@@ -9,105 +10,137 @@ import socket
 import sys
 import threading
 import time
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import HTMLResponse
+from starlette.routing import Route, WebSocketRoute
+from starlette.types import ASGIApp
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
 from model.parameters import StrawParameters, straw_from_toml
-from replay.errors import USER_ERRORS, ReplayError
-from replay.live.feed import READING
+from replay.errors import USER_ERRORS
+from replay.lab.guard import Door, Guard
+from replay.lab.serve import Server, bound
 from replay.live.follow import Follower
 from replay.report.data import SHOWN, straw_data
 from replay.report.page import SCRIPTS, assemble
+from rig.errors import RigError
+from rig.orders import read_control, send_order
 from rig.protocol import PressureProtocol
 from rig.protocol_toml import protocol_from_toml
 
 UPDATES_HZ = 30.0
 #: After the run's end the page is served for so long, for what is on its way to get there.
 LINGER_S = 0.5
+LARGEST = 65536
+#: How often the page is told that this server is alive, when there is nothing else to tell, s.
+BEAT_S = 0.5
 
 
-def page_of(straw: StrawParameters, protocol: PressureProtocol) -> str:
-    """The report's page with an empty run in it, which fills as the run goes on."""
+def run_of(straw: StrawParameters, protocol: PressureProtocol, orders: bool) -> dict[str, Any]:
+    """An empty run for the report's page, which fills as the run goes on; ``orders``: with hold and stop."""
     signals = {
         name: {"title": title, "unit": unit, "factor": factor, "known": False, "metrics": None}
         for name, (title, unit, factor) in SHOWN.items()
     }
-    run: dict[str, Any] = {
+    return {
         "live": True, "id": protocol.name, "role": "running", "specimen": protocol.specimen, "cycle": protocol.cycle,
         "deployed": ",".join(map(str, protocol.initial_deployed)) or "none", "file": "", "sha": "", "lost": [],
         "events": [], "snaps": [], "snapping": [], "pairs": [], "signals": signals, "straw": straw_data(straw),
-        "toml": straw.to_toml(), "duration": protocol.duration_s, "zero": protocol.zero_s,
+        "toml": straw.to_toml(), "duration": protocol.duration_s, "zero": protocol.zero_s, "orders": orders,
+        "limits": [protocol.limits.min_pa / 1e3, protocol.limits.max_pa / 1e3],
     }  # fmt: skip
+
+
+def page_of(straw: StrawParameters, protocol: PressureProtocol, orders: bool) -> str:
+    """The report's page with the empty run in it."""
     says = "Running: the model under the pressure as it is measured."
-    return assemble(protocol.name, says, [run], "live", (*SCRIPTS, "live"))
+    run = run_of(straw, protocol, orders)
+    return assemble(protocol.name, says, [run], "live", (*SCRIPTS, "vent", "live"))
 
 
-class PageServer(ThreadingHTTPServer):
-    """The page at / and its feed at /events; loopback only, unless bound elsewhere on purpose."""
+class Page:
+    """The page at / and its feed at /feed, which takes orders: VENT from anyone let in, others if ``orders``."""
 
-    daemon_threads = True
+    def __init__(self, follower: Follower, page: str, control: Path | None, orders: bool) -> None:
+        self.follower, self.page, self.control, self.orders = follower, page, control, orders
 
-    def __init__(self, address: tuple[str, int], page: str, follower: Follower) -> None:
-        self.page, self.follower = page.encode(), follower
-        super().__init__(address, _Handler)
+    def application(self, door: Door) -> ASGIApp:
+        """Behind its guard."""
+        routes = [Route("/", self.show), WebSocketRoute("/feed", self.feed)]
+        return Guard(Starlette(routes=routes), door)
 
-    def handle_error(self, request: Any, client_address: Any) -> None:
-        """Who went away while being answered is no error."""
+    async def show(self, request: Request) -> HTMLResponse:
+        """The page."""
+        return HTMLResponse(self.page)
 
+    async def feed(self, asked: WebSocket) -> None:
+        """Every row from the run's start, new ones 30 times a second, then the end; meanwhile orders are taken."""
+        await asked.accept()
+        listening = asyncio.create_task(self._listen(asked))
+        with suppress(WebSocketDisconnect, RuntimeError):  # who went away while being answered is no error
+            await self._tell(asked)
+        listening.cancel()
 
-class _Handler(BaseHTTPRequestHandler):
-    server: PageServer
-
-    def do_GET(self) -> None:
-        """The page, or its feed."""
-        if self.path == "/":
-            self._head("text/html; charset=utf-8", str(len(self.server.page)))
-            self.wfile.write(self.server.page)
-        elif self.path == "/events":
-            self._head("text/event-stream")
-            self._feed()
-        else:
-            self.send_error(404)
-
-    def _head(self, kind: str, length: str = "") -> None:
-        self.send_response(200)
-        self.send_header("Content-Type", kind)
-        self.send_header("Cache-Control", "no-store")
-        if length:
-            self.send_header("Content-Length", length)
-        self.end_headers()
-
-    def _feed(self) -> None:
-        """Every row from the run's start, new ones 30 times a second, then the end."""
-        follower, sent, due_s = self.server.follower, 0, time.monotonic()
+    async def _tell(self, asked: WebSocket) -> None:
+        follower, rows_sent, events_sent, beat_s = self.follower, 0, 0, 0.0
+        shown = asked.query_params.get("rows") != "0"  # a page that only wants to be able to vent needs no curves
         while True:
-            ended, rows = follower.ended.is_set(), follower.rows[sent:]
-            sent += len(rows)
-            if rows:
-                self.wfile.write(f"data: {json.dumps(rows)}\n\n".encode())
-            if ended and sent == len(follower.rows):
-                self.wfile.write(b"event: end\ndata: 0\n\n")
+            ended = follower.ended.is_set()
+            rows, events = follower.rows[rows_sent:], follower.events[events_sent:]
+            rows_sent, events_sent = rows_sent + len(rows), events_sent + len(events)
+            rows = rows if shown else []
+            if rows or events or time.monotonic() > beat_s:
+                beat_s = time.monotonic() + BEAT_S
+                guardian = (
+                    (read_control(self.control) or {}).get("guardian") if self.control and not rows_sent else None
+                )
+                await asked.send_text(json.dumps({"rows": rows, "events": events, "guardian": guardian}))
+            if ended and rows_sent == len(follower.rows):
+                await asked.send_text('{"end": true}')
+                await asked.close()
                 return
-            due_s = max(due_s + 1 / UPDATES_HZ, time.monotonic())
-            time.sleep(due_s - time.monotonic() if due_s > time.monotonic() else 0)
+            await asyncio.sleep(1 / UPDATES_HZ)
 
-    def log_message(self, format: str, *args: Any) -> None:  # noqa: A002  # the base class calls it so
-        """Nothing: the rig's terminal is for the rig."""
+    async def _listen(self, asked: WebSocket) -> None:
+        with suppress(WebSocketDisconnect, RuntimeError):
+            while True:
+                try:
+                    order = json.loads(await asked.receive_text())
+                    answer = await asyncio.to_thread(self._order, str(order["do"]), str(order.get("who", "")))
+                except (ValueError, KeyError, TypeError):
+                    answer = {"error": "an order looks like {do, who}"}
+                await asked.send_text(json.dumps(answer))
+
+    def _order(self, do: str, who: str) -> dict[str, str]:
+        if do not in ("vent", "state") and not self.orders:
+            return {"error": "the lab's page has the orders of this run; from here it can be vented"}
+        if self.control is None:
+            return {"error": "this run takes no orders"}
+        try:
+            return {"state": send_order(self.control, do, who)}
+        except RigError as error:
+            return {"error": str(error)}
 
 
-def serve(task: dict[str, str]) -> tuple[PageServer, socket.socket]:
+def serve(task: dict[str, Any]) -> tuple[Server, Door, socket.socket, Follower]:
     """Make the page, bind its address and the feed's; ReplayError where the address cannot be had."""
-    host, _, port = task["address"].rpartition(":")
     straw = straw_from_toml(task["straw"])
     protocol = protocol_from_toml(task["protocol"], task["name"])
+    listener, host, port = bound(task["address"])
+    door = Door(host, port, embedded=True)
     follower = Follower(straw, protocol)
     follower.stepper.advance(1e-6, 0.0, 0.0)  # compiles, before the run begins
     feed = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     feed.bind(("127.0.0.1", 0))
-    try:
-        return PageServer((host, int(port)), page_of(straw, protocol), follower), feed
-    except (OSError, ValueError, OverflowError) as error:
-        raise ReplayError(f"{task['address']} cannot be listened at: {error}; give HOST:PORT of this machine") from None
+    orders = bool(task["control"]) and not task["watched"]
+    page = Page(follower, page_of(straw, protocol, orders), Path(task["control"]) if task["control"] else None, orders)
+    return Server(lambda: page.application(door), listener), door, feed, follower
 
 
 def main() -> None:
@@ -116,23 +149,22 @@ def main() -> None:
     if hasattr(os, "nice"):
         os.nice(5)  # whoever drives a rig goes first
     try:
-        server, feed = serve(json.loads(sys.stdin.readline()))
+        server, door, feed, follower = serve(json.loads(sys.stdin.readline()))
     except USER_ERRORS as error:
         print(json.dumps({"error": str(error)}), flush=True)
         return
-    host, port = server.server_address[:2]
-    print(json.dumps({"url": f"http://{host!s}:{port}/", "port": feed.getsockname()[1]}), flush=True)
-    threading.Thread(target=_take, args=(feed, server.follower), daemon=True).start()
-    threading.Thread(target=server.serve_forever, daemon=True).start()
+    print(json.dumps({"url": door.url, "port": feed.getsockname()[1]}), flush=True)
+    threading.Thread(target=_take, args=(feed, follower.take, follower), daemon=True).start()
+    server.start()
     sys.stdin.read()
-    server.follower.ended.set()
+    follower.ended.set()
     time.sleep(LINGER_S)
 
 
-def _take(feed: socket.socket, follower: Follower) -> None:
+def _take(feed: socket.socket, take: Callable[[dict[str, Any]], None], follower: Follower) -> None:
     while not follower.ended.is_set():
         try:
-            follower.reading(*READING.unpack(feed.recv(READING.size)))
+            take(json.loads(feed.recv(LARGEST)))
         except USER_ERRORS:  # the model cannot follow: the page stands still, the rig goes on
             follower.ended.set()
 

@@ -58,7 +58,7 @@ const withGaps = (time, columns) => {
 const arraysOf = (run) => {
   if (run.arrays) return run.arrays;
   if (run.live) { // nothing yet
-    const a = (run.arrays = { time: [], shapeTime: [], zeta: [], phi: [], inside: [], pressureTime: [], pressure: [], command: [] });
+    const a = (run.arrays = { time: [], shapeTime: [], zeta: [], phi: [], inside: [], pressureTime: [], pressure: [], command: [], others: {} });
     for (const name of Object.keys(run.signals)) a[name] = { measured: null, predicted: [] };
     return a;
   }

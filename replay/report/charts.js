@@ -123,6 +123,10 @@ function drawCharts(run) {
     title: "Pressure", note: "gauge; the measured one drives the model", height: 150, unit: "kPa",
     series: [line("measured", "measured", 3.2), line("command", "command", 1.4, [6, 4]), line("inside", "inside", 1.6, [2, 3])],
   }, () => [a.pressureTime, a.pressure, a.command, resample(a.shapeTime, a.inside, a.pressureTime)]);
+  // What other channels and sensors show, where there are any.
+  for (const name of Object.keys(a.others || {})) {
+    add({ title: html(name.split(" / ")[0]), note: "", height: 90, unit: name.split(" / ")[1] || "", series: [line("measured", "measured", 1.6)] }, () => [a.pressureTime, a.others[name]]);
+  }
   // The cells in time, as in the paper's Figs. 6 e, f and 7 e, f: those that snap in colour, the rest grey.
   const cells = [...Array(run.straw.cells).keys()];
   const quietFirst = cells.sort((p, q) => run.snapping.includes(p + 1) - run.snapping.includes(q + 1));

@@ -1,6 +1,6 @@
 // A run that goes on: rows arrive 30 times a second and everything grows; the view follows until somebody moves it.
 let following = true, waiting = false, updates = 0;
-const TOLD = ["time", "measured", "command", "inside", "x_m", "z_m", "phi_rad", "zeta", "phi"];
+const TOLD = ["time", "measured", "command", "inside", "x_m", "z_m", "phi_rad", "zeta", "phi", "others"];
 
 function take(run, rows) {
   const a = arraysOf(run), known = run.straw.bent / 2;
@@ -15,6 +15,10 @@ function take(run, rows) {
     for (const name of ["x_m", "z_m", "phi_rad"]) a[name].predicted.push(r[name]);
     a.zeta.push(r.zeta);
     a.phi.push(r.phi);
+    for (const [name, value] of Object.entries(r.others)) {
+      if (!a.others[name]) { a.others[name] = a.time.slice(1).map(() => null); run.changed = true; }
+      a.others[name].push(value);
+    }
     // a cell that bends is one that snaps: from now on it has a colour
     r.phi.forEach((phi, n) => {
       if (Math.abs(phi) < known || run.snapping.includes(n + 1)) return;
@@ -36,20 +40,61 @@ function grow(run) {
   if (following) setTime(end);
 }
 
+let orders, ended = false, heardAt = performance.now(), answered = "";
+
 function follow(run) {
-  const source = new EventSource("/events");
-  source.onmessage = (e) => {
-    take(run, JSON.parse(e.data));
-    if (!waiting) { waiting = true; requestAnimationFrame(() => grow(run)); }
+  orders = new WebSocket(`ws://${location.host}/feed`);
+  orders.onmessage = (e) => {
+    const said = JSON.parse(e.data);
+    heardAt = performance.now();
+    if (said.end) { ended = true; sentence("The run has ended; this is what the model did under the pressure that was measured."); return; }
+    if (said.state || said.error) { answered = said.error || said.state; showState(run); return; }
+    if (said.guardian) run.guardian = said.guardian;
+    for (const [time, kind, text] of said.events) {
+      run.events.push([time, kind]);
+      $("#log").insertAdjacentHTML("afterbegin", `<li><b>${time.toFixed(2)} s</b> ${html(kind)}: ${html(text)}</li>`);
+      if (kind === "hold") answered = "held";
+      if (kind === "resume") answered = "running";
+      if (kind === "vent" || kind === "abort") sentence(`${kind}: ${text}`);
+    }
+    if (said.rows.length) {
+      take(run, said.rows);
+      if (!waiting) { waiting = true; requestAnimationFrame(() => grow(run)); }
+    }
+    showState(run);
   };
-  source.addEventListener("end", () => {
-    source.close();
-    $(".sentence").textContent = "The run has ended; this is what the model did under the pressure that was measured.";
+  orders.onclose = () => { if (!ended) sentence("The page of this run is gone; what arrived is shown. The run's own process vents, or its guardian does."); showState(run); };
+}
+const sentence = (text) => { $(".sentence").textContent = text; };
+const order = (what) => { if (orders.readyState === WebSocket.OPEN) orders.send(JSON.stringify({ do: what, who: "the run's own page" })); };
+
+// What a person can do about a run from its own page; within the lab's page only what the lab does not have.
+function drawOrders(run) {
+  $("header").insertAdjacentHTML("beforeend", `<p id="orders">${run.orders ? `<button class="vent" data-do="vent">VENT <kbd>V</kbd></button>
+    <button data-do="hold">hold</button> <button data-do="resume">go on</button> <button data-do="stop">stop and vent</button>` : ""} <span id="state"></span></p>`);
+  $("#curves").insertAdjacentHTML("beforeend", `<details open><summary>Events</summary><ul id="log"></ul></details>`);
+  document.querySelectorAll("#orders button").forEach((b) => b.addEventListener("click", () => order(b.dataset.do)));
+  onVentKey(() => {
+    order("vent");
+    if (parent !== window) parent.postMessage("vent", "*"); // the page around this one has more ways to the rig
   });
-  source.onerror = () => { if (source.readyState === EventSource.CLOSED) $(".sentence").textContent = "The rig's process is gone; what arrived is shown."; };
+  setInterval(() => showState(run), 500);
+}
+function showState(run) {
+  const silent = (performance.now() - heardAt) / 1e3, lost = !ended && (silent > 1.5 || orders.readyState > 1);
+  $("#state").className = lost ? "off" : "";
+  $("#state").textContent = ended ? "ended" : lost ? `nothing heard for ${silent.toFixed(0)} s; on the machine: straw rig tell vent` :
+    `${answered || "running"}${run.guardian ? ` · guardian: process ${run.guardian.pid}, vents when the run is silent for ${run.guardian.heartbeat_s} s` : ""}`;
 }
 document.addEventListener("keydown", (e) => { if (["ArrowLeft", "n", "p", "Home", " "].includes(e.key)) following = false; if (e.key === "End") following = true; });
 $("#time").addEventListener("input", () => { following = false; });
 $("#charts").addEventListener("mouseenter", () => { following = false; });
 $("#charts").addEventListener("mouseleave", () => { following = true; });
-follow(runs[0]);
+if (runs[0].rows) { // predicted, not run: all of it is there
+  take(runs[0], runs[0].rows);
+  grow(runs[0]);
+  onVentKey(() => { if (parent !== window) parent.postMessage("vent", "*"); });
+} else {
+  drawOrders(runs[0]);
+  follow(runs[0]);
+}

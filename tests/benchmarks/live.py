@@ -10,6 +10,7 @@ import argparse
 import subprocess
 import sys
 import tempfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from replay.commands.rig_run import drive, emulation
 from replay.live.feed import Live
 from rig.guarded import GuardedController
 from rig.protocol_toml import protocol_from_toml
+from rig.reading import Reading
 from rig.run_read import read_run
 
 TURN_S, RATE_HZ = 2.0, 100.0
@@ -32,11 +34,12 @@ for_s = {duration}
 """
 #: Another process that looks: counts updates and the seconds they came in.
 CLIENT = """
-import sys, time, urllib.request
+import json, sys, time
+from websockets.sync.client import connect
 n, first = 0, None
-with urllib.request.urlopen(sys.argv[1] + "events") as feed:
-    for line in feed:
-        if line.startswith(b"data: ["):
+with connect(sys.argv[1].replace("http://", "ws://").replace("/?", "/feed?")) as feed:
+    for text in feed:
+        if json.loads(text).get("rows"):
             n, first, last = n + 1, first or time.monotonic(), time.monotonic()
 print(n, last - first)
 """
@@ -45,10 +48,10 @@ print(n, last - first)
 class ByTurns(Live):
     """A feed that is silent every other turn."""
 
-    def send(self, time_s: float, measured_pa: float) -> None:
-        """Feed in even turns, and at the end."""
-        if np.isnan(time_s) or int(time_s / TURN_S) % 2 == 0:
-            super().send(time_s, measured_pa)
+    def heard(self, now_s: float, readings: Sequence[Reading], told_pa: Mapping[int, float]) -> None:
+        """Feed in even turns."""
+        if int(now_s / TURN_S) % 2 == 0:
+            super().heard(now_s, readings, told_pa)
 
 
 def main() -> None:
@@ -62,7 +65,7 @@ def main() -> None:
         path = Path(folder) / "run.mcap"
         with emulation(straw, protocol.initial_deployed, "ob1-mk4") as emulated:
             drive(GuardedController("ob1-mk4", emulated.url), protocol, path, straw.cells, RATE_HZ, live=live)
-        live.send(float("nan"), 0.0)
+        live._send({"end": True})
         updates, over_s = client.communicate(timeout=20)[0].split()
         run = read_run(path)
     assert run.pressure is not None

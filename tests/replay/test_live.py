@@ -5,12 +5,18 @@ from __future__ import annotations
 import json
 import threading
 import time
+import urllib.error
 import urllib.request
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+
+pytest.importorskip("uvicorn", reason="the lab's packages are not installed")
+
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
 
 from model.parameters import StrawParameters
 from replay.cli import main
@@ -22,11 +28,17 @@ from rig.run_read import read_run
 from tests.replay.test_replay_command import FOLD
 
 
+def feed_of(url: str) -> str:
+    """The socket of a live page, with the page's token."""
+    return url.replace("http://", "ws://").replace("/?", "/feed?")
+
+
 def listen(url: str, heard: list[tuple[float, Any]]) -> None:
-    with urllib.request.urlopen(url + "events", timeout=30) as feed:
-        for line in feed:
-            if line.startswith(b"data: ["):
-                heard.append((time.monotonic(), json.loads(line[6:])))
+    with connect(feed_of(url)) as feed:
+        for text in feed:
+            said = json.loads(text)
+            if said.get("rows"):
+                heard.append((time.monotonic(), said["rows"]))
 
 
 def test_the_page_is_told_what_is_recorded_thirty_times_a_second(tmp_path: Path) -> None:
@@ -34,8 +46,14 @@ def test_the_page_is_told_what_is_recorded_thirty_times_a_second(tmp_path: Path)
     heard: list[tuple[float, Any]] = []
     with Live(straw, protocol) as live:
         assert live.url.startswith("http://127.0.0.1:")
-        with urllib.request.urlopen(live.url, timeout=10) as answer:
+        opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+        with opener.open(live.url, timeout=10) as answer:
             page = answer.read().decode()
+        with pytest.raises(urllib.error.HTTPError, match="403"):  # without the token there is nothing to see
+            urllib.request.urlopen(live.url.split("?")[0], timeout=10)
+        for token, origin in (("?token=guess", None), ("", None), ("", live.url.split("/?")[0])):
+            with pytest.raises(InvalidStatus):
+                connect(feed_of(live.url).split("?")[0] + token, origin=origin)
         listener = threading.Thread(target=listen, args=(live.url, heard))
         listener.start()
         with emulation(straw, protocol.initial_deployed, "ob1-mk4") as emulated:
@@ -43,7 +61,7 @@ def test_the_page_is_told_what_is_recorded_thirty_times_a_second(tmp_path: Path)
     listener.join(timeout=10)
     assert not listener.is_alive()
     assert '"live": true' in page
-    assert "EventSource" in page
+    assert "new WebSocket" in page
     rows = [row for _, rows in heard for row in rows]
     run = read_run(tmp_path / "run.mcap")
     assert run.pressure is not None

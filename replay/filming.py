@@ -1,0 +1,59 @@
+"""Filming: the camera of a rig started before a run and stopped after it, its film laid beside the recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from replay.progress import say
+from rig.camera.gopro import GoPro
+from rig.errors import RigError
+from rig.manifest import seal
+from rig.rig_file import CameraFile
+
+
+class Filming:
+    """``with Filming(camera, recording)`` films what happens inside, then fetches it.
+
+    A camera that does not start is an error before anything moves; one that fails later costs no run: it is said, the
+    film is safe on its card.
+    """
+
+    def __init__(self, camera: CameraFile | None, recording: Path) -> None:
+        self.camera, self.recording = camera, recording
+        self.films: tuple[Path, ...] = ()
+        self._gopro: GoPro | None = None
+
+    def __enter__(self) -> Self:
+        if self.camera is None:
+            return self
+        if self.camera.kind != "gopro":
+            say("press the camera's shutter now, and again when the run has ended")
+            return self
+        self._gopro = GoPro(self.camera.address).__enter__()
+        try:
+            self._gopro.start()
+        except BaseException:
+            self._gopro.__exit__(None, None, None)
+            raise
+        say(f"the camera {self.camera.address} films")
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
+        if self.camera is not None and self._gopro is None:
+            say(
+                f"press the shutter again; the film belongs to the run by: straw runs attach {self.recording.stem} FILM"
+            )
+        if self._gopro is None:
+            return
+        try:
+            with self._gopro as camera:
+                clips = camera.stop()
+                names = [self.recording.with_name(f"{self.recording.stem}-{clip.name}") for clip in clips]
+                self.films = tuple(camera.fetch(clip, path) for clip, path in zip(clips, names, strict=True))
+            if self.films and self.recording.exists():
+                seal(self.recording, self.films)
+            say(f"the film: {', '.join(map(str, self.films)) or 'the camera wrote none'}")
+        except RigError as failed:
+            say(f"{failed}; the run is recorded all the same")

@@ -1,0 +1,187 @@
+"""Record: one recording, several beside each other, or a specimen's history, as the lab's pages show them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from replay.lab.library import Library
+from replay.lab.table import UNTELLING, row
+from rig.catalogue import Entry
+from rig.columns import COLUMNS, value_of
+from rig.errors import RigError
+from rig.manifest import read_manifest
+from rig.notes import read_notes
+from rig.run_channels import details
+
+#: Runs whose curves are laid over each other at a time.
+MOST = 24
+FINDINGS = "findings.json"
+FACTS = ("run", "start", "specimen", "protocol", "cycle", "deployed", "duration", "lowest", "highest", "status")
+
+
+def record(library: Library, name: str, work: Path | None) -> dict[str, Any]:
+    """All that the page of one recording shows."""
+    entry = library.entry(name)
+    notes = read_notes(library.path(entry))
+    said = library.details(entry, details)
+    tracks = _tracks(library, entry)
+    return {
+        "name": entry.name,
+        "kind": entry.kind,
+        "sha256": entry.sha256,
+        "problem": entry.problem,
+        "facts": {COLUMNS[key].title: _plain(value_of(entry, key)) for key in FACTS},
+        "tags": entry.tags,
+        "marks": entry.marks,
+        "notes": [[line, when, text] for line, (when, text) in zip(notes.lines, notes.notes, strict=True)],
+        "tracks": [track.name for track in tracks],
+        "lineage": lineage(library, entry, work),
+        **said,
+        "signals": _signals(library, entry),
+    }
+
+
+def lineage(library: Library, entry: Entry, work: Path | None) -> list[dict[str, str]]:
+    """What a recording came from and what came from it, each as (relation, name, SHA-256)."""
+    by_sha = {e.sha256: e for e in library.entries if e.sha256}
+    found = []
+    above, seen = entry, {entry.sha256}
+    while above.parent and above.parent not in seen:
+        seen.add(above.parent)
+        parent = by_sha.get(above.parent)
+        relation = "derived from" if above is entry else "which was derived from"
+        found.append({"relation": relation, "name": parent.name if parent else "", "sha256": above.parent})
+        if parent is None:
+            break
+        above = parent
+    path = library.path(entry)
+    with suppress(RigError):
+        for name, digest in read_manifest(path).items():
+            if name != path.name:
+                found.append({"relation": "belongs to it", "name": "", "file": name, "sha256": digest})
+    waiting = [entry.sha256]
+    while waiting:
+        sha = waiting.pop()
+        for child in library.entries:
+            if sha and child.parent == sha and child.sha256 not in seen:
+                seen.add(child.sha256)
+                waiting.append(child.sha256)
+                found.append({"relation": child.kind, "name": child.name, "sha256": child.sha256})
+    for made in findings(work):
+        if entry.sha256 in made["inputs"].values():
+            found.append({"relation": made["title"], "name": "", "job": made["id"], "says": made["verdict"]})
+    return found
+
+
+def compared(library: Library, names: Sequence[str]) -> dict[str, Any]:
+    """Curves of several runs, with their tracks' tips, and the settings in which they differ."""
+    if not names or len(names) > MOST:
+        raise RigError(f"{len(names)} recordings are chosen; choose 1 to {MOST} to lay over each other")
+    entries = [library.entry(name) for name in names]
+    keys = sorted({key for e in entries for key in e.metadata} - UNTELLING - {"initial_deployed"})
+    settings = {}
+    for key in ("specimen", "protocol", "cycle", "deployed", *keys):
+        values = [_plain(value_of(entry, key)) for entry in entries]
+        if len(set(values)) > 1:
+            settings[key] = values
+    varies = next(iter(settings), "")
+    runs = []
+    for entry in entries:
+        value = _plain(value_of(entry, varies)) if varies else ""
+        label = f"{entry.run_id or entry.name}{f' · {varies} {value}' if value else ''}"
+        runs.append({"name": entry.name, "label": label, "signals": _signals(library, entry)})
+    return {"runs": runs, "settings": settings}
+
+
+def specimen(library: Library, name: str, work: Path | None) -> dict[str, Any]:
+    """A specimen's runs in order, its cycles so far, constants as they were found, findings so far."""
+    mine = [e for e in library.entries if e.specimen == name]
+    runs = sorted((e for e in mine if e.kind in ("run", "part", "running")), key=lambda e: e.start_ns)
+    if not runs:
+        raise RigError(f"no run of a specimen {name!r} is in {library.folder}")
+    shas = {e.sha256 for e in mine if e.sha256}
+    made = [m for m in findings(work) if shas & set(m["inputs"].values())]
+    return {
+        "name": name,
+        "runs": [row(e, ["run", "start", "protocol", "cycle", "status", "tag"], "", {}) for e in runs],
+        "cycles": max((e.cycle + 1 for e in runs), default=0),
+        "first": _plain(value_of(runs[0], "start")),
+        "last": _plain(value_of(runs[-1], "start")),
+        "seconds": sum(e.duration_s for e in runs),
+        "findings": [{key: m[key] for key in ("id", "title", "verdict", "causes")} for m in made],
+        "constants": _constants(made, runs),
+    }
+
+
+def findings(work: Path | None) -> list[dict[str, Any]]:
+    """Every job of the lab that found something: its inputs by SHA-256, its verdict, its constants; oldest first."""
+    found = []
+    for path in sorted(work.glob(f"*/{FINDINGS}")) if work and work.is_dir() else []:
+        try:
+            said = json.loads(path.read_text(encoding="utf-8"))
+            about = json.loads((path.parent / "inputs.json").read_text(encoding="utf-8"))
+            found.append(
+                {
+                    "id": path.parent.name,
+                    "title": str(about["title"]),
+                    "inputs": dict(about["inputs"] or {}),
+                    "verdict": str(said.get("verdict", "")),
+                    "causes": [str(cause) for cause in said.get("causes", [])],
+                    "said": said,
+                }
+            )
+        except (OSError, ValueError, KeyError, TypeError):
+            continue  # cut off while it was written
+    return found
+
+
+def _constants(made: list[dict[str, Any]], runs: list[Entry]) -> dict[str, list[dict[str, Any]]]:
+    """Points of each constant over cycles: value with its band, from ``straw identify runs`` and ``straw diagnose``."""
+    cycle = {e.run_id: e.cycle for e in runs}
+    points: dict[str, list[dict[str, Any]]] = {}
+
+    def add(name: str, names: Sequence[str], value: float, low: float, high: float, job: str) -> None:
+        at = max((cycle.get(run, 0) for run in names), default=0)
+        points.setdefault(name, []).append({"cycle": at, "value": value, "low": low, "high": high, "job": job})
+
+    for one in made:
+        said = one["said"]
+        with suppress(KeyError, TypeError, AttributeError):
+            for fit in [*said.get("each", []), *([said["joint"]] if "joint" in said and not said.get("each") else [])]:
+                for name, c in fit["constants"].items():
+                    add(name, fit["runs"], c["value"], c["low"], c["high"], one["id"])
+            for cause, constants in said.get("parameters", {}).items():
+                for name, c in constants.items():
+                    low, high = c["value"] - 2 * c["sigma"], c["value"] + 2 * c["sigma"]
+                    add(f"{cause}: {name}", said["fit"]["train"]["runs"], c["value"], low, high, one["id"])
+    return points
+
+
+def _tracks(library: Library, entry: Entry) -> list[Entry]:
+    return [e for e in library.entries if e.parent == entry.sha256 and e.kind == "track"] if entry.sha256 else []
+
+
+def _signals(library: Library, entry: Entry) -> dict[str, Any]:
+    """A recording's signals, with the tip of its track on its own clock."""
+    said = library.details(entry, details)
+    signals = dict(said.get("signals", {}))
+    for track in _tracks(library, entry)[:1]:
+        signals |= _shifted(library.details(track, details), int(said.get("zero_ns", 0)))
+    return signals
+
+
+def _shifted(said: dict[str, Any], zero_ns: int) -> dict[str, Any]:
+    """Signals of a track on the clock of its run."""
+    shift_s = (int(said.get("zero_ns", zero_ns)) - zero_ns) * 1e-9
+    tips = {name: s for name, s in said.get("signals", {}).items() if name in ("X", "Z", "Phi")}
+    return {name: {**s, "time_s": [round(t + shift_s, 5) for t in s["time_s"]]} for name, s in tips.items()}
+
+
+def _plain(value: Any) -> str:
+    if value is None:
+        return ""
+    return f"{value:g}" if isinstance(value, float) else ", ".join(value) if isinstance(value, tuple) else str(value)

@@ -1,0 +1,84 @@
+"""Serve: an application behind its guard on one address; what uvicorn is told, in one place."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from replay.errors import ReplayError
+from replay.lab.guard import LOOPBACK, Door
+
+#: A stream that is open must not hold up the end: uvicorn would wait for it for ever.
+GRACE_S = 1
+
+
+def bound(address: str, *, elsewhere: bool = True) -> tuple[socket.socket, str, int]:
+    """A listening socket, its host and port, for ``HOST:PORT`` (port 0: any); ReplayError where it cannot be had.
+
+    Other addresses than this machine's own are refused unless ``elsewhere``.
+    """
+    host, _, port = address.rpartition(":")
+    host = host.strip("[]") or "127.0.0.1"
+    if host not in LOOPBACK and not elsewhere:
+        raise ReplayError(f"{address} is open to others than this machine; if that is wanted, say so with --remote")
+    try:
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        listener = socket.socket(family, socket.SOCK_STREAM)
+        try:
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            listener.bind((host, int(port)))
+            listener.listen(128)
+        except BaseException:
+            listener.close()
+            raise
+    except (OSError, ValueError, OverflowError) as error:
+        why = getattr(error, "strerror", None) or str(error)
+        raise ReplayError(
+            f"{address} cannot be listened at: {why}; give HOST:PORT of this machine, or port 0"
+        ) from None
+    return listener, host, listener.getsockname()[1]
+
+
+class Server:
+    """An application on a socket; ``run`` serves until ``stop``, ``start`` does so in a thread."""
+
+    def __init__(self, make: Callable[[], Any], listener: socket.socket) -> None:
+        import uvicorn
+
+        self._listener = listener
+        self._server = uvicorn.Server(
+            uvicorn.Config(
+                make,
+                factory=True,
+                ws="websockets-sansio",
+                lifespan="off",
+                log_config=None,
+                access_log=False,
+                server_header=False,
+                timeout_graceful_shutdown=GRACE_S,
+            )
+        )
+
+    def run(self) -> None:
+        """Serve here."""
+        try:
+            self._server.run(sockets=[self._listener])
+        finally:
+            self._listener.close()
+
+    def start(self) -> threading.Thread:
+        """Serve in a thread that ends with the process."""
+        thread = threading.Thread(target=self.run, name="web server", daemon=True)
+        thread.start()
+        return thread
+
+    def stop(self) -> None:
+        """End soon."""
+        self._server.should_exit = True
+
+
+def door_of(host: str, port: int, *, embedded: bool = False) -> Door:
+    """The door of a server that listens there."""
+    return Door(host, port, embedded=embedded)

@@ -1,0 +1,15 @@
+// A command that the lab started: how it goes, what it printed, and the page that it made.
+const id = here.get("id") || "";
+async function look() {
+  let job;
+  try { job = await ask(pageOf("/api/job", { id })); } catch (error) { $("#how").textContent = error.message; return; }
+  $("#title").textContent = job.title;
+  $("#how").textContent = job.running ? `works… ${job.seconds.toFixed(0)} s` : job.well ? `done in ${job.seconds.toFixed(0)} s` : `it did not work (${job.seconds.toFixed(0)} s)`;
+  $("#text").textContent = job.said;
+  $("#stop").hidden = !job.running;
+  if (job.page && $("#stage").hidden) { $("#stage").hidden = false; $("#stage").src = `/made/${id}`; }
+  if (job.running) setTimeout(look, 700);
+  else document.documentElement.dataset.ready = Math.round(performance.now());
+}
+$("#stop").addEventListener("click", () => attempt(() => tell("stopjob", { id })));
+look();

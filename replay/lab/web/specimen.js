@@ -1,0 +1,24 @@
+// A specimen's life: its cycles so far, its constants as they were found, findings, and every run in order.
+let life = null;
+function drawConstants() {
+  const box = $("#constants"), all = Object.entries(life.constants);
+  box.innerHTML = all.length ? "" : '<p class="soft">none yet: choose runs with tracks in the table of runs, then "identify constants" or "diagnose"</p>';
+  for (const [name, points] of all) {
+    const sorted = [...points].sort((a, b) => a.cycle - b.cycle), low = Math.min(...sorted.map((p) => p.low)), high = Math.max(...sorted.map((p) => p.high)), wide = high - low || Math.abs(high) || 1;
+    const first = sorted[0].cycle, span = sorted.at(-1).cycle - first || 1, x = (c) => 20 + (260 * (c - first)) / span, y = (v) => 74 - (64 * (v - low)) / wide;
+    box.insertAdjacentHTML("beforeend", `<figure><b>${html(name)}</b> <span class="soft">${sorted.at(-1).value.toPrecision(4)} (${sorted.at(-1).low.toPrecision(3)} to ${sorted.at(-1).high.toPrecision(3)}) at cycle ${sorted.at(-1).cycle}</span>
+      <svg viewBox="0 0 300 90" style="width:100%;max-width:520px">${sorted.map((p) => `<line x1="${x(p.cycle)}" x2="${x(p.cycle)}" y1="${y(p.low)}" y2="${y(p.high)}" stroke="var(--inside)" stroke-width="5" opacity="0.35"/><circle cx="${x(p.cycle)}" cy="${y(p.value)}" r="3.4" fill="var(--inside)"><title>${p.value.toPrecision(5)} at cycle ${p.cycle}</title></circle>`).join("")}
+      <text x="4" y="88" font-size="9" fill="var(--soft)">cycle ${first}</text><text x="296" y="88" font-size="9" text-anchor="end" fill="var(--soft)">${first + (sorted.at(-1).cycle - first)}</text></svg></figure>`);
+  }
+}
+attempt(async () => {
+  life = await ask(pageOf("/api/specimen", { name: here.get("name") || "" }));
+  document.title = `${life.name} · straw lab`;
+  $("#title").textContent = life.name;
+  $("#sums").textContent = `${life.runs.length} runs, ${life.cycles} cycles so far, ${(life.seconds / 60).toFixed(1)} minutes under test, from ${life.first.slice(0, 10)} to ${life.last.slice(0, 10)}.`;
+  $("#findings").innerHTML = life.findings.map((f) => `<li><a href="${html(pageOf("/job", { id: f.id }))}">${html(f.title)}</a>: <b>${html(f.verdict || "constants")}</b> ${html(f.causes.join(", "))}</li>`).join("") || '<li class="soft">none yet</li>';
+  $("#runs").innerHTML = "<tr><th></th><th class='words'>run</th><th class='words'>start</th><th class='words'>protocol</th><th>cycle</th><th class='words'>status</th><th class='words'>tags</th></tr>" +
+    life.runs.map((r) => `<tr><td class="stamp">${stamp(r.preview)}</td><td class="words"><a href="${html(pageOf("/run", { name: r.name }))}">${html(r.cells[0])}</a></td><td class="words">${html(r.cells[1] || "")}</td><td class="words">${html(r.cells[2] || "")}</td><td>${r.cells[3]}</td><td class="words status-${html(r.cells[4] || "")}">${html(r.cells[4] || "")}</td><td class="words">${tagsOf(r.cells[5])}</td></tr>`).join("");
+  drawConstants();
+  document.documentElement.dataset.ready = Math.round(performance.now());
+});
