@@ -38,7 +38,7 @@ def section(straw: StrawParameters, flange: Flange | None = None, folded: bool =
 
     The odd frusta are as unloaded, the even ones their mirror image, deployed: so a body is moulded or printed. Its
     even frusta are then unloaded when deployed, unless they are folded and set. ``folded`` draws the unloaded shape
-    itself, for which only thin walls leave room. Raises ModelError where a wall is too thick to bend round a crease.
+    itself, for which thick walls leave no room. Raises ModelError where a wall is too thick to bend round a crease.
     """
     made = flange or Flange()
     middle = [(straw.r_i_m, 0.0)]
