@@ -15,6 +15,8 @@ Floats = NDArray[np.float64]
 
 #: The paper's checkerboard, side in m, which a flange has to carry.
 BOARD_M = 38.5e-3
+#: How far above a folded last cell's rim the flange lies, m.
+NECK_M = 2e-3
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,7 @@ def section(straw: StrawParameters, flange: Flange | None = None, folded: bool =
 
     The odd frusta are as unloaded, the even ones their mirror image, deployed: so a body is moulded or printed. Its
     even frusta are then unloaded when deployed, unless they are folded and set. ``folded`` draws the unloaded shape
-    itself, for which only thin walls leave room. Raises ModelError where a wall is too thick to bend round a crease.
+    itself, for which thick walls leave no room. Raises ModelError where a wall is too thick to bend round a crease.
     """
     made = flange or Flange()
     middle = [(straw.r_i_m, 0.0)]
@@ -52,6 +54,10 @@ def section(straw: StrawParameters, flange: Flange | None = None, folded: bool =
             z += rise
             middle.append((radius, z))
             thickness.append(h)
+    if folded:  # the last frustum lies inside its cell: a neck brings the flange above the rim
+        z += float(-straw.zeta0_m[-1, 1]) + NECK_M
+        middle.append((straw.r_i_m, z))
+        thickness.append(float(straw.h_m[-1, 1]))
     if made.radius_m <= straw.r_o_m:
         raise ModelError(f"solid: flange of {made.radius_m * 1e3:.4g} mm radius, expected above r_o_m = {straw.r_o_m}")
     inner, outer = (_offset(np.array(middle), np.array(thickness), side) for side in (-1, 1))

@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _run(args: argparse.Namespace, straw: StrawParameters) -> int:
     from model.shell.converge import chosen_mesh
-    from model.shell.equilibria import balances
+    from model.shell.equilibria import balances, guesses_of
     from replay.shell.table import frustum_table, printed, reduced_frustum
 
     problem = _problem(args, straw)
@@ -65,7 +65,7 @@ def _run(args: argparse.Namespace, straw: StrawParameters) -> int:
         print(printed(rows))
         result["table"] = [{**asdict(row), "difference": row.difference} for row in rows]
     else:
-        guesses = _cell_guesses(problem) if not one else [(z, 0.0) for z in _heights(problem)]
+        guesses = _cell_guesses(problem) if not one else [*guesses_of(reduced_frustum(problem)), *_heights(problem)]
         found = balances(problem, guesses)
         print("equilibria (zeta mm, |phi| rad, energy mJ):")
         for b in found:
@@ -105,8 +105,8 @@ def _freedom(text: str) -> str | float:
         return text
 
 
-def _heights(problem) -> list[float]:  # type: ignore[no-untyped-def]
-    return list(np.linspace(-1, 1, 9) * abs(problem.profile.height_m))
+def _heights(problem) -> list[tuple[float, float]]:  # type: ignore[no-untyped-def]
+    return [(float(z), 0.0) for z in np.linspace(-1, 1, 9) * abs(problem.profile.height_m)]
 
 
 def _cell_guesses(problem) -> list[tuple[float, float]]:  # type: ignore[no-untyped-def]

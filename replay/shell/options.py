@@ -66,6 +66,10 @@ def solid_options(p: argparse.ArgumentParser) -> None:
     p.add_argument(
         "-o", "--output", type=Path, required=True, metavar="S.stl|S.step", help="triangles or exact surfaces, mm"
     )
-    p.add_argument("--folded", action="store_true", help="the unloaded shape; only thin walls leave room for it")
+    p.add_argument(
+        "--folded",
+        action="store_true",
+        help="the unloaded shape: as made it then has the parameters; else drawn deployed",
+    )
     p.add_argument("--flange-mm", metavar="R,T", help="radius and thickness of the board's flange (28.2,2)")
     p.add_argument("--around", type=int, default=180, metavar="N", help="corners of the circles in STL (180)")
