@@ -134,7 +134,8 @@ def add_frusta(c: Constants, m: Motion, known: Floats, now: Floats, step_s: floa
             load.cell[i, 2 + j] += moment
 
 
-@compiled
+# not `compiled`: a row of c.wall that code without reference counts has taken must not be counted down here
+@allocates_nothing
 def frusta_energy(c: Constants, m: Motion) -> float:
     """Energy stored in the frusta by the terms that derive from one, J."""
     total = 0.0
