@@ -13,4 +13,5 @@ TERM = Term(
     source="model.shell, a director shell (Simo and Fox 1989); equation 7 is Almen and Laszlo's disk spring",
     strengths=("share",),
     constants=(Constant("share", "1", 0.0, 0.1, 1.5, "s; 1 is the finite elements' energy, 0 equation 7"),),
+    cause=False,  # no hypothesis of the diagnosis until it has been tried on concealed straws
 )
