@@ -1,14 +1,15 @@
 """The proposal for a campaign: every cause with a score, hypotheses in the order to be tried, and starts for fits.
 
 It proposes only: scores are no verdict, and exact fits decide. Asked twice, beside the given straw and beside the one
-with base constants as estimated the first time (Papamakarios and Murray 2016: sequential proposals).
+with base constants as estimated the first time (Papamakarios and Murray 2016: sequential proposals): scores are of
+both, starts of the second.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,7 +114,8 @@ def propose(
         second = None
     if second is None:
         return _proposal(first, straw, np.zeros(len(base)), names, learned, left_out)
-    return _proposal(second, straw, u, names, learned, left_out)
+    both = replace(second, logits=(first.logits + second.logits) / 2)
+    return _proposal(both, straw, u, names, learned, left_out)
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,7 +28,7 @@ from replay.progress import progress_bar, say
 
 #: Every tenth group is held out, and as many again say where the familiar ends and how sure the answers may be.
 FOLDS, HELD_OUT, CALIBRATE = 10, 2, 3
-BATCH, EPOCHS, MEMBERS, DIRECTIONS, LEVELS = 48, 40, 3, 40, 201
+BATCH, EPOCHS, MEMBERS, DIRECTIONS, LEVELS = 48, 30, 3, 40, 201
 Indices = NDArray[np.int64]
 
 
