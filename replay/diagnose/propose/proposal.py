@@ -22,6 +22,7 @@ from replay.diagnose.observation import Observation
 from replay.diagnose.propose.dataset import Number
 from replay.diagnose.propose.features import features
 from replay.diagnose.propose.learned import Learned, shipped
+from replay.diagnose.propose.network import LOG_SD
 from replay.diagnose.propose.seen import observed
 
 Floats = NDArray[np.float64]
@@ -140,18 +141,16 @@ def _asked(
     many, names = len(learned.about["causes"]), learned.about["numbers"]
     means, log_sds = said[:, many : many + len(names)], said[:, many + len(names) :]
     mean = means.mean(axis=0)
-    spread = np.sqrt(np.mean(np.exp(2 * np.clip(log_sds, -4, 3)), axis=0) + means.var(axis=0))
-    told = {name: (float(m), float(s)) for name, m, s in zip(names, mean, spread, strict=True)}
+    spread = np.sqrt(np.mean(np.exp(2 * np.clip(log_sds, *LOG_SD)), axis=0) + means.var(axis=0))
+    scales = learned.about["scales"]
+    told = {name: (float(m) * k, float(s) * k) for name, m, s, k in zip(names, mean, spread, scales, strict=True)}
     distance = learned.familiar.quantile(learned.scaling(x))
     return _Said(said[:, :many] / learned.about["temperature"], told, distance), left_out
 
 
 def _number(said: _Said, number: Number) -> tuple[float, float] | None:
     """u of a number and its spread; None where nobody has taught it."""
-    if number.name not in said.numbers:
-        return None
-    mean, spread = said.numbers[number.name]
-    return mean * number.unit, spread * number.unit
+    return said.numbers.get(number.name)
 
 
 def _base(said: _Said, straw: StrawParameters) -> tuple[Start, ...]:
