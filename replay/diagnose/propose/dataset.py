@@ -16,7 +16,7 @@ from model.parameters import StrawParameters
 from replay.diagnose.hypothesis import Unknown, base_unknowns
 from replay.diagnose.library import causes
 from replay.diagnose.propose import features as features_module
-from replay.diagnose.propose import recorded, seen
+from replay.diagnose.propose import movement, recorded, seen
 from replay.diagnose.propose.features import features
 from replay.diagnose.propose.network import Batch, Truth
 from replay.diagnose.propose.recorded import recorded as recording_of
@@ -82,7 +82,7 @@ class Examples:
 
 def recipe() -> str:
     """Hash of what makes features of a simulated group: another recipe makes them again."""
-    return hash_of_code(features_module, seen, recorded)
+    return hash_of_code(features_module, movement, seen, recorded)
 
 
 def hash_of_code(*modules: ModuleType) -> str:
