@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from replay.diagnose.observation import observe
 from replay.diagnose.propose.dataset import Number, numbers
 from replay.diagnose.propose.learned import Learned, load, shipped
+from replay.diagnose.propose.network import LOG_SD
 from replay.diagnose.propose.proposal import Proposal, propose
 from replay.diagnose.propose.train import HELD_OUT, gathered
 from replay.diagnose.propose.train import asked as asked_of
@@ -135,8 +136,9 @@ def held_out(folder: Path, learned: Learned) -> str:
     scores = (1 / (1 + np.exp(-said[..., : len(names)] / learned.about["temperature"]))).mean(axis=0)
     wanted, n = numbers(straw), len(learned.about["numbers"])
     means = said[..., len(names) : len(names) + n].mean(axis=0)
-    spread = np.exp(np.clip(said[..., len(names) + n :], -3, 2)).mean(axis=0)
-    off = means - examples.values
+    spread = np.exp(np.clip(said[..., len(names) + n :], *LOG_SD)).mean(axis=0)
+    scales = np.array(learned.about["scales"])
+    off = means * scales - examples.values
     units = _largest_units(examples.values, wanted, names)
     many = examples.present.sum(axis=1)
     places = np.argsort(np.argsort(-scores, axis=1), axis=1)
@@ -156,8 +158,8 @@ def held_out(folder: Path, learned: Learned) -> str:
     for k, number in enumerate(wanted):
         there = np.isfinite(off[:, k])
         if (not number.cause or number.unknown.kind == "strength") and there.sum() > 5:
-            e, s = off[there, k] * number.unit, spread[there, k] * number.unit
-            rms, scatter = np.sqrt(np.mean(e**2)), np.std(examples.values[there, k]) * number.unit
+            e, s = off[there, k], spread[there, k] * scales[k]
+            rms, scatter = np.sqrt(np.mean(e**2)), np.std(examples.values[there, k])
             lines.append(f"  {number.name:58s} off by {rms:5.2f} u, stated {s.mean():5.2f}, of {scatter:5.2f}")
     return "\n".join(lines)
 
@@ -167,7 +169,7 @@ def _largest_units(values: Singles, wanted: list[Number], names: list[str]) -> F
     out = np.zeros((len(values), len(names)))
     for k, number in enumerate(wanted):
         if number.cause in names and number.unknown.kind == "strength" and not number.size_only:
-            size = np.sinh(np.abs(np.nan_to_num(values[:, k].astype(np.float64))) * number.unit)
+            size = np.sinh(np.abs(np.nan_to_num(values[:, k].astype(np.float64))))
             column = names.index(number.cause)
             out[:, column] = np.maximum(out[:, column], size)
     return out

@@ -11,10 +11,12 @@ from model.parameters import StrawParameters
 from replay.diagnose.library import causes
 from replay.diagnose.observation import Observation, observe
 from replay.diagnose.propose import network
+from replay.diagnose.propose.dataset import Examples
 from replay.diagnose.propose.learned import SHIPPED, load, shipped
 from replay.diagnose.propose.proposal import Proposal, propose
 from replay.diagnose.propose.recorded import recorded
 from replay.diagnose.propose.simulate_campaigns import Group, simulated_group
+from replay.diagnose.propose.train import scales_of
 from replay.errors import ReplayError
 from replay.gather import gather
 
@@ -51,6 +53,14 @@ def test_the_network_s_slopes_are_those_of_its_loss() -> None:
             moved = {**w, name: x + step * along}
             losses.append(network.loss(network.answer(moved, batch), truth, means)[0])
         assert (losses[0] - losses[1]) / 2e-6 == pytest.approx(float(np.sum(slopes[name] * along)), rel=1e-5, abs=1e-8)
+
+
+def test_a_number_that_is_always_the_same_does_not_count_more_than_others() -> None:
+    """A squared error in units of no deviation at all would drown whatever else is learned."""
+    values = np.array([[1.0, 5.0], [1.0, -5.0], [1.0, np.nan]], dtype=np.float32)
+    none = np.zeros((3, 1))
+    examples = Examples(none.astype(np.float16), np.arange(3), none.astype(np.bool_), values, np.zeros(3, np.bool_))
+    np.testing.assert_allclose(scales_of(examples), [1.0, 5.0], rtol=0.01)
 
 
 def test_a_group_is_the_same_for_the_same_seed_and_after_it_was_kept(tmp_path: Path) -> None:

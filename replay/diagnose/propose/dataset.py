@@ -7,6 +7,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from model.parameters import StrawParameters
 from replay.diagnose.hypothesis import Unknown, base_unknowns
 from replay.diagnose.library import causes
 from replay.diagnose.propose import features as features_module
-from replay.diagnose.propose import recorded, seen
+from replay.diagnose.propose import movement, recorded, seen
 from replay.diagnose.propose.features import features
 from replay.diagnose.propose.network import Batch, Truth
 from replay.diagnose.propose.recorded import recorded as recording_of
@@ -32,11 +33,6 @@ class Number:
     cause: str  # empty for the base's constants
     unknown: Unknown
     size_only: bool = False
-
-    @property
-    def unit(self) -> float:
-        """What counts as one."""
-        return max(self.unknown.sd, 0.05) if self.unknown.kind != "strength" else 1.0
 
     @property
     def name(self) -> str:
@@ -79,18 +75,20 @@ class Examples:
             at += len(mine)
         return Batch(self.x[np.concatenate(rows)].astype(np.float32), np.array(starts))
 
-    def truth(self, which: NDArray[np.int64]) -> Truth:
-        """What is to be said of them."""
-        return Truth(self.present[which].astype(np.float32), self.values[which])
+    def truth(self, which: NDArray[np.int64], scales: Singles) -> Truth:
+        """What is to be said of them, each number in units of its scale."""
+        return Truth(self.present[which].astype(np.float32), self.values[which] / scales)
 
 
 def recipe() -> str:
-    """Hash of what makes features of a simulated group: another recipe makes them again; layout does not count."""
-    code = "".join(
-        ast.dump(ast.parse(Path(str(m.__file__)).read_text(encoding="utf-8")))
-        for m in (features_module, seen, recorded)
-    )
-    return hashlib.sha256(code.encode()).hexdigest()[:12]
+    """Hash of what makes features of a simulated group: another recipe makes them again."""
+    return hash_of_code(features_module, movement, seen, recorded)
+
+
+def hash_of_code(*modules: ModuleType) -> str:
+    """Hash of what some modules say, however it is laid out."""
+    code = (ast.dump(ast.parse(Path(str(m.__file__)).read_text(encoding="utf-8"))) for m in modules)
+    return hashlib.sha256("".join(code).encode()).hexdigest()[:12]
 
 
 def examples_of(path: Path, times: int) -> Examples:
@@ -123,12 +121,11 @@ def _truth(group: Group, base_u: Floats, cause_u: Floats) -> tuple[NDArray[np.bo
     columns = [name for name, _ in library_unknowns(group.nominal.cells)]
     there = np.isfinite(cause_u)
     present = np.stack([there[:, columns.index(name)] for name in causes(group.nominal.cells)], axis=1)
-    wanted = numbers(group.nominal)
     u = np.concatenate([base_u, cause_u], axis=1)
     signed = [len(base_u[0]) + k for k, (_, one) in enumerate(library_unknowns(group.nominal.cells))
               if one.kind == "strength" and one.low < 0]  # fmt: skip
     u = np.concatenate([u, np.abs(u[:, signed])], axis=1)
-    return present, (u / np.array([n.unit for n in wanted])).astype(np.float32)
+    return present, u.astype(np.float32)
 
 
 def joined(parts: Sequence[Examples]) -> Examples:

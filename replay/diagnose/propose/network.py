@@ -17,10 +17,10 @@ Singles = NDArray[np.float32]
 
 #: Widths: of the encoder's two layers and of the head's first.
 ENCODER, HEAD = (256, 128), 256
-RATE, DECAY, BETAS = 2e-3, 0.3, (0.9, 0.999)
-DROP_IN, DROP = 0.05, 0.3
+RATE, DECAY, BETAS = 2e-3, 0.1, (0.9, 0.999)
+DROP_IN, DROP = 0.02, 0.25
 #: Least and most logarithm of a stated deviation; how much the numbers count beside the causes.
-LOG_SD, NUMBERS, OUTLIER = (-3.0, 2.0), 0.15, 4.0
+LOG_SD, NUMBERS, OUTLIER = (-3.0, 2.0), 0.3, 2.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +37,8 @@ class Batch:
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """``present`` (campaigns, causes) 0 or 1; ``values`` (campaigns, numbers) in sigmas of the prior, NaN where there
-    is nothing to learn."""
+    """``present`` (campaigns, causes) 0 or 1; ``values`` (campaigns, numbers) in deviations, NaN where there is nothing
+    to learn."""
 
     present: Singles
     values: Singles

@@ -1,14 +1,15 @@
 """The proposal for a campaign: every cause with a score, hypotheses in the order to be tried, and starts for fits.
 
 It proposes only: scores are no verdict, and exact fits decide. Asked twice, beside the given straw and beside the one
-with base constants as estimated the first time (Papamakarios and Murray 2016: sequential proposals).
+with base constants as estimated the first time (Papamakarios and Murray 2016: sequential proposals): scores are of
+both, starts of the second.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from replay.diagnose.observation import Observation
 from replay.diagnose.propose.dataset import Number
 from replay.diagnose.propose.features import features
 from replay.diagnose.propose.learned import Learned, shipped
+from replay.diagnose.propose.network import LOG_SD
 from replay.diagnose.propose.seen import observed
 
 Floats = NDArray[np.float64]
@@ -113,7 +115,8 @@ def propose(
         second = None
     if second is None:
         return _proposal(first, straw, np.zeros(len(base)), names, learned, left_out)
-    return _proposal(second, straw, u, names, learned, left_out)
+    both = replace(second, logits=(first.logits + second.logits) / 2)
+    return _proposal(both, straw, u, names, learned, left_out)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,18 +141,16 @@ def _asked(
     many, names = len(learned.about["causes"]), learned.about["numbers"]
     means, log_sds = said[:, many : many + len(names)], said[:, many + len(names) :]
     mean = means.mean(axis=0)
-    spread = np.sqrt(np.mean(np.exp(2 * np.clip(log_sds, -4, 3)), axis=0) + means.var(axis=0))
-    told = {name: (float(m), float(s)) for name, m, s in zip(names, mean, spread, strict=True)}
+    spread = np.sqrt(np.mean(np.exp(2 * np.clip(log_sds, *LOG_SD)), axis=0) + means.var(axis=0))
+    scales = learned.about["scales"]
+    told = {name: (float(m) * k, float(s) * k) for name, m, s, k in zip(names, mean, spread, scales, strict=True)}
     distance = learned.familiar.quantile(learned.scaling(x))
     return _Said(said[:, :many] / learned.about["temperature"], told, distance), left_out
 
 
 def _number(said: _Said, number: Number) -> tuple[float, float] | None:
     """u of a number and its spread; None where nobody has taught it."""
-    if number.name not in said.numbers:
-        return None
-    mean, spread = said.numbers[number.name]
-    return mean * number.unit, spread * number.unit
+    return said.numbers.get(number.name)
 
 
 def _base(said: _Said, straw: StrawParameters) -> tuple[Start, ...]:

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from model.parameters import StrawParameters
 from replay.diagnose.library import causes
-from replay.diagnose.propose.dataset import Examples, examples_of, joined, numbers, recipe
+from replay.diagnose.propose import network
+from replay.diagnose.propose.dataset import Examples, examples_of, hash_of_code, joined, numbers, recipe
 from replay.diagnose.propose.learned import SHIPPED, Familiar, Learned, Scaling
 from replay.diagnose.propose.network import Adam, Batch, Weights, answer, fresh, learning_rates, slopes
 from replay.diagnose.propose.simulate_campaigns import SPECIMENS, simulate_until
@@ -30,6 +31,7 @@ from replay.progress import progress_bar, say
 FOLDS, HELD_OUT, CALIBRATE = 10, 2, 3
 BATCH, EPOCHS, MEMBERS, DIRECTIONS, LEVELS = 48, 40, 3, 40, 201
 Indices = NDArray[np.int64]
+Singles = NDArray[np.float32]
 
 
 def gathered(folder: Path, times: int, folds: tuple[int, ...], most: int | None = None) -> Examples:
@@ -50,8 +52,17 @@ def scaling_of(x: NDArray[np.float16]) -> Scaling:
     return Scaling(some.mean(axis=0), some.std(axis=0) + 1e-3)
 
 
+def scales_of(examples: Examples) -> Singles:
+    """Root mean square of every number where it is there, at least a little: what counts as one to the networks."""
+    known = np.isfinite(examples.values)
+    square = np.nan_to_num(examples.values) ** 2
+    mean_square = square.sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    return np.asarray(np.sqrt(mean_square + 1e-2), dtype=np.float32)
+
+
 def trained(examples: Examples, scaling: Scaling, seed: int, epochs: int = EPOCHS) -> Weights:
     """One network."""
+    scales = scales_of(examples)
     rng = np.random.default_rng([seed, 33])
     w = fresh(rng, examples.x.shape[1], examples.present.shape[1], examples.values.shape[1])
     share = np.clip(examples.present.mean(axis=0), 1e-3, 1 - 1e-3)
@@ -65,7 +76,7 @@ def trained(examples: Examples, scaling: Scaling, seed: int, epochs: int = EPOCH
             which = order[(step % per_epoch) * BATCH :][:BATCH]
             raw = examples.batch(which, rng)
             batch = Batch(scaling(raw.x), raw.starts)
-            adam.step(w, slopes(w, batch, examples.truth(which), rng)[1], rate)
+            adam.step(w, slopes(w, batch, examples.truth(which, scales), rng)[1], rate)
             update(step + 1, epochs * per_epoch)
     return w
 
@@ -158,6 +169,7 @@ def write(args: argparse.Namespace, examples: Examples, calibrate: Examples, hel
         "members": len(members),
         "causes": list(causes(straw.cells)),
         "numbers": [n.name for n in numbers(straw)],
+        "scales": [round(float(s), 5) for s in scales_of(examples)],
         "prior": [round(float(p), 4) for p in examples.present.mean(axis=0)],
         "temperature": round(temperature, 4),
         "recipe": recipe(),
@@ -171,8 +183,9 @@ def write(args: argparse.Namespace, examples: Examples, calibrate: Examples, hel
 
 
 def _kept(folder: Path, examples: Examples, scaling: Scaling, seed: int) -> Weights:
-    """A network of the folder if it learned from just these examples, else a new one."""
-    of = hashlib.sha256(examples.values.tobytes() + examples.x[::97].tobytes()).hexdigest()[:12]
+    """A network of the folder if it learned from just these examples in just this way, else a new one."""
+    how = hash_of_code(network) + f"{BATCH} {EPOCHS}"
+    of = hashlib.sha256(examples.values.tobytes() + examples.x[::97].tobytes() + how.encode()).hexdigest()[:12]
     path = folder / f"network-{of}-{seed}.npz"
     if path.exists():
         with np.load(path) as data:
