@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import allocates_nothing, compiled, composed
+from model.compiled import allocates_nothing, composed
 from model.constants import Constants
 from model.kinematics import Motion
 from model.load import Load

@@ -21,18 +21,18 @@ RATE_HZ, MOST = 60.0, 3000
 def predicted(task: dict[str, Any]) -> dict[str, Any]:
     """The prediction's page, its snaps as [time s, cell], and where the tip ends; raises as its parts do."""
     from model.parameters import straw_from_toml
-    from replay.commands.simulate import outlet_of
     from replay.live.follow import Follower
     from replay.live.server import run_of
     from replay.report.page import SCRIPTS, assemble
+    from rig.outlet import Outlet
     from rig.protocol_toml import protocol_from_toml
 
     protocol = protocol_from_toml(task["toml"], "protocol")
     straw = straw_from_toml(task.get("straw", ""))
-    follower, outlet = Follower(straw, protocol), outlet_of(protocol)
+    follower, outlet = Follower(straw, protocol), Outlet(protocol)
     count = int(min(MOST, protocol.duration_s * RATE_HZ)) + 1
     for time_s in np.linspace(0.0, protocol.duration_s, count)[1:].tolist():
-        follower.reading(time_s, float(outlet(time_s)), float(protocol(time_s)))
+        follower.reading(time_s, float(outlet(np.array([time_s]))[0]), float(protocol(time_s)))
     run = run_of(straw, protocol, orders=False) | {"role": "predicted", "rows": follower.rows}
     bent, snaps, seen = run["straw"]["bent"], [], set()
     for row in follower.rows:
