@@ -10,6 +10,7 @@ Within an implicit step the whole way is one equation for Q, so the straw only s
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from model.compiled import allocates_nothing, compiled
 from model.constants import Constants
-from model.table import POINTS, table
+from model.table import POINTS, table, table_moved
 from model.terms import COLUMNS
 
 Floats = NDArray[np.float64]
@@ -72,6 +73,14 @@ def lost(w: Channel, flow: float) -> tuple[float, float]:
     return pressure, slope
 
 
+@allocates_nothing
+def lost_to_table_moved(w: Channel, flow: float, by: Floats) -> float:
+    """Derivative of the pressure (Pa) lost to the table where it moves as ``by``, amount first."""
+    if w.more[0] == 0 and by[0] == 0:
+        return 0.0
+    return float(by[0] * table(flow, w.more, 1) + w.more[0] * table_moved(flow, w.more, 1, by))
+
+
 @compiled
 def channel_at_rest(c: Constants, external_pa: float) -> Floats:
     """States of the way in when nothing flows."""
@@ -120,3 +129,30 @@ def inside_pressure(
         now[1], now[2] = flow, 0.0
     now[0] = (source - inertia * known[1]) - fall * flow
     return inside, slope
+
+
+class WaySlopes(NamedTuple):
+    """The way in after an implicit step, linearised: pressures p_r and inside, flow Q, gas v, see `way_slopes`."""
+
+    reservoir: float  # p_r by its known state
+    external: float  # p_r by the external pressure
+    drain: float  # -p_r by Q
+    resists: float  # -(inside) by Q
+    inertia: float  # inside by the known flow
+    gas: float  # v by the inside pressure
+    gas_by_volume: float  # v by V_g
+    gas_by_exponent: float
+
+
+@allocates_nothing
+def way_slopes(w: Channel, step_s: float, inside_pa: float, flow: float) -> WaySlopes:
+    """How the way in answers small changes; holds in the limit as well where lag, gas or inertia are zero."""
+    time_s = w.lag_s + step_s
+    drain = w.lag_s * step_s * w.line_pa_per_m3 / time_s
+    inertia = w.inertance / step_s
+    resists = drain + w.resistance + inertia + lost(w, flow)[1]
+    squeezed = math.log(1 + inside_pa / AMBIENT_PA) / w.exponent
+    share = math.exp(-squeezed)
+    gas = -w.gas_m3 * share / (w.exponent * (AMBIENT_PA + inside_pa))
+    by_exponent = w.gas_m3 * share * squeezed / w.exponent
+    return WaySlopes(w.lag_s / time_s, step_s / time_s, drain, resists, inertia, gas, share, by_exponent)

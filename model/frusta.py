@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import allocates_nothing, composed
+from model.compiled import allocates_nothing, called, composed
 from model.constants import Constants
 from model.kinematics import Motion
 from model.load import Load
@@ -115,13 +115,20 @@ def frustum_at(
     )
 
 
+@called
+def beyond_base_law(f: Frustum, k: Floats, known: Floats, now: Floats, step_s: float) -> tuple[float, float]:
+    """What the terms beyond the base model add; a call, so that all laws are compiled in one place only."""
+    more, memory = _memoryless(f, k), _with_memory(f, k, known, now, step_s)
+    return more[0] + memory[0], more[1] + memory[1]
+
+
 @allocates_nothing
 def _force(plain: bool, f: Frustum, k: Floats, known: Floats, now: Floats, step_s: float) -> tuple[float, float]:
     elastic, damping = walls_force(f), damping_force(f)
     if plain:
         return elastic[0] + damping[0], elastic[1] + damping[1]
-    more, memory = _memoryless(f, k), _with_memory(f, k, known, now, step_s)
-    return elastic[0] + damping[0] + more[0] + memory[0], elastic[1] + damping[1] + more[1] + memory[1]
+    more = beyond_base_law(f, k, known, now, step_s)
+    return elastic[0] + damping[0] + more[0], elastic[1] + damping[1] + more[1]
 
 
 @allocates_nothing
@@ -132,6 +139,14 @@ def add_frusta(c: Constants, m: Motion, known: Floats, now: Floats, step_s: floa
             force, moment = _force(c.plain, frustum_at(c, m, i, j), c.terms[i, j], known[i, j], now[i, j], step_s)
             load.cell[i, j] += force
             load.cell[i, 2 + j] += moment
+
+
+@allocates_nothing
+def remember(c: Constants, m: Motion, known: Floats, now: Floats, step_s: float) -> None:
+    """What the frusta remember after an implicit step, into ``now``."""
+    for i in range(c.cells):
+        for j in range(2 - c.active, 2):
+            _force(False, frustum_at(c, m, i, j), c.terms[i, j], known[i, j], now[i, j], step_s)
 
 
 # not `compiled`: a row of c.wall that code without reference counts has taken must not be counted down here
@@ -147,26 +162,26 @@ def frusta_energy(c: Constants, m: Motion) -> float:
 
 
 @allocates_nothing
-def add_tangent(c: Constants, m: Motion, known: Floats, now: Floats, step_s: float, W: Floats, K: Floats) -> None:
-    """Add minus the derivative of the frusta's forces by each frustum's displacement in a step to the matrix W.
+def tangent(c: Constants, m: Motion, known: Floats, now: Floats, step_s: float, B: Floats, K: Floats) -> None:
+    """Minus the derivative of the frusta's forces by each frustum's displacement in a step, B (cells, 2, 2, 2).
 
     A displacement d within the step changes the rate by d / step_s. K (cells, 2, 2, 2) gets the part at held rates.
     Forward differences: an error here costs Newton iterations, never accuracy.
     """
-    n, k = c.cells, c.active
     dz, df = 1e-8, 1e-6
-    for i in range(n):
-        for j in range(2 - k, 2):
+    for i in range(c.cells):
+        for j in range(2 - c.active, 2):
             row, past, scratch = c.terms[i, j], known[i, j], now[i, j]
-            z, p = (j - 2 + k) * n + i, (j - 2 + 2 * k) * n + i
-            force, moment = _force(c.plain, frustum_at(c, m, i, j), row, past, scratch, step_s)
-            up, turn = _force(c.plain, frustum_at(c, m, i, j, dz), row, past, scratch, step_s)
-            K[i, j, 0, 0], K[i, j, 1, 0] = (force - up) / dz, (moment - turn) / dz
-            up, turn = _force(c.plain, frustum_at(c, m, i, j, 0.0, df), row, past, scratch, step_s)
-            K[i, j, 0, 1], K[i, j, 1, 1] = (force - up) / df, (moment - turn) / df
-            up, turn = _force(c.plain, frustum_at(c, m, i, j, 0.0, 0.0, dz / step_s), row, past, scratch, step_s)
-            W[z, z] += K[i, j, 0, 0] + (force - up) / dz
-            W[p, z] += K[i, j, 1, 0] + (moment - turn) / dz
-            up, turn = _force(c.plain, frustum_at(c, m, i, j, 0.0, 0.0, 0.0, df / step_s), row, past, scratch, step_s)
-            W[z, p] += K[i, j, 0, 1] + (force - up) / df
-            W[p, p] += K[i, j, 1, 1] + (moment - turn) / df
+            force = moment = 0.0
+            for moved in range(5):  # in one place, as compiling all laws takes long
+                dv, dw = dz / step_s if moved == 3 else 0.0, df / step_s if moved == 4 else 0.0
+                f = frustum_at(c, m, i, j, dz if moved == 1 else 0.0, df if moved == 2 else 0.0, dv, dw)
+                up, turn = _force(c.plain, f, row, past, scratch, step_s)
+                step = dz if moved == 1 or moved == 3 else df
+                if moved == 0:
+                    force, moment = up, turn
+                elif moved < 3:
+                    K[i, j, 0, moved - 1], K[i, j, 1, moved - 1] = (force - up) / step, (moment - turn) / step
+                else:
+                    B[i, j, 0, moved - 3] = K[i, j, 0, moved - 3] + (force - up) / step
+                    B[i, j, 1, moved - 3] = K[i, j, 1, moved - 3] + (moment - turn) / step

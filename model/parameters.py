@@ -22,7 +22,7 @@ from model.terms.shell_energy import ROW
 
 Floats = NDArray[np.float64]
 
-MAX_CELLS = 30
+MAX_CELLS = 300
 FORMS = ("truncated", "full")
 
 #: Constants each frustum has a value of its own for: array (cells, 2), [n, 0] the odd and [n, 1] the even frustum.

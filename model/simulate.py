@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from model.drive import Table
 from model.errors import ModelError
-from model.integrate import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS, at_rest, integrate
+from model.integrate import at_rest, integrate
 from model.kinematics import tip_pose
 from model.parameters import StrawParameters
 from model.rest import rest_state
+from model.step import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS
 from model.straw import seen, volume_at
 
 Floats = NDArray[np.float64]
@@ -102,10 +103,17 @@ def run(
         c, state, table, time_s, end, tolerance_m, MAX_STEP_S, most_steps_per_s, out_q, out_v, out_pa, counts
     )
     check_status(status, float(state.clock[0]))
+    return prediction(straw, table, time_s, out_q, out_pa, int(counts[0]), q)
+
+
+def prediction(
+    straw: StrawParameters, table: Table, time_s: Floats, out_q: Floats, out_pa: Floats, steps: int, rest: Floats
+) -> Prediction:
+    """What states out_q (n, coordinates) and pressures inside look like from outside."""
     grid = table.start_s + table.step_s * np.arange(len(table.pressure_pa))
     external = np.interp(time_s, grid, table.pressure_pa)
-    x_m, z_m, phi_rad, volume_m3 = seen(c, out_q)
-    zeta, phi = _per_frustum(straw, out_q)
+    x_m, z_m, phi_rad, volume_m3 = seen(straw.constants(), out_q)
+    zeta, phi = per_frustum(straw, out_q)
     return Prediction(
         time_s=time_s,
         x_m=x_m,
@@ -116,8 +124,8 @@ def run(
         volume_m3=volume_m3,
         zeta_m=zeta,
         frustum_phi_rad=phi,
-        steps=int(counts[0]),
-        rest=q,
+        steps=steps,
+        rest=rest,
     )
 
 
@@ -186,7 +194,7 @@ def check_status(status: int, time_s: float) -> None:
         )
 
 
-def _per_frustum(straw: StrawParameters, q: Floats) -> tuple[Floats, Floats]:
+def per_frustum(straw: StrawParameters, q: Floats) -> tuple[Floats, Floats]:
     """zeta and phi of every frustum, (n, cells, 2), from coordinates (n, coordinates)."""
     n = straw.cells
     zeta = np.broadcast_to(straw.zeta0_m, (len(q), n, 2)).copy()

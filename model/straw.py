@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.channel import channel_of, lost
-from model.compiled import allocates_nothing, compiled, composed
+from model.compiled import allocates_nothing, called, compiled, composed
 from model.constants import Constants
 from model.frusta import MEMORIES, add_frusta, frusta_energy
 from model.inertia import add_inertia, mass_matrix
 from model.kinematics import Chain, Motion, chain_of, empty_chain, motion_of, place, spread, still_motion, tip_pose
-from model.linear import factor, substitute
 from model.load import Load, no_load, project, unload
 from model.terms import COLUMNS, TERMS
 from model.terms.gravity import add_gravity
@@ -46,6 +45,13 @@ def _body_terms() -> Any:
 
 
 _add_body_terms = _body_terms()
+
+
+@called
+def body_loads(c: Constants, k: Floats, s: Chain, load: Load) -> None:
+    """What the terms that act on the bodies alone do, into ``load``; ``k`` is a row of all terms' constants."""
+    unload(load)
+    _add_body_terms(c, k, s, load)
 
 
 class Room(NamedTuple):
@@ -139,10 +145,7 @@ def acceleration(c: Constants, q: Floats, v: Floats, external_pa: float) -> Floa
     coordinates, so M has rank 3 (N + 1) at most, below 4 N from N = 4 on: inertia alone does not say how the
     coordinates accelerate, and what comes back is rounding error. `model.integrate` never divides by M.
     """
-    M, order, a = mass_at(c, q), np.empty(len(q), np.int64), np.empty_like(q)
-    factor(M, order)
-    substitute(M, order, residual(c, q, v, np.zeros_like(q), external_pa), a)
-    return a
+    return np.asarray(np.linalg.solve(mass_at(c, q), residual(c, q, v, np.zeros_like(q), external_pa)), np.float64)
 
 
 @compiled

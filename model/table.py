@@ -53,6 +53,21 @@ def table(x: float, k: Floats, at: int) -> float:
 
 
 @allocates_nothing
+def table_moved(x: float, k: Floats, at: int, by: Floats) -> float:
+    """Derivative of the table's value at x where its points and values move as ``by`` at the same places."""
+    last = at + POINTS - 1
+    if x <= k[at]:
+        return float(by[at + POINTS])
+    for n in range(at, last):
+        if x < k[n + 1]:
+            wide = k[n + 1] - k[n]
+            share, slope = (x - k[n]) / wide, (k[n + 1 + POINTS] - k[n + POINTS]) / wide
+            before, after = by[n + POINTS] - slope * by[n], by[n + 1 + POINTS] - slope * by[n + 1]
+            return float(before * (1 - share) + after * share)
+    return float(by[last + POINTS])
+
+
+@allocates_nothing
 def table_area(x: float, k: Floats, at: int) -> float:
     """Integral of the table from its first point to x."""
     last, total = at + POINTS - 1, 0.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,11 +60,13 @@ class Comparison:
     inputs: tuple[str, ...]
 
 
-def predict(run: Run, straw: StrawParameters, *, tolerance_m: float = TOLERANCE_M) -> Prediction:
-    """What a straw does under a gathered run's measured pressure, at the tip's samples (n,), from where it started.
+def setting(
+    run: Run, straw: StrawParameters
+) -> tuple[StrawParameters, Callable[[Floats], Floats], Floats, tuple[int, ...]]:
+    """What a gathered run asks `model.simulate.simulate`: straw, pressure, times (the last are the tip's), start.
 
     The recording's measured pressure drives the model, never the command; the specimen is as worn as the run says.
-    Raises ReplayError where straw and run do not belong together, ModelError where the model cannot follow.
+    Raises ReplayError where straw and run do not belong together.
     """
     assert run.pressure is not None
     assert run.tip is not None
@@ -74,9 +76,16 @@ def predict(run: Run, straw: StrawParameters, *, tolerance_m: float = TOLERANCE_
     # The prediction starts at rest, so it starts where the earliest log does.
     start_s = min(float(run.pressure.time_s[0]), float(run.tip.time_s[0]))
     time_s = run.tip.time_s if start_s >= run.tip.time_s[0] else np.concatenate([[start_s], run.tip.time_s])
-    worn = straw.replace(cycle=float(run.cycle))
     pressure = driving_pressure(run.pressure, run.command)
-    return simulate(worn, pressure, time_s, run.initial_deployed, tolerance_m=tolerance_m)
+    return straw.replace(cycle=float(run.cycle)), pressure, time_s, run.initial_deployed
+
+
+def predict(run: Run, straw: StrawParameters, *, tolerance_m: float = TOLERANCE_M) -> Prediction:
+    """What a straw does under a gathered run's measured pressure, at the tip's samples (n,), from where it started.
+
+    Raises what `setting` raises, and ModelError where the model cannot follow.
+    """
+    return simulate(*setting(run, straw), tolerance_m=tolerance_m)
 
 
 def compare(run: Run, straw: StrawParameters, uncertain: Mapping[str, float] | None = None) -> Comparison:

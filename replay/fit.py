@@ -17,21 +17,22 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import least_squares
 
+from model.derivative import Derivatives, differentiate
+from model.direction import Direction
 from model.errors import ModelError
 from model.parameters import StrawParameters
-from replay.compare import CHANNELS, predict
+from model.simulate import Prediction
+from replay.compare import CHANNELS, predict, setting
+from replay.driving import driving_pressure
 from replay.errors import ReplayError
-from rig.run import Run
+from rig.run import PressureLog, Run
 
 Floats = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
-#: Stages of the search and of the finish: blur, s, and how many sigmas a derivative's step moves the runs. Wide steps
-#: first, as small ones feel how the ring-down after one snap shifts the next; small ones last, as valleys are narrow.
-SEARCH = ((0.3, 10.0), (0.08, 3.0), (0.02, 1.0))
-FINISH = ((0.02, 1.0), (0.0, 1.0))
-#: Steps of derivatives of logarithms: first guess and bounds.
-FIRST_STEP, SMALLEST_STEP, LARGEST_STEP = 5e-3, 1e-4, 0.1
+#: Blurs of the stages of the search and of the finish, s.
+SEARCH = (0.3, 0.08, 0.02)
+FINISH = (0.02, 0.0)
 #: Starts that are followed down, and runs they are followed on.
 FOLLOWED_STARTS, SEARCHED_RUNS = 2, 3
 MOST_EVALUATIONS = 15
@@ -86,28 +87,46 @@ class _Problem:
     def __init__(self, runs: Sequence[Run], straw: StrawParameters, names: Sequence[str], pool: Executor) -> None:
         self.runs, self.straw, self.names, self.pool = list(runs), straw, tuple(names), pool
         self.failures = 0
-        self.steps = np.full(len(names), FIRST_STEP)
 
-    def one(self, run: Run, log_values: Floats, seed: int | None = None) -> Floats | None:
-        """Differences in sigmas, (channels, n), without blur; None where the model cannot follow.
-
-        With a seed the gauge's noise is added to its readings once more.
-        """
-        if seed is not None:
-            run = _reread(run, seed)
+    def one(self, run: Run, log_values: Floats) -> Floats | None:
+        """Differences in sigmas, (channels, n), without blur; None where the model cannot follow."""
         assert run.tip is not None
         try:
-            straw = with_values(self.straw, self.names, np.exp(log_values))
-            seen = predict(run, straw, tolerance_m=SEARCH_TOLERANCE_M)
+            seen = predict(run, self._straw(log_values), tolerance_m=SEARCH_TOLERANCE_M)
         except ModelError:
             return None
-        tip, valid = run.tip, run.tip.valid
-        rows = []
-        for channel in CHANNELS:
-            sigma = getattr(tip, f"sigma_{channel}")[valid]
-            sigma = np.where(np.isfinite(sigma), sigma, UNSTATED[channel])
-            rows.append((getattr(seen, channel)[-len(tip) :][valid] - getattr(tip, channel)[valid]) / sigma)
-        return np.array(rows)
+        valid = run.tip.valid
+        measured = np.array([getattr(run.tip, channel)[valid] for channel in CHANNELS])
+        return np.asarray((_of_tip(run, seen) - measured) / _sigmas(run))
+
+    def slope(self, run: Run, log_values: Floats) -> Floats | None:
+        """Derivatives of `one` by the logarithms, (channels, n, constants); None where the model cannot follow."""
+        try:
+            straw, pressure, time_s, deployed = setting(run, self._straw(log_values))
+            along = [
+                float(np.exp(x)) * Direction.of(straw, name) for x, name in zip(log_values, self.names, strict=True)
+            ]
+            by = differentiate(straw, pressure, time_s, deployed, along, tolerance_m=SEARCH_TOLERANCE_M)
+        except ModelError:
+            return None
+        return np.asarray(_of_tip(run, by) / _sigmas(run)[..., np.newaxis])
+
+    def gauge(self, run: Run, log_values: Floats) -> Floats | None:
+        """How `one` changes when the gauge's noise is added to its readings once more, (channels, n, draws)."""
+        assert run.pressure is not None
+        try:
+            straw, pressure, time_s, deployed = setting(run, self._straw(log_values))
+            along = []
+            for seed in range(GAUGE_DRAWS):
+                noisy = driving_pressure(_reread(run.pressure, seed), run.command)
+                along.append(Direction.driven(straw, noisy) + -1.0 * Direction.driven(straw, pressure))
+            by = differentiate(straw, pressure, time_s, deployed, along, tolerance_m=SEARCH_TOLERANCE_M)
+        except ModelError:
+            return None
+        return np.asarray(_of_tip(run, by) / _sigmas(run)[..., np.newaxis])
+
+    def _straw(self, log_values: Floats) -> StrawParameters:
+        return with_values(self.straw, self.names, np.exp(log_values))
 
     def many(self, points: Sequence[Floats]) -> list[list[Floats]]:
         """Differences of every run at every point, spread over the pool."""
@@ -124,28 +143,16 @@ class _Problem:
             )
         return out
 
-    def slopes(self, at: Floats, blur_s: float, sigmas: float) -> Floats:
-        """Central differences of the blurred differences, (all samples, constants).
-
-        Each constant's step is such that it moves the runs by so many sigmas: less drowns in the solver's tolerance,
-        more leaves the valley.
-        """
-        out = np.empty((0, 0))
-        for _ in range(2):
-            moved = [
-                at + sign * step * row
-                for row, step in zip(np.eye(len(at)), self.steps, strict=True)
-                for sign in (1, -1)
-            ]
-            ends = [self.blurred(rows, blur_s) for rows in self.many(moved)]
-            pairs = zip(ends[::2], ends[1::2], self.steps, strict=True)
-            out = np.stack([(up - down) / (2 * step) for up, down, step in pairs], axis=1)
-            effect = np.sqrt(np.mean(out**2, axis=0)) * self.steps
-            before = self.steps
-            self.steps = np.clip(before * sigmas / np.maximum(effect, 1e-12), SMALLEST_STEP, LARGEST_STEP)
-            if np.all(np.abs(np.log(self.steps / before)) < np.log(5.0)):
-                break
-        return out
+    def slopes(self, at: Floats, blur_s: float) -> Floats:
+        """Derivatives of the blurred differences by the logarithms, (all samples, constants)."""
+        jobs = [self.pool.submit(self.slope, run, at) for run in self.runs]
+        found = [job.result() for job in jobs]
+        self.failures += sum(one is None for one in found)
+        rows = [
+            np.zeros((len(CHANNELS), _samples(run), len(at))) if one is None else one
+            for run, one in zip(self.runs, found, strict=True)
+        ]
+        return np.stack([self.blurred([row[..., k] for row in rows], blur_s) for k in range(len(at))], axis=1)
 
     def blurred(self, rows: list[Floats], blur_s: float) -> Floats:
         """Differences of all runs as one vector, blurred in time."""
@@ -155,6 +162,19 @@ class _Problem:
             step_s = float(np.median(np.diff(run.tip.time_s)))
             parts.append((gaussian_filter1d(row, blur_s / step_s, axis=1) if blur_s else row).ravel())
         return np.concatenate(parts)
+
+
+def _of_tip(run: Run, of: Prediction | Derivatives) -> Floats:
+    """Channels at the tip's valid samples, (channels, n, ..)."""
+    assert run.tip is not None
+    return np.array([getattr(of, channel)[-len(run.tip) :][run.tip.valid] for channel in CHANNELS])
+
+
+def _sigmas(run: Run) -> Floats:
+    """Noise of the tip's valid samples, (channels, n)."""
+    assert run.tip is not None
+    stated = [getattr(run.tip, f"sigma_{channel}")[run.tip.valid] for channel in CHANNELS]
+    return np.array([np.where(np.isfinite(s), s, UNSTATED[c]) for s, c in zip(stated, CHANNELS, strict=True)])
 
 
 def _samples(run: Run) -> int:
@@ -187,12 +207,12 @@ def _gentle(differences: Floats) -> float:
     return float(np.sum(np.log1p((differences / ROBUST_SIGMAS) ** 2)))
 
 
-def _descend(problem: _Problem, at: Floats, blur_s: float, sigmas: float) -> Floats:
+def _descend(problem: _Problem, at: Floats, blur_s: float) -> Floats:
     def differences(x: Floats) -> Floats:
         return problem.blurred(problem.many([x])[0], blur_s)
 
     def slopes(x: Floats) -> Floats:
-        return problem.slopes(x, blur_s, sigmas)
+        return problem.slopes(x, blur_s)
 
     found = least_squares(
         differences,
@@ -243,25 +263,24 @@ def fit(
             done += 1
 
         tell()
-        looks = [_gentle(few.blurred(rows, SEARCH[0][0])) for rows in few.many(points)]
+        looks = [_gentle(few.blurred(rows, SEARCH[0])) for rows in few.many(points)]
         if few.failures == len(points) * len(few.runs):
             raise ReplayError("fit: the model follows none of the runs with these constants; check straw and runs")
         ends = []
         for start in np.argsort(looks, kind="stable")[:followed]:
             at = points[start]
-            few.steps[:] = FIRST_STEP
-            for blur_s, sigmas in SEARCH:
+            for blur_s in SEARCH:
                 tell()
-                at = _descend(few, at, blur_s, sigmas)
-            ends.append((_gentle(few.blurred(few.many([at])[0], SEARCH[-1][0])), at))
+                at = _descend(few, at, blur_s)
+            ends.append((_gentle(few.blurred(few.many([at])[0], SEARCH[-1])), at))
         best = min(ends, key=lambda end: end[0])[1]
-        for blur_s, sigmas in FINISH:
+        for blur_s in FINISH:
             tell()
-            best = _descend(problem, best, blur_s, sigmas)
+            best = _descend(problem, best, blur_s)
         tell()
         left = problem.many([best])[0]
-        final = problem.slopes(best, *FINISH[-1])
-        covariance = _covariance(problem, left, final) + _from_gauge(problem, best, left, final)
+        final = problem.slopes(best, FINISH[-1])
+        covariance = _covariance(problem, left, final) + _from_gauge(problem, best, final)
         tell()
     values = np.exp(best)
     size = sum(row.size for row in left)
@@ -287,10 +306,7 @@ def _rms(runs: Sequence[Run], left: list[Floats]) -> dict[str, float]:
 
 def _plain(run: Run, row: Floats, channel: int) -> Floats:
     """Differences of a channel in its unit."""
-    assert run.tip is not None
-    name = CHANNELS[channel]
-    sigma = getattr(run.tip, f"sigma_{name}")[run.tip.valid]
-    return np.asarray(row[channel] * np.where(np.isfinite(sigma), sigma, UNSTATED[name]))
+    return np.asarray(row[channel] * _sigmas(run)[channel])
 
 
 def _covariance(problem: _Problem, left: list[Floats], slopes: Floats) -> Floats:
@@ -314,25 +330,23 @@ def _covariance(problem: _Problem, left: list[Floats], slopes: Floats) -> Floats
     return np.asarray(bread @ meat @ bread * share)
 
 
-def _from_gauge(problem: _Problem, best: Floats, left: list[Floats], slopes: Floats) -> Floats:
+def _from_gauge(problem: _Problem, best: Floats, slopes: Floats) -> Floats:
     """Covariance from the gauge's noise: how the optimum moves, to first order, when readings are noisy once more."""
-    jobs = [[problem.pool.submit(problem.one, run, best, seed) for run in problem.runs] for seed in range(GAUGE_DRAWS)]
-    bread = np.linalg.pinv(slopes.T @ slopes)
-    moves = []
-    for row in jobs:
-        rows = [job.result() for job in row]
-        problem.failures += sum(one is None for one in rows)
-        change = [np.zeros_like(b) if r is None else r - b for r, b in zip(rows, left, strict=True)]
-        moves.append(bread @ slopes.T @ np.concatenate([c.ravel() for c in change]))
-    return np.asarray(np.einsum("dp,dq->pq", moves, moves) / GAUGE_DRAWS)
+    jobs = [problem.pool.submit(problem.gauge, run, best) for run in problem.runs]
+    bread, changes = np.linalg.pinv(slopes.T @ slopes), []
+    for run, job in zip(problem.runs, jobs, strict=True):
+        found = job.result()
+        problem.failures += found is None
+        change = np.zeros((len(CHANNELS), _samples(run), GAUGE_DRAWS)) if found is None else found
+        changes.append(change.reshape(-1, GAUGE_DRAWS))
+    moves = bread @ slopes.T @ np.concatenate(changes)
+    return np.asarray(moves @ moves.T / GAUGE_DRAWS)
 
 
-def _reread(run: Run, seed: int) -> Run:
-    """The run with its gauge's noise added once more; the scatter of its readings where it does not state one."""
-    log = run.pressure
-    assert log is not None
+def _reread(log: PressureLog, seed: int) -> PressureLog:
+    """The readings with the gauge's noise added once more; the scatter of the readings where it does not state one."""
     # second differences see white noise, sigma^2 (1 + 4 + 1), and hardly the pressure
     scatter = 1.4826 * np.median(np.abs(np.diff(log.pressure_pa, 2))) / np.sqrt(6) if len(log) > 2 else 0.0
     sigma = np.where(np.isfinite(log.sigma_pa), log.sigma_pa, scatter)
     noise = np.random.default_rng([seed, len(log)]).normal(0, 1, len(log)) * sigma
-    return replace(run, pressure=replace(log, pressure_pa=log.pressure_pa + noise))
+    return replace(log, pressure_pa=log.pressure_pa + noise)

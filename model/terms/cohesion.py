@@ -15,8 +15,8 @@ from model.term import Constant, Floats, Frustum, Term
 @compiled
 def _left(w: float, slows: float, cycle: float) -> float:
     """Share that is left of the attraction after some cycles."""
-    if slows * w * cycle < 1e-6:
-        return math.exp(-w * cycle)
+    if abs(slows * w * cycle) < 1e-6:
+        return math.exp(-w * cycle * (1 - slows * w * cycle / 2))
     return float((1 + slows * w * cycle) ** (-1 / slows))
 
 

@@ -78,8 +78,8 @@ def test_volume_follows_the_cells_and_inside_pressure_lags_while_fluid_flows() -
     assert np.all(run.pressure_pa[1:][emptying] > run.external_pa[1:][emptying])
 
 
-@pytest.mark.parametrize("cells", [1, 2, 30])
-def test_straws_of_one_to_thirty_cells_run(cells: int) -> None:
+@pytest.mark.parametrize("cells", [1, 2, 30, 100])
+def test_straws_of_one_cell_and_of_many_run(cells: int) -> None:
     run: Prediction = simulate(
         FOLDING.replace(cells=cells), lambda t: -25e3 * np.clip(t / 0.1, 0, 1), np.linspace(0, 0.5, 50), [1]
     )

@@ -1,0 +1,119 @@
+"""The columns of a run, derivatives of where it stands, and room to take them along."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.channel import STATES
+from model.compiled import allocates_nothing, compiled
+from model.constants import Constants
+from model.frusta import MEMORIES
+from model.given import Given
+from model.kinematics import Chain, Motion, empty_chain, still_motion
+from model.links import JOINT, JOINT_IN_WORLD, LAW_IN, LAW_OUT, Links, links_for
+from model.load import Load, no_load
+from model.scheme import STAGES
+from model.sweeps import Sweeps, sweeps_for
+
+Floats = NDArray[np.float64]
+
+
+class Columns(NamedTuple):
+    """Derivatives of where a run stands by P parameters; coordinates of a cell as in `model.linearised`."""
+
+    q: Floats  # (cells, moving, P)
+    v: Floats
+    memory: Floats  # (cells, 2, MEMORIES, 2, P)
+    way_in: Floats  # (STATES, P)
+    inside_pa: Floats  # (P,)
+
+
+class Bench(NamedTuple):
+    """Scratch of the columns, made once and used again and again."""
+
+    motion: Motion
+    chain: Chain
+    load: Load
+    links: Links
+    sweeps: Sweeps
+    found: Floats  # (cells, moving, P + 1) accelerations; the last column is what one pascal inside does
+    q: Floats  # (STAGES, cells, moving, P) rates of q and v in each stage
+    v: Floats
+    memory: Floats  # (STAGES, cells, 2, MEMORIES, 2, P)
+    way_in: Floats  # (STAGES, STATES, P)
+    known_memory: Floats
+    known_way_in: Floats
+    now_memory: Floats
+    now_way_in: Floats
+    external: Floats  # (P,)
+    flow: Floats  # (P,)
+    slopes: Floats  # (cells, 2, 2, 4)
+    memory_by: Floats  # (cells, 2, MEMORIES, 2, 6)
+    law: Floats  # (cells + 1, LAW_OUT, LAW_IN)
+    pushed: Floats  # (cells + 1, LAW_OUT)
+    eliminating: Floats
+    remembering: Floats  # (5, MEMORIES, 2)
+    row: Floats  # (WIDTH,)
+    zeta0: Floats  # (cells, 2)
+    pushed_by: Floats  # (cells + 1, LAW_OUT)
+    unpushed: Floats  # (cells + 1, LAW_OUT) zero
+    ends: Floats  # (2, cells, 7)
+    wall: Floats  # a row of model.terms.shell_energy
+
+
+@compiled
+def bench_for(c: Constants, given: Given, P: int) -> Bench:
+    """Scratch for P columns."""
+    n, k = c.cells, 2 * c.active
+    dims = JOINT_IN_WORLD if given.in_world else JOINT
+    links = links_for(c, dims, 1 if given.odd_moves else 0)
+    memory = np.zeros((c.cells, 2, MEMORIES, 2, P if given.remembers else 0))
+    return Bench(
+        still_motion(c),
+        empty_chain(n),
+        no_load(n),
+        links,
+        sweeps_for(c, links, P + 1),
+        np.zeros((n, k, P + 1)),
+        np.zeros((STAGES, n, k, P)),
+        np.zeros((STAGES, n, k, P)),
+        np.zeros((STAGES, n, 2, MEMORIES, 2, memory.shape[4])),
+        np.zeros((STAGES, STATES, P)),
+        memory,
+        np.zeros((STATES, P)),
+        memory.copy(),
+        np.zeros((STATES, P)),
+        np.zeros(P),
+        np.zeros(P),
+        np.zeros((n, 2, 2, 4)),
+        np.zeros((n, 2, MEMORIES, 2, 6)),
+        np.zeros((n + 1, LAW_OUT, LAW_IN)),
+        np.zeros((n + 1, LAW_OUT)),
+        np.zeros((12, 24)),
+        np.zeros((5, MEMORIES, 2)),
+        np.zeros(c.terms.shape[2]),
+        np.zeros((n, 2)),
+        np.zeros((n + 1, LAW_OUT)),
+        np.zeros((n + 1, LAW_OUT)),
+        np.zeros((2, n, 7)),
+        np.zeros(c.wall.shape[2]),
+    )
+
+
+@allocates_nothing
+def moves(row: Floats) -> bool:
+    """Whether a row has anything but zeros."""
+    for p in range(len(row)):  # noqa: SIM110  (numba knows no generators)
+        if row[p] != 0:
+            return True
+    return False
+
+
+@allocates_nothing
+def add(share: float, row: Floats, out: Floats) -> None:
+    """Add a share of a row to another."""
+    for p in range(np.uint64(len(row))):
+        out[p] += share * row[p]

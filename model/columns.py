@@ -1,0 +1,228 @@
+"""How a run changes along many directions at once: tangents of the integrator's own steps, their lengths held.
+
+After an accepted step every stage is linearised exactly at what it found and solved for all columns together; columns
+lie side by side in memory. Cost: one linearisation a stage, then some 1400 multiplications a stage, nine cells, column.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.bench import Bench, Columns, add, bench_for
+from model.channel import STATES, Channel
+from model.compiled import allocates_nothing, called, compiled
+from model.constants import Constants
+from model.drive import Table, pressure_in
+from model.elimination import eliminate
+from model.frusta import MEMORIES
+from model.frusta_slopes import frusta_slopes
+from model.given import Given
+from model.given_loads import add_given
+from model.kinematics import place, spread
+from model.linearised import linearise
+from model.pushing import add_pushed, body_slopes
+from model.scheme import COEFFICIENTS, GAMMA, STAGES, TIMES
+from model.stages import Stages, State, stages_for
+from model.sweeps import Rows, rows_of, solve
+from model.way_columns import advance_way
+
+Floats = NDArray[np.float64]
+
+#: A stage's length at which damping and inertia are nothing beside stiffness, s.
+REST_S = 1e9
+
+
+@allocates_nothing
+def _linearised(
+    c: Constants, given: Given, s: Stages, stage: int, hg: float, b: Bench, rows: Rows, columns: int
+) -> None:
+    """Linearise the straw at what a stage found, and clear the block."""
+    block = b.sweeps.block
+    spread(c, s.q[stage], s.v[stage], s.a[stage], b.motion)
+    if given.in_world or len(given.body):
+        place(c, b.motion, b.chain)
+        body_slopes(c, b)
+    frusta_slopes(c, b.motion, s.known_memory[stage], b.remembering[3:5], hg, b.slopes, b.memory_by)
+    linearise(c, b.motion, b.slopes, b.law, b.pushed, b.links)
+    eliminate(c, b.links, b.law, b.pushed, s.inside_pa[stage], hg, b.eliminating, b.sweeps)
+    for i in range(c.cells):
+        for row in range(rows.q):
+            for p in range(columns):
+                block[i, row, p] = 0.0
+        if given.odd_moves:
+            odd = block[i, rows.v - 1]
+            for p in range(columns - 1):
+                odd[p] = given.odd[i, p]
+    for row in range(rows.joint, rows.end):
+        for p in range(columns):
+            block[0, row, p] = 0.0
+
+
+@allocates_nothing
+def _answered(c: Constants, given: Given, s: Stages, stage: int, hg: float, b: Bench, rows: Rows, columns: int) -> None:
+    """Accelerations of all columns at the pressure of the stage, and in the last what one pascal inside does."""
+    block, n = b.sweeps.block, c.cells
+    add_given(c, given, s, stage, hg, b, rows)
+    add_pushed(c, given, b, rows)
+    for i in range(n):
+        for x in range(c.active):
+            block[i, rows.force + x, columns - 1] = c.C3
+    end = math.pi * c.r_i**2
+    block[n - 1, rows.beyond, columns - 1] = end * b.links.axis[n, 0]
+    block[n - 1, rows.beyond + 1, columns - 1] = end * b.links.axis[n, 1]
+    solve(c, b.links, b.sweeps, b.found)
+
+
+@allocates_nothing
+def _recalled(c: Constants, b: Bench, rows: Rows) -> None:
+    """What the columns of the memories would be if nothing moved, and its force."""
+    for i in range(c.cells):
+        for j in range(2 - c.active, 2):
+            for at in range(MEMORIES):
+                for y in range(2):
+                    now, by, known = b.now_memory[i, j, at, y], b.memory_by[i, j, at, y], b.known_memory[i, j, at]
+                    for p in range(len(now)):
+                        now[p] = by[4] * known[0, p] + by[5] * known[1, p]
+                    add(-1.0, now, b.sweeps.block[i, rows.force + j - 2 + c.active + y * c.active])
+
+
+@allocates_nothing
+def _remembered(c: Constants, stage: int, hg: float, b: Bench, rows: Rows) -> None:
+    """The columns of the memories at the stage's end, and their rates."""
+    for i in range(c.cells):
+        for j in range(2 - c.active, 2):
+            z, f = j - 2 + c.active, j - 2 + 2 * c.active
+            for at in range(MEMORIES):
+                for y in range(2):
+                    now, by = b.now_memory[i, j, at, y], b.memory_by[i, j, at, y]
+                    rate, known = b.memory[stage, i, j, at, y], b.known_memory[i, j, at, y]
+                    q_zeta, q_phi = b.sweeps.block[i, rows.q + z], b.sweeps.block[i, rows.q + f]
+                    v_zeta, v_phi = b.q[stage, i, z], b.q[stage, i, f]
+                    for p in range(len(now)):
+                        now[p] += by[0] * q_zeta[p] + by[1] * q_phi[p] + by[2] * v_zeta[p] + by[3] * v_phi[p]
+                        rate[p] = (now[p] - known[p]) / hg
+
+
+@allocates_nothing
+def _known(state: State, i: int, h: float, d: Columns, given: Given, b: Bench, rows: Rows) -> None:
+    """What the columns of stage i start from, into the block, and displacements that follow from the known rates."""
+    hg, P = h * GAMMA, np.uint64(d.q.shape[2])
+    for cell in range(d.q.shape[0]):
+        for x in range(d.q.shape[1]):
+            q, v = b.sweeps.block[cell, rows.q + x], b.sweeps.block[cell, rows.v + x]
+            q0, v0 = d.q[cell, x], d.v[cell, x]
+            for p in range(P):
+                q[p], v[p] = q0[p], v0[p]
+            for j in range(i):
+                k, q_rate, v_rate = h * COEFFICIENTS[i, j], b.q[j, cell, x], b.v[j, cell, x]
+                for p in range(P):
+                    q[p] += k * q_rate[p]
+                    v[p] += k * v_rate[p]
+            for p in range(P):
+                q[p] += hg * v[p]
+    for x in range(STATES):
+        for p in range(P):
+            b.known_way_in[x, p] = d.way_in[x, p]
+        for j in range(i):
+            for p in range(P):
+                b.known_way_in[x, p] += h * COEFFICIENTS[i, j] * b.way_in[j, x, p]
+    if given.remembers:
+        for cell in range(d.q.shape[0]):
+            for f in range(2):
+                for at in range(MEMORIES):
+                    for y in range(2):
+                        known = b.known_memory[cell, f, at, y]
+                        for p in range(P):
+                            known[p] = d.memory[cell, f, at, y, p]
+                        for j in range(i):
+                            for p in range(P):
+                                known[p] += h * COEFFICIENTS[i, j] * b.memory[j, cell, f, at, y, p]
+
+
+@called
+def solve_stage(
+    c: Constants,
+    given: Given,
+    table: Table,
+    w: Channel,
+    state: State,
+    h: float,
+    s: Stages,
+    stage: int,
+    d: Columns,
+    b: Bench,
+) -> None:
+    """All columns of one stage: rates of q and v into the bench, what is left at its end into ``d`` when it is last."""
+    n, k, P, hg = c.cells, 2 * c.active, d.q.shape[2], h * GAMMA
+    rows, block = rows_of(c, b.links), b.sweeps.block
+    _linearised(c, given, s, stage, hg, b, rows, P + 1)
+    _known(state, stage, h, d, given, b, rows)
+    if given.remembers:
+        _recalled(c, b, rows)
+    _answered(c, given, s, stage, hg, b, rows, P + 1)
+    for at in range(len(given.driven)):
+        drive = Table(table.start_s, table.step_s, given.drive[at])
+        b.external[given.driven[at]] = pressure_in(drive, state.clock[0] + TIMES[stage] * h)
+    advance_way(c, given, w, s, stage, hg, d, b, rows)
+    for i in range(n):
+        for x in range(k):
+            v, q, found = block[i, rows.v + x], block[i, rows.q + x], b.found[i, x]
+            q_rate, v_rate = b.q[stage, i, x], b.v[stage, i, x]
+            for p in range(P):
+                v_rate[p] = found[p]
+                q_rate[p] = v[p] + hg * found[p]
+                q[p] += hg * hg * found[p]
+    for x in range(STATES):
+        for p in range(P):
+            b.way_in[stage, x, p] = (b.now_way_in[x, p] - b.known_way_in[x, p]) / hg
+    if given.remembers:
+        _remembered(c, stage, hg, b, rows)
+
+
+@called
+def advance_columns(
+    c: Constants, given: Given, table: Table, w: Channel, state: State, h: float, s: Stages, d: Columns, b: Bench
+) -> None:
+    """Take the columns along an accepted step of h, whose stages are ``s``; ``state`` is still where it started."""
+    P, rows = d.q.shape[2], rows_of(c, b.links)
+    for stage in range(STAGES):
+        solve_stage(c, given, table, w, state, h, s, stage, d, b)
+    end = STAGES - 1
+    for i in range(c.cells):
+        for x in range(2 * c.active):
+            for p in range(P):
+                d.q[i, x, p] = b.sweeps.block[i, rows.q + x, p]
+                d.v[i, x, p] = b.q[end, i, x, p]
+    for x in range(STATES):
+        for p in range(P):
+            d.way_in[x, p] = b.now_way_in[x, p]
+    if given.remembers:
+        for i in range(c.cells):
+            for j in range(2):
+                for at in range(MEMORIES):
+                    for y in range(2):
+                        for p in range(P):
+                            d.memory[i, j, at, y, p] = b.now_memory[i, j, at, y, p]
+
+
+@compiled
+def rest_columns(c: Constants, given: Given, q: Floats, first_pa: float, by_first_pa: Floats) -> Floats:
+    """Derivatives of a rest state, (cells, moving, P), by the implicit function theorem.
+
+    A stage so long that only displacements count; what remembers is still, and leaves no trace in a straw at rest.
+    """
+    P, hg = len(by_first_pa), REST_S
+    s, b = stages_for(c, len(q)), bench_for(c, given, P)
+    s.q[0], s.inside_pa[0] = q, first_pa
+    rows = rows_of(c, b.links)
+    _linearised(c, given, s, 0, hg, b, rows, P + 1)
+    _answered(c, given, s, 0, hg, b, rows, P + 1)
+    out = np.empty((c.cells, 2 * c.active, P))
+    for i in range(c.cells):
+        for x in range(2 * c.active):
+            for p in range(P):
+                out[i, x, p] = hg * hg * (b.found[i, x, p] + by_first_pa[p] * b.found[i, x, P])
+    return out

@@ -1,0 +1,250 @@
+"""A run and its exact derivatives: by constants, terms, pressure and start, carried through the integrator's own steps.
+
+The derivative of what the integrator computes, its steps held: no differences between runs, no step to choose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.bench import Columns
+from model.channel import STATES, channel_of, lost, lost_to_table_moved, way_slopes
+from model.columns import rest_columns
+from model.compiled import compiled
+from model.constants import Constants
+from model.direction import SCALARS, Direction
+from model.drive import Table
+from model.frusta import MEMORIES, MEMORY_TERMS
+from model.given import Given, given, linearised
+from model.integrate import FIRST_STEPS, at_rest
+from model.integrate_columns import Outputs, OutputsBy, integrate_columns
+from model.parameters import StrawParameters
+from model.rest import rest_state
+from model.simulate import (
+    FIRST_STEP_S,
+    MAX_STEP_S,
+    MOST_STEPS_PER_S,
+    TOLERANCE_M,
+    Prediction,
+    check_status,
+    per_frustum,
+    prediction,
+    sampled,
+)
+from model.stages import limits_for
+from model.terms import COLUMNS
+
+Floats = NDArray[np.float64]
+
+#: Snaps noted of each cell, counting those of its ringing.
+MOST_SNAPS = 100
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """A channel passes a level: when, how fast (its unit a second), and that moment by each parameter (P,)."""
+
+    time_s: float
+    rate: float
+    by: Floats
+    cell: int | None = None
+
+
+@dataclass(frozen=True)
+class Rates:
+    """Derivatives of a run's channels by time, (n,)."""
+
+    x_m: Floats
+    z_m: Floats
+    phi_rad: Floats
+    pressure_pa: Floats
+    volume_m3: Floats
+    zeta_m: Floats  # (n, cells, 2)
+    frustum_phi_rad: Floats
+
+
+@dataclass(frozen=True)
+class Derivatives:
+    """A prediction, and the derivatives of its channels by P parameters, (n, P), SI by the parameter's unit."""
+
+    prediction: Prediction
+    names: tuple[str, ...]  # of the directions
+    x_m: Floats
+    z_m: Floats
+    phi_rad: Floats
+    pressure_pa: Floats
+    volume_m3: Floats
+    by_time: Rates  # minus what a shift of all of the run to later does
+    snaps: tuple[Crossing, ...]  # where the even frusta pass the middle between folded and deployed, zeta = 0
+    rest: Floats  # (coordinates, P)
+    zeta_m: Floats | None = None  # (n, cells, 2, P), where asked for
+    frustum_phi_rad: Floats | None = None
+
+    def crossings(self, channel: str, level: float) -> list[Crossing]:
+        """Where "x_m", "z_m", "phi_rad", "pressure_pa" or "volume_m3" passes a level, in time.
+
+        From the cubic through values and rates at neighbouring outputs: dt/dp = -(dg/dp) / (dg/dt).
+        """
+        value, rate = getattr(self.prediction, channel), getattr(self.by_time, channel)
+        return _crossings(self.prediction.time_s, value - level, rate, getattr(self, channel))
+
+
+def _crossings(time_s: Floats, value: Floats, rate: Floats, by: Floats) -> list[Crossing]:
+    found = []
+    for i in np.flatnonzero((value[1:] > 0) != (value[:-1] > 0)):
+        h = float(time_s[i + 1] - time_s[i])
+        d, v0, v1 = value[i + 1] - value[i], rate[i] * h, rate[i + 1] * h
+        roots = np.roots([v0 + v1 - 2 * d, 3 * d - 2 * v0 - v1, v0, value[i]])
+        inside = [r.real for r in roots if abs(r.imag) < 1e-9 and -1e-9 <= r.real <= 1 + 1e-9]
+        x = min(inside, default=-value[i] / d)
+        slope = (v0 + x * (2 * (3 * d - 2 * v0 - v1) + 3 * x * (v0 + v1 - 2 * d))) / h
+        # a shift in time changes slowly, while by and rate rise together in a snap
+        shifts = [-by[k] / rate[k] if rate[k] else -by[k] / slope for k in (i, i + 1)]
+        found.append(Crossing(float(time_s[i] + x * h), float(slope), (1 - x) * shifts[0] + x * shifts[1]))
+    return found
+
+
+def differentiate(
+    straw: StrawParameters,
+    pressure: Callable[[Floats], Floats] | Table,
+    time_s: Floats,
+    deployed: Collection[int],
+    directions: Sequence[Direction],
+    *,
+    tolerance_m: float = TOLERANCE_M,
+    near: Floats | None = None,
+    most_steps_per_s: float = MOST_STEPS_PER_S,
+    cells: bool = False,
+) -> Derivatives:
+    """`model.simulate.simulate` (the same prediction to the last bit) and its derivatives along directions.
+
+    ``pressure`` may be `sampled` already. With ``cells`` the derivatives of every frustum's zeta and phi come along.
+    Raises ModelError where `simulate` does, and for a direction of another straw.
+    """
+    table = pressure if isinstance(pressure, Table) else sampled(pressure, time_s)
+    time_s = np.require(time_s, np.float64, ("C", "W"))
+    table = table._replace(pressure_pa=np.require(table.pressure_pa, np.float64, ("C", "W")))
+    c, P = straw.constants(), len(directions)
+    q = rest_state(straw, deployed, float(table.pressure_pa[0]), near=near)
+    changes, linear = given(straw, table, directions), linearised(straw, directions)
+    columns = _start(straw, changes, linear, table, q, directions)
+    rest = columns.q.transpose(1, 0, 2).reshape(len(q), P)
+    state, counts = at_rest(c, q, float(time_s[0]), float(table.pressure_pa[0]), FIRST_STEP_S), np.zeros(4, np.int64)
+    out, by = _room(straw, len(time_s), P)
+    end_s = float(time_s[-1])
+    steps = FIRST_STEPS + int(most_steps_per_s * (end_s - float(time_s[0])))
+    limits = limits_for(c, end_s, MAX_STEP_S, tolerance_m, steps)
+    status = integrate_columns(c, linear, changes, state, columns, table, time_s, limits, out, by, counts)
+    check_status(status, float(state.clock[0]))
+    x_m, z_m, phi_rad, volume_m3 = _seen(c, out.q, by.q, changes.scalars, changes.odd)
+    zeta, phi = _by_frustum(straw, by.q, changes.odd) if cells else (None, None)
+    return Derivatives(
+        prediction(straw, table, time_s, out.q, out.inside_pa, int(counts[0]), q),
+        tuple(d.name for d in directions),
+        x_m,
+        z_m,
+        phi_rad,
+        by.inside_pa,
+        volume_m3,
+        _rates(straw, out, by),
+        tuple(
+            Crossing(float(at), float(rate), change, int(cell) + 1)
+            for (cell, at, rate), change in zip(by.snaps[1:], by.snaps_by[1:], strict=True)
+            if rate
+        ),
+        rest,
+        zeta,
+        phi,
+    )
+
+
+def _room(straw: StrawParameters, many: int, P: int) -> tuple[Outputs, OutputsBy]:
+    """Room for the outputs and their derivatives."""
+    n, most = straw.coordinates, MOST_SNAPS * straw.cells + 1
+    out = Outputs(np.empty((many, n)), np.empty((many, n)), np.empty(many))
+    by_q, by_pa = np.empty((many, n, P)), np.empty((many, P))
+    return out, OutputsBy(by_q, by_pa, np.zeros(many), np.zeros((most, 3)), np.zeros((most, P)))
+
+
+def _rates(straw: StrawParameters, out: Outputs, by: OutputsBy) -> Rates:
+    """Derivatives of all channels by time; rigid frusta have none."""
+    nothing = np.zeros((len(SCALARS), 1)), np.zeros((straw.cells, 1))
+    x_m, z_m, phi_rad, volume_m3 = (
+        x[:, 0] for x in _seen(straw.constants(), out.q, out.v[:, :, np.newaxis].copy(), *nothing)
+    )
+    zeta, phi = per_frustum(straw, out.v)
+    if straw.form == "truncated":
+        zeta[:, :, 0] = 0.0
+    return Rates(x_m, z_m, phi_rad, by.inside_rate, volume_m3, zeta, phi)
+
+
+def _by_frustum(straw: StrawParameters, by: Floats, odd: Floats) -> tuple[Floats, Floats]:
+    """Derivatives of every frustum's zeta and phi, (n, cells, 2, P), from those of coordinates (n, coordinates, P)."""
+    n, k = straw.cells, 2 if straw.form == "full" else 1
+    zeta, phi = (np.zeros((len(by), n, 2, by.shape[2])) for _ in range(2))
+    zeta[:, :, 0] = odd
+    for j in range(k):
+        zeta[:, :, j + 2 - k] = by[:, j * n : (j + 1) * n]
+        phi[:, :, j + 2 - k] = by[:, (k + j) * n : (k + j + 1) * n]
+    return zeta, phi
+
+
+def _start(
+    straw: StrawParameters,
+    changes: Given,
+    linear: Constants,
+    table: Table,
+    q: Floats,
+    directions: Sequence[Direction],
+) -> Columns:
+    """Where the columns start: how the rest state and the way in change."""
+    P, n, moving, first_pa = len(directions), straw.cells, len(q) // straw.cells, float(table.pressure_pa[0])
+    by_first_pa, way_in = np.zeros(P), np.zeros((STATES, P))
+    by_first_pa[changes.driven] = changes.drive[:, 0]
+    still = linear.terms.copy()
+    for name in MEMORY_TERMS:  # which remember nothing at rest
+        still[:, :, COLUMNS[name][0]] = 0.0
+    way = channel_of(straw.constants())
+    lost_pa, by_lost_pa = lost(way, 0.0)[0], np.array([lost_to_table_moved(way, 0.0, by) for by in changes.way_tables])
+    at_rest = linear._replace(terms=still, remembers=False)
+    rest = rest_columns(at_rest, changes, q, first_pa - lost_pa, by_first_pa - by_lost_pa)
+    for p, direction in enumerate(directions):
+        if direction.start is not None:
+            rest[:, :, p] += direction.start.reshape(moving, n).T
+    gas = way_slopes(way, 1.0, first_pa, 0.0)
+    way_in[0] = by_first_pa
+    way_in[2] = gas.gas * by_first_pa + gas.gas_by_volume * changes.way[5] + gas.gas_by_exponent * changes.way[6]
+    memory = np.zeros((n, 2, MEMORIES, 2, P if changes.remembers else 0))
+    return Columns(rest, np.zeros((n, moving, P)), memory, way_in, by_first_pa)
+
+
+@compiled
+def _seen(c: Constants, q: Floats, by: Floats, scalars: Floats, odd: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Derivatives of tip X, Z, Phi and volume, (m, P), by those of q (m, coordinates, P) and constants (.., P)."""
+    m, P, n, k = len(q), by.shape[2], c.cells, c.active
+    x_m, z_m, phi_rad, volume_m3 = np.zeros((m, P)), np.zeros((m, P)), np.zeros((m, P)), np.zeros((m, P))
+    angle_by = np.empty(P)
+    for r in range(m):
+        angle, height = c.phi_0, 0.0
+        angle_by[:] = scalars[4]
+        for i in range(n):
+            length = q[r, (k - 1) * n + i] + (q[r, i] if k == 2 else c.zeta0[i, 0])
+            height += length
+            if k == 2:
+                angle += q[r, 2 * n + i]
+                angle_by += by[r, 2 * n + i]
+            ux, uz = np.sin(angle), np.cos(angle)
+            for p in range(P):
+                longer = by[r, (k - 1) * n + i, p] + (by[r, i, p] if k == 2 else odd[i, p])
+                x_m[r, p] += longer * ux + length * uz * angle_by[p]
+                z_m[r, p] += longer * uz - length * ux * angle_by[p]
+                volume_m3[r, p] += c.S * longer
+            angle += q[r, (2 * k - 1) * n + i]
+            angle_by += by[r, (2 * k - 1) * n + i]
+        phi_rad[r] = angle_by
+        volume_m3[r] += scalars[11] * height
+    return x_m, z_m, phi_rad, volume_m3

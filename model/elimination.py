@@ -1,0 +1,237 @@
+"""Eliminates a straw's linear equations from the tip to the base, for many right sides at once; cost grows with cells.
+
+Beyond each joint the straw answers what the joint does with a wrench: an articulated body (Featherstone, Rigid Body
+Dynamics Algorithms, chapter 7), here with displacements and rates tied to accelerations as an implicit stage ties them.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.compiled import allocates_nothing, called
+from model.constants import Constants
+from model.links import ANGLE, AX, AZ, D_SPIN, JOINT, JOINT_IN_WORLD, LAW_IN, SPIN, VX, VZ, Links, X, Z
+from model.sweeps import Sweeps
+
+Floats = NDArray[np.float64]
+
+
+@allocates_nothing
+def _invert(S: Floats, k: int, out: Floats) -> None:
+    """Inverse of the k x k matrix S, which is overwritten, by Gauss and Jordan with pivots."""
+    if k == 2:
+        over = 1 / (S[0, 0] * S[1, 1] - S[0, 1] * S[1, 0])
+        out[0, 0], out[0, 1] = S[1, 1] * over, -S[0, 1] * over
+        out[1, 0], out[1, 1] = -S[1, 0] * over, S[0, 0] * over
+        return
+    for i in range(k):
+        for j in range(k):
+            out[i, j] = 1.0 if i == j else 0.0
+    for i in range(k):
+        pivot = i
+        for j in range(i + 1, k):
+            if abs(S[j, i]) > abs(S[pivot, i]):
+                pivot = j
+        if pivot != i:
+            for j in range(k):
+                S[i, j], S[pivot, j] = S[pivot, j], S[i, j]
+                out[i, j], out[pivot, j] = out[pivot, j], out[i, j]
+        over = 1 / S[i, i]
+        for j in range(k):
+            S[i, j] *= over
+            out[i, j] *= over
+        for row in range(k):
+            if row != i:
+                factor = S[row, i]
+                for j in range(k):
+                    S[row, j] -= factor * S[i, j]
+                    out[row, j] -= factor * out[i, j]
+
+
+@allocates_nothing
+def _tip(c: Constants, s: Links, law: Floats, pushed: Floats, inside_pa: float, A: Floats, wrench: Floats) -> None:
+    """The sealing: how its wrench answers what the tip does, and the wrench."""
+    dims, n, tip = s.next.shape[1], c.cells, s.joint[c.cells]
+    for row in range(3):
+        for d in range(dims):
+            A[row, d] = 0.0
+    A[0, AX] = A[1, AZ] = -c.m_tip
+    A[2, D_SPIN] = -c.I_tip
+    end = math.pi * c.r_i**2 * inside_pa
+    fx, fz, torque = c.F_X, c.F_Z, c.M_Y
+    if dims == JOINT_IN_WORLD:
+        fx += pushed[n, 0]
+        fz += pushed[n, 1]
+        torque += pushed[n, 2]
+        A[0, ANGLE] -= fz
+        A[1, ANGLE] += fx
+        for row in range(3):
+            k = law[n, row]
+            A[row, X] += k[0]
+            A[row, Z] += k[1]
+            A[row, VX] += k[2]
+            A[row, VZ] += k[3]
+            A[row, SPIN] += k[LAW_IN - 1]
+            A[row, ANGLE] += k[2] * tip[VZ] - k[3] * tip[VX]
+    wrench[0] = -c.m_tip * tip[AX] + end * s.axis[n, 0] + fx
+    wrench[1] = -c.m_tip * tip[AZ] + end * s.axis[n, 1] + fz
+    wrench[2] = -c.I_tip * tip[D_SPIN] + torque
+
+
+@allocates_nothing
+def _beyond(A: Floats, there: Floats, column: int, dims: int, r: int) -> tuple[float, float, float]:
+    """Wrench from beyond the outer joint by a column: A times what the joint does, whose other rows are zero."""
+    fx = fz = moment = 0.0
+    if column < dims:
+        fx, fz, moment = A[0, column], A[1, column], A[2, column]
+        if column == SPIN:
+            for d in range(VX, VZ + 1):
+                fx += A[0, d] * there[d, column]
+                fz += A[1, d] * there[d, column]
+                moment += A[2, d] * there[d, column]
+        if column in (SPIN, D_SPIN):
+            for d in range(AX, AZ + 1):
+                fx += A[0, d] * there[d, column]
+                fz += A[1, d] * there[d, column]
+                moment += A[2, d] * there[d, column]
+        if column == ANGLE:
+            for d in range(X, Z + 1):
+                fx += A[0, d] * there[d, column]
+                fz += A[1, d] * there[d, column]
+                moment += A[2, d] * there[d, column]
+        return fx, fz, moment
+    for d in range(AX if column >= dims + 2 * r else VX, dims if column < dims + r else JOINT):
+        fx += A[0, d] * there[d, column]
+        fz += A[1, d] * there[d, column]
+        moment += A[2, d] * there[d, column]
+    return fx, fz, moment
+
+
+@called
+def eliminate(
+    c: Constants, s: Links, law: Floats, pushed: Floats, inside_pa: float, hg: float, work: Floats, e: Sweeps
+) -> None:
+    """Fill ``back`` and ``ahead`` from the links for stages of an effective length hg; ``work`` (12, 24) is scratch."""
+    k, r, dims = 2 * c.active, len(s.slots), s.next.shape[1]
+    if k == 2 and r == 2 and dims == JOINT:  # sizes that the compiler knows: most straws, in half the time
+        _eliminate(c, s, law, pushed, inside_pa, hg, work, e, 2, 2, JOINT)
+    else:
+        _eliminate(c, s, law, pushed, inside_pa, hg, work, e, k, r, dims)
+
+
+@allocates_nothing
+def _eliminate(
+    c: Constants,
+    s: Links,
+    law: Floats,
+    pushed: Floats,
+    inside_pa: float,
+    hg: float,
+    work: Floats,
+    e: Sweeps,
+    k: int,
+    r: int,
+    dims: int,
+) -> None:
+    A, wrench = work[0:3], work[3]
+    S, inverse = work[4:8], work[8:12]
+    given, beyond, q, v = 3, 3 + k, 6 + k, 6 + k + r
+    bends = dims + k - 1  # the displacement of phi_2, last of what moves
+    _tip(c, s, law, pushed, inside_pa, A, wrench)
+    for i in range(c.cells - 1, -1, -1):
+        own, there, back, ahead = s.own[i], s.next[i], e.back[i], e.ahead[i]
+        ux, uz, length = s.axis[i, 0], s.axis[i, 1], s.length[i]
+        across = wrench[0] * uz - wrench[1] * ux
+        # all columns of what is beyond are added to the cell's own rows
+        for column in range(dims + 3 * r):
+            fx, fz, moment = _beyond(A, there, column, dims, r)
+            if column == bends:  # what is beyond turns, and the force it hands on turns with it
+                fx += wrench[1]
+                fz -= wrench[0]
+            arm = moment + length * (fx * uz - fz * ux)
+            if dims <= column < dims + r and s.slots[column - dims] < 2:
+                arm += across
+            own[0, column] += fx
+            own[1, column] += fz
+            own[2, column] += arm
+            for row in range(k):
+                slot = s.slots[row]
+                own[3 + row, column] += fx * ux + fz * uz if slot < 2 else arm if slot == 2 else moment
+        wrench[2] += length * across + s.wrench[i, 2]
+        wrench[0] += s.wrench[i, 0]
+        wrench[1] += s.wrench[i, 1]
+        if c.active == 2:
+            own[0, dims + 2] += wrench[1]
+            own[1, dims + 2] -= wrench[0]
+        # displacements and rates follow accelerations: one matrix for what moves
+        for row in range(3 + k):
+            for x in range(k):
+                own[row, dims + 2 * r + x] += hg * (own[row, dims + r + x] + hg * own[row, dims + x])
+        for row in range(dims):
+            for x in range(k):
+                there[row, dims + 2 * r + x] += hg * (there[row, dims + r + x] + hg * there[row, dims + x])
+        for row in range(k):
+            for x in range(k):
+                S[row, x] = own[3 + row, dims + 2 * r + x]
+        _invert(S, k, inverse)
+        for row in range(k):
+            for x in range(6 + k + 2 * r):
+                back[row, x] = 0.0
+            for x in range(k):
+                part, slot = inverse[row, x], s.slots[x]
+                back[row, given + x] = part
+                if slot < 2:
+                    back[row, beyond] += part * ux
+                    back[row, beyond + 1] += part * uz
+                else:
+                    back[row, beyond + 2] += part
+                    if slot == 2:
+                        back[row, beyond] += part * length * uz
+                        back[row, beyond + 1] -= part * length * ux
+                for y in range(r):
+                    back[row, q + y] += part * own[3 + x, dims + y]
+                    back[row, v + y] += part * own[3 + x, dims + r + y]
+        for row in range(3):
+            target = back[k + row]
+            for x in range(6 + k + 2 * r):
+                target[x] = 0.0
+            target[row] = target[beyond + row] = 1.0
+            if row == 2:
+                target[beyond], target[beyond + 1] = length * uz, -length * ux
+            for y in range(r):
+                target[q + y] = own[row, dims + y]
+                target[v + y] = own[row, dims + r + y]
+            for x in range(k):
+                by = own[row, dims + 2 * r + x]
+                for y in range(6 + k + 2 * r):
+                    target[y] -= by * back[x, y]
+        for row in range(k):
+            target = ahead[row]
+            for x in range(2 * r + k):
+                target[x] = 0.0
+            target[2 * r + row] = -1.0
+            for d in range(dims):
+                total = 0.0
+                for x in range(k):
+                    total += inverse[row, x] * own[3 + x, d]
+                target[2 * r + k + d] = -total
+        for row in range(dims):
+            target = ahead[k + row]
+            for y in range(r):
+                target[y], target[r + y] = there[row, dims + y], there[row, dims + r + y]
+            for x in range(k):
+                target[2 * r + x] = -there[row, dims + 2 * r + x]
+            for d in range(dims):
+                total = there[row, d]
+                for x in range(k):
+                    total += there[row, dims + 2 * r + x] * ahead[x, 2 * r + k + d]
+                target[2 * r + k + d] = total
+        for row in range(3):
+            for d in range(dims):
+                total = own[row, d]
+                for x in range(k):
+                    total += own[row, dims + 2 * r + x] * ahead[x, 2 * r + k + d]
+                A[row, d] = total

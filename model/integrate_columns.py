@@ -1,0 +1,125 @@
+"""Integrates a straw and its derivatives side by side: the same steps as without, the columns taken along each."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.bench import Columns, bench_for
+from model.columns import advance_columns
+from model.compiled import allocates_nothing, compiled
+from model.constants import Constants
+from model.drive import Table, summed
+from model.given import Given
+from model.integrate import between, fill_inside, fill_start
+from model.scheme import STAGES
+from model.stages import Limits, Stages, State, arrive, stages_for, work_for
+from model.step import DONE, take_step
+
+Floats = NDArray[np.float64]
+
+
+class Outputs(NamedTuple):
+    """Where a run is at its outputs."""
+
+    q: Floats  # (outputs, coordinates)
+    v: Floats
+    inside_pa: Floats  # (outputs,)
+
+
+class OutputsBy(NamedTuple):
+    """Derivatives of the outputs by P parameters, and the snaps."""
+
+    q: Floats  # (outputs, coordinates, P)
+    inside_pa: Floats  # (outputs, P)
+    inside_rate: Floats  # (outputs,) by time
+    snaps: Floats  # (.., 3) first how many; then of each its cell from 0, its time s, its rate m/s
+    snaps_by: Floats  # (.., P) s
+
+
+@compiled
+def integrate_columns(
+    c: Constants,
+    linear: Constants,
+    given: Given,
+    state: State,
+    columns: Columns,
+    table: Table,
+    output_s: Floats,
+    limits: Limits,
+    out: Outputs,
+    by: OutputsBy,
+    counts: NDArray[np.int64],
+) -> int:
+    """`integrate` and its derivatives: ``by`` (outputs, ..) and the snaps of the even frusta; advances both in place.
+
+    ``linear`` are the constants to linearise at, see `model.given`.
+    """
+    n, P, sums = len(state.q), columns.q.shape[2], summed(table)
+    s, w, b = stages_for(c, n), work_for(c, n), bench_for(linear, given, P)
+    before = Columns(columns.q.copy(), columns.v.copy(), columns.memory, columns.way_in, columns.inside_pa.copy())
+    filled = fill_start(state, output_s, out.q, out.v, out.inside_pa)
+    for at in range(filled):
+        fill_columns(0.0, 1.0, before, columns, by, at)
+    while state.clock[0] < limits.end_s:
+        remaining = limits.end_s - state.clock[0]
+        status, h = take_step(c, state, table, sums, limits, s, w, counts)
+        if status != DONE:
+            return status
+        if P > 0:
+            before.q[:], before.v[:], before.inside_pa[:] = columns.q, columns.v, columns.inside_pa
+            advance_columns(linear, given, table, w.way, state, h, s, columns, b)
+        new_s = limits.end_s if h == remaining else state.clock[0] + h
+        start = filled
+        filled = fill_inside(state, s, h, new_s, output_s, filled, out.q, out.v, out.inside_pa)
+        for at in range(start, filled):
+            fill_columns((output_s[at] - state.clock[0]) / h, h, before, columns, by, at)
+            by.inside_rate[at] = (s.inside_pa[STAGES - 1] - state.clock[2]) / h
+        find_snaps(c, state, s, h, before, columns, by)
+        arrive(state, s, new_s)
+    return DONE
+
+
+@allocates_nothing
+def fill_columns(x: float, h: float, start: Columns, end: Columns, by: OutputsBy, at: int) -> None:
+    """Derivatives of the output that lies a share x into a step of h: those of what `fill_inside` does."""
+    cells, moving, P = end.q.shape
+    for p in range(P):
+        by.inside_pa[at, p] = start.inside_pa[p] + x * (end.inside_pa[p] - start.inside_pa[p])
+    for i in range(cells):
+        for z in range(moving):
+            q0, v0, q1, v1 = start.q[i, z], start.v[i, z], end.q[i, z], end.v[i, z]
+            out = by.q[at, z * cells + i]
+            for p in range(P):
+                out[p], _ = between(x, h, q0[p], v0[p], q1[p], v1[p])
+
+
+@allocates_nothing
+def find_snaps(c: Constants, state: State, s: Stages, h: float, start: Columns, end: Columns, by: OutputsBy) -> None:
+    """Note where an even frustum passes zeta = 0 within the step, how fast, and how that moment changes."""
+    last = STAGES - 1
+    for i in range(c.cells):
+        at = (c.active - 1) * c.cells + i
+        q0, v0, q1, v1 = state.q[at], state.v[at], s.q[last, at], s.v[last, at]
+        n = int(by.snaps[0, 0])
+        if (q0 > 0) == (q1 > 0) or n + 1 >= len(by.snaps):
+            continue
+        low, high = 0.0, 1.0
+        for _ in range(50):
+            x = (low + high) / 2
+            value, _ = between(x, h, q0, v0, q1, v1)
+            if (value > 0) == (q0 > 0):
+                low = x
+            else:
+                high = x
+        x = (low + high) / 2
+        _, rate = between(x, h, q0, v0, q1, v1)
+        n += 1
+        by.snaps[0, 0] = n
+        by.snaps[n, 0], by.snaps[n, 1], by.snaps[n, 2] = i, state.clock[0] + x * h, rate
+        for p in range(end.q.shape[2]):
+            z = c.active - 1
+            change, _ = between(x, h, start.q[i, z, p], start.v[i, z, p], end.q[i, z, p], end.v[i, z, p])
+            by.snaps_by[n, p] = -change / rate

@@ -1,0 +1,59 @@
+"""The way in, linearised for all columns: closes the loop from the flow to the pressure inside and back."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.bench import Bench, Columns, add
+from model.channel import Channel, lost_to_table_moved, way_slopes
+from model.compiled import called
+from model.constants import Constants
+from model.given import AREA, Given
+from model.stages import Stages
+from model.straw import volume_rate
+from model.sweeps import Rows
+
+Floats = NDArray[np.float64]
+
+
+@called
+def advance_way(
+    c: Constants, given: Given, w: Channel, s: Stages, stage: int, hg: float, d: Columns, b: Bench, rows: Rows
+) -> None:
+    """Close the loop through the way in: the pressure inside and the states of the way in, and all accelerations."""
+    P, n = d.q.shape[2], c.cells
+    inside_pa, flow, known = s.inside_pa[stage], s.way_in[stage, 1], s.known_way_in[stage]
+    slopes = way_slopes(w, hg, inside_pa, flow)
+    per_pa = 0.0
+    for i in range(n):
+        for x in range(c.active):
+            per_pa += c.S * hg * b.found[i, x, P]
+    rate = volume_rate(c, s.v[stage]) / c.S
+    for p in range(P):
+        total = rate * given.scalars[AREA, p]
+        for i in range(n):
+            for x in range(c.active):
+                total += c.S * (b.sweeps.block[i, rows.v + x, p] + hg * b.found[i, x, p])
+        b.flow[p] = total
+    reservoir_pa, time_s = s.way_in[stage, 0], w.lag_s + hg
+    for p in range(P):
+        way = given.way[:, p]
+        lag = way[3] * (known[0] - reservoir_pa - hg * w.line_pa_per_m3 * flow) - w.lag_s * hg * flow * way[4]
+        at_rest = slopes.reservoir * b.known_way_in[0, p] + slopes.external * b.external[p] + lag / time_s
+        drop = way[0] * flow * abs(flow) + way[1] * flow + way[2] * (flow - known[1]) / hg
+        drop += lost_to_table_moved(w, flow, given.way_tables[p])
+        at_rest += slopes.inertia * b.known_way_in[1, p] - drop
+        gas = slopes.gas_by_volume * way[5] + slopes.gas_by_exponent * way[6]
+        # inside = at_rest - resists Q,  Q = V' + (known gas - gas) / hg,  gas and V' in turn by the pressure inside
+        still = b.flow[p] + (b.known_way_in[2, p] - gas) / hg
+        inside = (at_rest - slopes.resists * still) / (1 + slopes.resists * (per_pa - slopes.gas / hg))
+        d.inside_pa[p] = inside
+        passes = still + (per_pa - slopes.gas / hg) * inside
+        b.now_way_in[1, p] = passes
+        b.now_way_in[0, p] = slopes.reservoir * b.known_way_in[0, p] + slopes.external * b.external[p]
+        b.now_way_in[0, p] += lag / time_s - slopes.drain * passes
+        b.now_way_in[2, p] = gas + slopes.gas * inside
+    for i in range(n):
+        for x in range(2 * c.active):
+            add(b.found[i, x, P], d.inside_pa, b.found[i, x])

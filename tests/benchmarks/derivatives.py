@@ -1,0 +1,129 @@
+"""What exact derivatives cost: 0, 16 and 128 columns beside plain runs, and how cost grows with cells.
+
+    python -m tests.benchmarks.derivatives [--cells]
+
+All in one process on one core, with output at 240 Hz, CPU seconds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.derivative import differentiate
+from model.direction import Direction
+from model.parameters import StrawParameters
+from model.simulate import simulate
+from replay.paper.runs import DEPLOYMENT, FOLDING, ValidationRun
+from tests.benchmarks.accuracy import TIME_S
+
+Floats = NDArray[np.float64]
+
+REPEATS = 5
+#: Constants of the straw, terms that are not there yet, the pressure, one by one, and each frustum's own.
+WHOLE = ("E_pa", "h_m", "zeta0_m", "c_zeta_n_s_per_m", "c_phi_n_m_s_per_rad", "r_ch_m", "m_tip_kg", "rho_kg_per_m3")
+CANDIDATES = (
+    "terms.cohesion.force_n",
+    "terms.crease_stiffness.zeta_n_per_m",
+    "terms.crease_stiffness.phi_n_m_per_rad",
+    "terms.asymmetry.moment_n_m",
+    "terms.squeeze_film.folded_n_s_per_m",
+    "terms.poiseuille_loss.resistance_pa_s_per_m3",
+    "terms.fluid_inertia.inertance_kg_per_m4",
+)
+BY_CELL = (
+    "E_pa", "h_m", "zeta0_m", "c_zeta_n_s_per_m", "c_phi_n_m_s_per_rad", *(name for name in CANDIDATES[:5]),
+    "terms.frustum_spread.E_relative", "terms.frustum_spread.zeta0_relative", "terms.intrinsic_curvature.phi_0_rad",
+)  # fmt: skip
+
+
+def columns(run: ValidationRun, many: int) -> list[Direction]:
+    """As many directions as asked."""
+    straw = run.straw
+    found = [Direction.of(straw, name) for name in (*WHOLE, *CANDIDATES)]
+    found.append(Direction.delay(straw, run.pressure_pa))
+    found += [
+        Direction.of(straw, name, cell=cell, frustum="even") for name in BY_CELL for cell in range(1, straw.cells + 1)
+    ]
+    return found[:many]
+
+
+def taken_s(work: Callable[[], object]) -> float:
+    """CPU time of one call."""
+    start = time.process_time()
+    work()
+    return time.process_time() - start
+
+
+def ratios(plain: Callable[[], object], work: Callable[[], object]) -> Floats:
+    """CPU time of the work in plain runs, taken before and after it, as another process may slow both (REPEATS,)."""
+    plain(), work()
+    out = []
+    for _ in range(REPEATS):
+        before, own, after = taken_s(plain), taken_s(work), taken_s(plain)
+        out.append(own / ((before + after) / 2))
+    return np.array(out)
+
+
+def cost(run: ValidationRun) -> None:
+    """Print what columns cost beside the plain run."""
+
+    def plain() -> object:
+        return simulate(run.straw, run.pressure_pa, TIME_S, run.deployed)
+
+    print(f"\n{run.name}, in plain runs of some {min(taken_s(plain) for _ in range(5)) * 1e3:.0f} ms")
+    print(f"{'columns':>8}{'median':>10}{'least':>8}{'most':>8}{'differences':>13}")
+    for many in (0, 1, 16, 128):
+        directions = columns(run, many)
+        assert len(directions) == many
+        found = ratios(plain, lambda d=directions: differentiate(run.straw, run.pressure_pa, TIME_S, run.deployed, d))
+        print(f"{many:>8}{np.median(found):>10.2f}{found.min():>8.2f}{found.max():>8.2f}{2 * many:>13}", flush=True)
+
+
+def growth() -> None:
+    """Print the cost of a step by the number of cells: plain, and what 16 columns add."""
+    print(f"\n{'':<8}{'folding (cell 1 deployed)':^44}{'deployment (all folded)':^44}")
+    head = f"{'steps':>8}{'us a step':>11}{'a cell':>9}{'16 columns':>16}"
+    print(f"{'cells':<8}{head}{head}")
+    for cells in (3, 9, 18, 30, 100, 300):
+        line = f"{cells:<8}"
+        for run in (replace(FOLDING, deployed=(1,)), replace(DEPLOYMENT, deployed=())):
+            straw: StrawParameters = run.straw.replace(cells=cells, g_m_per_s2=0.0 if cells > 30 else 9.795)
+            held = replace(run, straw=straw)
+            time_s = TIME_S[(6.0 if cells <= 30 else 1.0) >= TIME_S]
+            near = simulate(straw, held.pressure_pa, time_s[:3], held.deployed).rest
+            works = [
+                lambda h=held, n=near, t=t: simulate(h.straw, h.pressure_pa, t, h.deployed, near=n)
+                for t in (time_s, time_s[:2])
+            ]
+            works += [
+                lambda h=held, n=near, t=t: differentiate(h.straw, h.pressure_pa, t, h.deployed, columns(h, 16), near=n)
+                for t in (time_s, time_s[:2])
+            ]
+            steps = [simulate(straw, held.pressure_pa, t, held.deployed, near=near).steps for t in (time_s, time_s[:2])]
+            whole, start, by_whole, by_start = (min(taken_s(work) for _ in range(REPEATS)) for work in works)
+            each_us = (whole - start) / (steps[0] - steps[1]) * 1e6
+            by_us = (by_whole - by_start) / (steps[0] - steps[1]) * 1e6
+            line += f"{steps[0]:>8}{each_us:>11.1f}{each_us / cells:>9.2f}{by_us:>9.0f}{f'x {by_us / each_us:.1f}':>7}"
+        print(line, flush=True)
+    print("without gravity beyond 30 cells: a longer horizontal straw does not carry itself")
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cells", action="store_true", help="also how cost grows with the number of cells")
+    asked = parser.parse_args()
+    for run in (FOLDING, DEPLOYMENT):
+        cost(run)
+    if asked.cells:
+        growth()
+
+
+if __name__ == "__main__":
+    main()

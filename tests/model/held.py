@@ -1,0 +1,86 @@
+"""Runs whose steps are held: for central differences that see what the integrator's tangents see, to ten digits."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.compiled import compiled
+from model.drive import summed
+from model.errors import ModelError
+from model.integrate import FIRST_STEPS, at_rest, fill_inside, fill_start
+from model.parameters import StrawParameters
+from model.rest import rest_state
+from model.simulate import FIRST_STEP_S, MAX_STEP_S, Prediction, prediction, sampled
+from model.stages import Limits, arrive, limits_for, stages_for, work_for
+from model.step import DONE, take_step
+
+Floats = NDArray[np.float64]
+
+#: A tolerance that refuses no step of a finer run, and a share of it at which Newton stops: 1e-15 m.
+LOOSE_M, CLOSE = 1e-6, 1e-9
+
+
+@compiled
+def times_of(c, state, table, end_s, tolerance_m, max_step_s):
+    """Ends of the steps that a run takes, from its start."""
+    sums, counts = summed(table), np.zeros(4, np.int64)
+    limits = limits_for(c, end_s, max_step_s, tolerance_m, FIRST_STEPS + 100_000)
+    s, w = stages_for(c, len(state.q)), work_for(c, len(state.q))
+    ends = [state.clock[0]]
+    while state.clock[0] < end_s:
+        remaining = end_s - state.clock[0]
+        status, h = take_step(c, state, table, sums, limits, s, w, counts)
+        assert status == DONE
+        arrive(state, s, end_s if h == remaining else state.clock[0] + h)
+        ends.append(state.clock[0])
+    return np.array(ends)
+
+
+@compiled
+def along(c, state, table, ends, output_s, out_q, out_v, out_pa):
+    """Take just these steps."""
+    sums, counts = summed(table), np.zeros(4, np.int64)
+    s, w = stages_for(c, len(state.q)), work_for(c, len(state.q))
+    filled = fill_start(state, output_s, out_q, out_v, out_pa)
+    for i in range(1, len(ends)):
+        limits = Limits(ends[i], 1.0, LOOSE_M, CLOSE, np.inf, c.remembers, 1_000_000)
+        state.clock[1] = 1.0
+        status, h = take_step(c, state, table, sums, limits, s, w, counts)
+        assert status == DONE
+        filled = fill_inside(state, s, h, ends[i], output_s, filled, out_q, out_v, out_pa)
+        arrive(state, s, ends[i])
+    return counts[1]
+
+
+@dataclass(frozen=True)
+class Held:
+    """The steps of a run, to be taken by straws and under pressures that are slightly others."""
+
+    time_s: Floats
+    deployed: Collection[int]
+    ends: Floats
+    rest: Floats
+
+    @classmethod
+    def of(cls, straw: StrawParameters, pressure, time_s: Floats, deployed: Collection[int], tolerance_m: float):
+        table, first_pa = sampled(pressure, time_s), float(np.asarray(pressure(time_s[:1])).ravel()[0])
+        c, q = straw.constants(), rest_state(straw, deployed, first_pa)
+        state = at_rest(c, q, float(time_s[0]), first_pa, FIRST_STEP_S)
+        ends = times_of(c, state, table, float(time_s[-1]), tolerance_m, MAX_STEP_S)
+        return cls(time_s, deployed, ends, q)
+
+    def play(self, straw: StrawParameters, pressure, start: Floats | float = 0.0) -> Prediction:
+        """The run of another straw; ``start`` is added to its rest state."""
+        table = sampled(pressure, self.time_s)
+        c, first_pa, n = straw.constants(), float(table.pressure_pa[0]), straw.coordinates
+        q = rest_state(straw, self.deployed, first_pa, near=self.rest) + start
+        state = at_rest(c, q, float(self.time_s[0]), first_pa, FIRST_STEP_S)
+        out = np.empty((len(self.time_s), n)), np.empty((len(self.time_s), n)), np.empty(len(self.time_s))
+        rejected = along(c, state, table, self.ends, self.time_s, *out)
+        if rejected:
+            raise ModelError("held: a step that the run takes is refused with these constants")
+        return prediction(straw, table, self.time_s, out[0], out[2], len(self.ends), q)
