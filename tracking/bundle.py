@@ -12,7 +12,6 @@ from tracking.board import Board
 from tracking.camera import Camera
 from tracking.errors import TrackingError
 from tracking.follow import Rest
-from tracking.lens import Lens
 from tracking.misprint import Misprint
 from tracking.planar import LEAST_SIGMA_PX, MEDIAN_OF_RAYLEIGH
 from tracking.pose import Plane, apply, free_pose
@@ -26,9 +25,6 @@ _LINE_S = 4e-6  # a row takes at most the frame's 4.17 ms / 1080 at 240 frames/s
 _ASIDE_M = 0.01  # how far the board's centre may lie beside the plane of motion
 _ROUNDS = 8
 _FIXED, _FREE = 1e-12, 1e3
-# Of painted clips (see tests.benchmarks.tracking_sigmas and tracking_accuracy):
-_RASTER_PX = 0.01  # error of a whole edge that lies along the pixels' raster
-_EDGE = 5.0  # squares along which an edge must cross no row for that
 _ALIKE_S = 0.1  # what the codec and the pixels do to the corners is alike for about so long
 # The constants: the camera's turn about the world's X, Y, Z at the board (rad), its shift along them (m), the board's
 # turn about the tip's x and z (rad), the shutter's time from row to row (s).
@@ -41,7 +37,7 @@ class Bundle:
     """See ``settle``. ``theta`` (c,): the constants, as corrections to ``camera``, nine and the offsets of the print
     (m, x and y of each corner); ``spread`` (c, c): their covariance.
 
-    Residuals of a frame are alike over the board and from frame to frame (the codec's lag, the pixels' raster), so that
+    Residuals of a frame are alike over the board and from frame to frame (the codec's lag), so that
     the covariance of least squares alone is several times too small: what stretches of ``_ALIKE_S`` disagree by in the
     constants is added (Huber's sandwich, clustered).
     """
@@ -65,9 +61,8 @@ class Bundle:
         self.theta, self.spread = self.start, self._prior()
         # Rest frame: x and z known, phi too unless the level says it.
         self.held = np.zeros((len(views.time_s), 3), np.bool_)
-        self.raster = np.zeros((len(self.points), 2, 0))  # px, see ``_raster_px``
+        self.by_rest = np.zeros((len(self.points), 2, len(self.start)))  # how theta answers the corners at rest, per px
         if rest:
-            self.raster = _raster_px(camera.lens, views.rays[0], board.shape)
             self.held[0] = (True, True, not level)
 
     def camera_at(self, theta: Floats) -> Camera:
@@ -139,9 +134,9 @@ class Bundle:
             step[:SHARED][self.prior <= _FIXED] = 0.0
             self.theta = self.theta + step
             poses = poses + solved[..., every] - solved[..., :every] @ step
-            self.spread = (
-                spread + spread @ (self._disagreement(score) + self._raster(weight, by_theta, by_place)) @ spread
-            )
+            self.spread = spread + spread @ self._disagreement(score) @ spread
+            if self.rest:
+                self.by_rest = self._by_rest(spread, weight[0], by_theta[0], by_place[0])
             if np.any(np.abs(self.theta[6:8]) > _MOST_ASKEW_RAD):
                 askew = np.degrees(np.abs(self.theta[6:8]).max())
                 what = f"track: with mount '{self.camera.mount}' the board would be glued askew by {askew:.0f} deg"
@@ -163,15 +158,15 @@ class Bundle:
         free, count = int(np.count_nonzero(self.prior > _FIXED)), len(sums)
         return np.asarray(sums.T @ sums * (count / max(count - free, 1)))
 
-    def _raster(self, weight: Floats, by_theta: Floats, by_place: Floats) -> Floats:
-        """Return the covariance (c, c) of the rest frame's score: what it alone fixes has nothing to disagree with."""
-        if not self.raster.shape[2]:
-            return np.zeros_like(self.spread)
-        along = np.einsum("n,ncm,nci->mi", weight[0], self.raster, by_theta[0].reshape(len(self.points), 2, -1))
+    def _by_rest(self, spread: Floats, weight: Floats, by_theta: Floats, by_place: Floats) -> Floats:
+        """Return by how much the constants change with the corners at rest, across the board's edges: (n, 2, c)."""
+        n = len(self.points)
+        wide = np.einsum("n,nci->inc", weight, by_theta.reshape(n, 2, -1))
         if self.misprint.count:
-            own = np.einsum("n,ncm,ncj->mnj", weight[0], self.raster, by_place[0])
-            along = np.concatenate((along, own.reshape(len(along), -1)), axis=1)
-        return np.asarray(along.T @ along)
+            own = np.zeros((n, 2, n, 2))
+            own[np.arange(n), :, np.arange(n), :] = (weight[:, None, None] * by_place).transpose(0, 2, 1)
+            wide = np.concatenate((wide, own.reshape(2 * n, n, 2)))
+        return np.asarray(np.einsum("wc,inc,ij->nwj", self.views.across[0], wide, spread, optimize=True))
 
     def response(self, views: Views, poses: Floats) -> Floats:
         """Return by how much poses (f, 3) change with each constant, (f, 3, c), at the constants found."""
@@ -240,24 +235,6 @@ class Bundle:
 def _sigma_px(length_px: Floats) -> float:
     """Standard deviation per coordinate of residuals of these lengths, by their median."""
     return max(float(np.median(length_px)) / MEDIAN_OF_RAYLEIGH, LEAST_SIGMA_PX)
-
-
-def _raster_px(lens: Lens, rays: Floats, shape: tuple[int, int]) -> Floats:
-    """Return what pixels and the codec's blocks do to the corners seen along rays (n, 2): independent modes, (n, 2, m).
-
-    An edge that lies along the pixels' rows is misplaced as a whole, another one from pixel to pixel anew.
-    """
-    pixels = lens.project(np.column_stack((rays, np.ones(len(rays))))).reshape(*shape, 2)
-    lines, modes = np.indices(shape), []
-    for k in (0, 1):
-        steps = np.abs(np.gradient(pixels[..., k]))  # along the board's columns, along its rows
-        edges = int(np.argmin(np.mean(steps, axis=(1, 2))))
-        flat = np.sinc(_EDGE * steps[edges])
-        for line in range(shape[1 - edges]):
-            mode = np.zeros((*shape, 2))
-            mode[..., k] = flat * (lines[1 - edges] == line)
-            modes.append(mode.reshape(-1, 2))
-    return _RASTER_PX * np.stack(modes, axis=-1)
 
 
 def _eliminated(weighted: Floats, by_theta: Floats, by_pose: Floats) -> tuple[Floats, Floats]:

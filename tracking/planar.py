@@ -23,13 +23,10 @@ def _fit_planar(
     rays: Floats,
     px_per_ray: Floats,
     points_m: Floats,
-    modes: Floats,
     to_camera: Floats,
     used: Flags,
     poses: Floats,
     covariance: Floats,
-    shared: Floats,
-    shift: Floats,
     rms_px: Floats,
     residual_px: Floats,
 ) -> None:
@@ -39,13 +36,10 @@ def _fit_planar(
     Gauss-Newton on pixels: ``px_per_ray`` (f, n, 2, 2) is the lens's slope at each ray, as residuals are far smaller
     than the lens's curvature. ``to_camera``: 4x4 from the world. ``used`` (f, n) loses the outliers. Fills
     ``covariance`` (f, 3, 3) = s^2 (J^T J)^-1 with s^2 the residuals' own variance, ``rms_px`` (f), NaN where there is
-    no fit, and ``residual_px`` (f, n, 2). Residuals do not show errors that the corners share: ``shared`` (f, 3, 3) is
-    what errors of 1 px that vary over the board as ``modes`` (n, m) would do to the pose. ``shift`` (f, 2, 3): by how
-    much the mean of the corners moves with the pose, px.
+    no fit, and ``residual_px`` (f, n, 2). What corners err alike is not in it: see ``variance``.
     """
     frames, n, cam = rays.shape[0], rays.shape[1], to_camera
-    rows, length, J = np.empty((2, 3)), np.empty(n), np.empty((n, 2, 3))
-    inverse, along = np.empty((3, 3)), np.empty((modes.shape[1], 2, 3))
+    rows, length, inverse = np.empty((2, 3)), np.empty(n), np.empty((3, 3))
     start = np.empty(3)
     for f in range(frames):
         if f == 0:
@@ -83,7 +77,6 @@ def _fit_planar(
                             dq = cam[1, 0] * by_x + cam[1, 2] * by_z
                             dw = cam[2, 0] * by_x + cam[2, 2] * by_z
                             rows[line, m] = (slope_a * (dp - ray_a * dw) + slope_b * (dq - ray_b * dw)) / w
-                            J[k, line, m] = rows[line, m]
                         if used[f, k]:
                             miss, i, j, h = residual_px[f, k, line], rows[line, 0], rows[line, 1], rows[line, 2]
                             a += i * i
@@ -130,23 +123,6 @@ def _fit_planar(
                 inverse[1, 2] = inverse[2, 1] = b * c - a * e
                 inverse /= determinant
                 covariance[f] = variance * inverse
-                along[:] = 0.0
-                shift[f] = 0.0
-                for k in range(n):
-                    if used[f, k]:
-                        shift[f] += J[k] / kept
-                        for m in range(modes.shape[1]):
-                            along[m] += modes[k, m] * J[k]
-                shared[f] = 0.0
-                for m in range(modes.shape[1]):
-                    for line in range(2):
-                        for i in range(3):
-                            rows[0, i] = 0.0
-                            for j in range(3):
-                                rows[0, i] += inverse[i, j] * along[m, line, j]
-                        for i in range(3):
-                            for j in range(3):
-                                shared[f, i, j] += rows[0, i] * rows[0, j]
                 rms_px[f] = math.sqrt(square / (2 * kept))
                 start[:] = poses[f]
                 break

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -14,9 +13,6 @@ from tracking.planar import fit_planar
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-
-_MODES = 12  # they hold most of the variance; the rest looks like noise
-_REACH = 0.3  # of the board's diagonal: between a codec's block (two squares) and the whole board
 
 
 @dataclass(frozen=True)
@@ -43,15 +39,11 @@ class TipPose:
 class Poses:
     """Tip poses of many frames: ``vector`` (f, 3) = x_m, z_m, phi_rad, ``covariance`` (f, 3, 3), SI.
 
-    ``shared`` (f, 3, 3) is the covariance that a smooth error of 1 px over the board would add (see ``smooth_modes``).
-    ``shift`` (f, 2, 3): by how much the mean of the corners moves with the pose, px per m and rad.
     ``rms_px`` (f,) is NaN where the corners fit no pose; ``residual_px`` (f, n, 2); ``used`` (f, n).
     """
 
     vector: Floats
     covariance: Floats
-    shared: Floats
-    shift: Floats
     rms_px: Floats
     residual_px: Floats
     used: Flags
@@ -100,8 +92,6 @@ class Plane:
         found = Poses(
             vector=np.array(start, dtype=np.float64),
             covariance=np.full((frames, 3, 3), np.nan),
-            shared=np.full((frames, 3, 3), np.nan),
-            shift=np.full((frames, 2, 3), np.nan),
             rms_px=np.empty(frames),
             residual_px=np.empty((frames, n, 2)),
             used=used.copy(),
@@ -110,37 +100,30 @@ class Plane:
             np.ascontiguousarray(rays),
             np.ascontiguousarray(px_per_ray),
             np.ascontiguousarray(points_m),
-            smooth_modes(points_m),
             self.camera_from_world,
             found.used,
             found.vector,
             found.covariance,
-            found.shared,
-            found.shift,
             found.rms_px,
             found.residual_px,
         )
         return found
 
+    def slopes(self, px_per_ray: Floats, points_m: Floats, poses: Floats) -> Floats:
+        """Return how the corners move with the poses (f, 3): (f, n, 2, 3), px per m and rad."""
+        sin, cos, cam = np.sin(poses[:, 2:]), np.cos(poses[:, 2:]), self.camera_from_world
+        x, z = cos * points_m[:, 0] + sin * points_m[:, 2], cos * points_m[:, 2] - sin * points_m[:, 0]
+        world = np.stack((x + poses[:, :1], np.broadcast_to(points_m[:, 1], x.shape), z + poses[:, 1:2]), axis=-1)
+        seen = world @ cam[:3, :3].T + cam[:3, 3]
+        turned = np.stack((z, -x), axis=-1) @ cam[:3, (0, 2)].T
+        by = np.stack((*np.broadcast_arrays(cam[:3, 0], cam[:3, 2], turned),), axis=-1)
+        ray = seen[..., :2, None] / seen[..., 2:, None]
+        return np.asarray(px_per_ray @ ((by[..., :2, :] - ray * by[..., 2:, :]) / seen[..., 2:, None]))
+
     def pose_of(self, camera_from_tip: Floats) -> tuple[Floats, float]:
         """Return the (x, z, phi) nearest to a free tip pose, and the cosine between the tip's y and the world's Y."""
         tip = self.world_from_camera @ camera_from_tip
         return np.array((tip[0, 3], tip[2, 3], np.arctan2(tip[0, 2], tip[2, 2]))), float(tip[1, 1])
-
-
-def smooth_modes(points_m: Floats) -> Floats:
-    """Return the modes (n, m) of an error of variance 1 whose correlation over the board falls as exp(-d / 0.3 board).
-
-    What a codec drops, and what a lens profile misses, is shared by corners side by side.
-    """
-    apart_m = np.linalg.norm(points_m[:, None] - points_m[None], axis=-1)
-    return _modes(np.round(apart_m / apart_m.max(), 9).tobytes(), len(points_m))
-
-
-@lru_cache(maxsize=4)
-def _modes(apart: bytes, n: int) -> Floats:
-    values, vectors = np.linalg.eigh(np.exp(-np.frombuffer(apart).reshape(n, n) / _REACH))
-    return np.ascontiguousarray((vectors * np.sqrt(values))[:, ::-1][:, :_MODES])
 
 
 def free_pose(lens: Lens, points_m: Floats, pixels: Floats) -> tuple[Floats, float] | None:

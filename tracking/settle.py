@@ -14,6 +14,7 @@ from tracking.camera import Camera
 from tracking.errors import TrackingError
 from tracking.follow import Rest, plane_at_rest
 from tracking.pose import Plane, free_pose
+from tracking.variance import Scatter
 from tracking.views import Views
 
 Floats = NDArray[np.float64]
@@ -52,6 +53,11 @@ class Settled:
         """The plane of motion as this camera sees it."""
         assert self.camera.world_from_camera is not None
         return Plane(self.camera.lens, self.camera.world_from_camera)
+
+    def doubt_rest(self, scatter: Scatter) -> None:
+        """Know the constants less well: what the frame at rest alone fixes has nothing to disagree with."""
+        answer = self.bundle.by_rest
+        self.bundle.spread = self.bundle.spread + scatter.at_rest(answer.reshape(*scatter.shape, 2, -1))
 
     def covariance(self, views: Views, poses: Floats, rate: Floats) -> Floats:
         """Return what not knowing the constants does to poses (f, 3) that move at ``rate`` (f, 3): (f, 3, 3), SI.

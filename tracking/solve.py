@@ -17,12 +17,13 @@ from tracking.doubt import Courses, course_of, doubted
 from tracking.errors import TrackingError
 from tracking.follow import NOT_DUE
 from tracking.lens import Lens
-from tracking.noise import Codec, Frames, codec_of, exposure_by_smear, without_lag
-from tracking.pose import apply
+from tracking.noise import Frames, exposure_by_smear, lag_of, without_lag
+from tracking.pose import Poses, apply
 from tracking.record import CHUNK, Record, Rows
 from tracking.settle import REST_FRAMES, Settled, settle
 from tracking.task import Task, Track
 from tracking.trace import TipTrace
+from tracking.variance import Scatter, Seen, kinds, learnt, seen_of, telling
 from tracking.video import DecodeReport, ahead
 from tracking.views import AROUND, Views, views_of
 
@@ -95,11 +96,57 @@ def solved(work: Task, record: Record, gathered: Gathered, report: DecodeReport,
     exposure_s = timeline.telemetry.exposure_s or exposure_by_smear(frames, timeline.period_s)
     features = np.column_stack((middle, frames.sweep)).astype(np.float32)
     chosen = np.unique(np.concatenate((np.arange(min(REST_FRAMES, len(seen))), _spread(features))))
-    views = _pick(record, work, seen[chosen], said == "")
-    settled = settle(work.camera, board, work.rest_pose, views, level=work.level, exposure_s=exposure_s)
-    codec = codec_of(frames)
+    tell, keys = telling(seen, frames)
+    views = _pick(record, work, seen[np.union1d(chosen, tell)], said == "")
+    constants, others = (views.pick(np.flatnonzero(np.isin(views.frame, seen[which]))) for which in (chosen, tell))
+    settled = settle(work.camera, board, work.rest_pose, constants, level=work.level, exposure_s=exposure_s)
+    poser = _Poser(work, settled, timeline.period_s, lag_of(frames), exposure_s)
+    poser.learn(others, np.searchsorted(tell, keys))
     with closing(ahead(_viewed(record, work.camera.lens, said == ""), 1)) as chunks:
-        return _fit_all(work, record, chunks, report, settled, codec, exposure_s, said, timeline)
+        return _fit_all(work, record, chunks, report, poser, said, timeline)
+
+
+class _Poser:
+    """Fits poses to views by what a video has in common, and knows how well."""
+
+    def __init__(self, work: Task, settled: Settled, period_s: float, lag_px: float, exposure_s: float) -> None:
+        self.settled, self.period_s, self.lag_px, self.exposure_s = settled, period_s, lag_px, exposure_s
+        self.shape, self._board_m = work.board.shape, work.board.corner_points_m()
+        self._points_m = apply(settled.camera.tip_from_board, settled.points_m)
+        self._guess: Floats | None = None  # where the last fit ended
+        self._scatter: Scatter | None = None
+
+    def learn(self, views: Views, keys: NDArray[np.intp]) -> None:
+        """Learn the clip's variances from some frames; ``keys``: see ``variance.learnt``."""
+        fits, vector, seen, _ = self._fitted(views)
+        fit = np.isfinite(fits.rms_px)
+        whole = fit[keys[:, None] + np.arange(-2, 3)].all(axis=1)
+        self._scatter = learnt(self.shape, seen, vector, keys[whole])
+        self._guess = None
+        if self.settled.rest_frames:
+            self.settled.doubt_rest(self._scatter)
+
+    def poses(self, views: Views) -> tuple[Poses, Floats, Floats]:
+        """Return the fits, the poses (f, 3) with the codec's lag put right, and their covariance (f, 3, 3)."""
+        assert self._scatter is not None
+        fits, vector, seen, rate = self._fitted(views)
+        return fits, vector, self._scatter.covariance(seen) + self.settled.covariance(views, vector, rate)
+
+    def _fitted(self, views: Views) -> tuple[Poses, Floats, Seen, Floats]:
+        plane, line_s = self.settled.plane, self.settled.camera.line_s or 0.0
+        begin = np.full((len(views.time_s), 3), np.nan)
+        begin[0] = free_start(views, self.settled.camera, self._board_m) if self._guess is None else self._guess
+        rays = views.at_once(line_s, self.exposure_s)
+        fits = plane.fit_rays(rays, views.px_per_ray, self._points_m, begin, views.used)
+        if np.isfinite(fits.rms_px).any():
+            self._guess = fits.vector[np.isfinite(fits.rms_px)][-1]
+        rate = np.gradient(fits.vector, views.time_s, axis=0) if len(begin) > 1 else np.zeros((1, 3))
+        slopes = plane.slopes(views.px_per_ray, self._points_m, fits.vector)
+        eye_m = plane.world_from_camera[(0, 2), 3]
+        vector = without_lag(fits, slopes, rate * self.period_s, views.key, self.lag_px, eye_m)
+        kind = kinds(views.key, views.speed_px)
+        seen = seen_of(self.shape, slopes, fits.residual_px, fits.used, views.across, kind)
+        return fits, vector, seen, rate
 
 
 def _commonest(record: Record) -> str:
@@ -140,39 +187,29 @@ def _fit_all(
     record: Record,
     chunks: Iterator[Viewed],
     report: DecodeReport,
-    settled: Settled,
-    codec: Codec,
-    exposure_s: float,
+    poser: _Poser,
     said: NDArray[np.object_],
     timeline: Timeline,
 ) -> Track:
-    n, plane, line_s = len(record), settled.plane, settled.camera.line_s or 0.0
-    points_m = apply(settled.camera.tip_from_board, settled.points_m)
-    eye_m = plane.world_from_camera[(0, 2), 3]
+    n, settled = len(record), poser.settled
+    line_s, corner_count = settled.camera.line_s or 0.0, len(settled.points_m)
     state, sigma = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
     time_s, rms_px, corners = np.empty(n), np.full(n, np.nan), np.zeros(n, np.int64)
-    total, square, count = np.zeros((3, len(points_m), 2))
-    row, guess = work.camera.lens.height / 2, None
+    total, square, count = np.zeros((3, corner_count, 2))
+    row = work.camera.lens.height / 2
     for start, rows, views, where in chunks:
         passed = np.full(len(rows), np.nan)
         unseen = np.flatnonzero(~rows["seen"])
         said[start + unseen] = [text.decode() for text in rows["reason"][unseen].tolist()]
         if len(where):
-            guess = guess if guess is not None else free_start(views, settled.camera, work.board.corner_points_m())
             at = start + where
-            begin = np.full((len(where), 3), np.nan)
-            begin[0] = guess
-            fits = plane.fit_rays(views.at_once(line_s, exposure_s), views.px_per_ray, points_m, begin, views.used)
+            fits, vector, spread = poser.poses(views)
             number = fits.used.sum(axis=1)
             good = (fits.rms_px <= LARGEST_RESIDUAL * views.pitch_px) & (number >= FEWEST_CORNERS)
             said[at[~good]] = NO_FIT
-            rate = np.gradient(fits.vector, views.time_s, axis=0) if len(at) > 1 else np.zeros((1, 3))
-            vector, spread = without_lag(fits, rate * timeline.period_s, views.key, codec, eye_m)
-            spread += settled.covariance(views, vector, rate)
             state[at[good]] = vector[good]
             sigma[at[good]] = np.sqrt(np.diagonal(spread[good], axis1=1, axis2=2))
             rms_px[at[good]], corners[at[good]] = fits.rms_px[good], number[good]
-            guess = fits.vector[good][-1] if good.any() else guess
             counts = (fits.used & good[:, None])[..., None]
             total += np.where(counts, fits.residual_px, 0).sum(axis=0)
             square += np.where(counts, fits.residual_px**2, 0).sum(axis=0)
@@ -199,8 +236,8 @@ def _fit_all(
         residual_px=mean,
         spread_px=np.sqrt(np.maximum(square / np.maximum(count, 1) - mean**2, 0)),
         telemetry=timeline.telemetry,
-        exposure_s=exposure_s,
-        lag_px=codec.lag_px,
+        exposure_s=poser.exposure_s,
+        lag_px=poser.lag_px,
         never_seen=int(never.sum()),
         part=(work.fps, work.from_s, work.to_s),
     )

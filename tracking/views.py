@@ -35,7 +35,8 @@ class Views:
 
     Rolling shutter: ``rows`` (f, n) is how many rows below the board's middle a corner was exposed, ``middle`` (f,) the
     middle's row. ``rate``, ``bend`` and ``jerk`` (f, n, 2) are the rays' time derivatives by the frames around.
-    ``doubt`` (f,): by how much, px/s, the rate changes when more frames around tell it.
+    ``doubt`` (f,): by how much, px/s, the rate changes when more frames around tell it. ``across`` (f, 2, 2): unit
+    vectors across the edges of x and of y, in the picture; the nearest ones that are perpendicular.
     ``widths`` (f, 2): half widths of the edges, px, and ``sweep`` (f, 2) how fast (px/s) the board's middle crosses
     them. ``key`` (f,): coded without prediction. ``speed_px`` (f,): the corners' motion from
     frame to frame, rms per coordinate, and ``jump_px`` (f,) how far ahead on it they lie of where the three frames on
@@ -54,6 +55,7 @@ class Views:
     jerk: Floats
     doubt: Floats
     pitch_px: Floats
+    across: Floats
     widths: Floats
     sweep: Floats
     key: Flags
@@ -121,6 +123,7 @@ def views_of(
         jerk=np.nan_to_num(jerk[at]),
         doubt=np.sqrt((unsure**2).mean(axis=(1, 2))) if len(at) else np.empty(0),
         pitch_px=np.sqrt((along**2).sum(axis=-1).reshape(len(at), -1).min(axis=1)) if len(at) else np.empty(0),
+        across=_perpendicular(normals),
         widths=around["widths"][at].astype(np.float64),
         sweep=np.abs(np.einsum("fki,fi->fk", normals, speed / n)),
         key=around["key"][at],
@@ -153,6 +156,14 @@ def _derivatives(rays: Floats, time_s: Floats, seen: Flags) -> tuple[Floats, Flo
                 doubt[at] = parts - rate[at]
             found[at] = parts
     return rate, bend, jerk, doubt
+
+
+def _perpendicular(normals: Floats) -> Floats:
+    """Return the pairs of perpendicular unit vectors (f, 2, 2) nearest to pairs that are not quite."""
+    angle = np.arctan2(normals[..., 1], normals[..., 0])
+    apart = np.mod(angle[:, 1] - angle[:, 0], np.pi) - np.pi / 2  # the sign of a normal does not matter
+    cos, sin = np.cos(angle[:, 0] + apart / 2), np.sin(angle[:, 0] + apart / 2)
+    return np.stack((np.stack((cos, sin), axis=-1), np.stack((-sin, cos), axis=-1)), axis=1)
 
 
 def _runs(flags: Flags, length: int) -> Flags:

@@ -1,0 +1,98 @@
+"""A clip's sigmas come from its own corners: poses err by what is claimed, however corners err."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tracking.board import Board
+from tracking.patterns import Patterns
+from tracking.pose import Plane, apply
+from tracking.variance import FAST, FRESH, SLOW, Scatter, kinds, learnt, seen_of
+
+REST = (0.0221, 0.0, 1.53)
+SHAPE = (7, 7)
+COUNT = 300
+
+
+def clip(setup, seen_by_opencv, errors, kind):
+    """Fits to corners that err by ``errors`` (f, 49, 2), px, along u and v; the board's edges lie along them."""
+    truth = np.tile(REST, (len(errors), 1))
+    pixels = seen_by_opencv(setup, *REST) + errors
+    rays, slopes = setup.lens.rays_with_slopes(pixels.reshape(-1, 2))
+    slopes = slopes.reshape(-1, 49, 2, 2)
+    plane, points = Plane(setup.lens, setup.world_from_camera), apply(setup.tip_from_board, Board().corner_points_m())
+    fits = plane.fit_rays(rays.reshape(-1, 49, 2), slopes, points, truth, np.ones(errors.shape[:2], bool))
+    by_pose = plane.slopes(slopes, points, fits.vector)
+    across = np.tile(np.array(((0.0, 1.0), (1.0, 0.0))), (len(errors), 1, 1))  # board x is down the picture
+    return fits, seen_of(SHAPE, by_pose, fits.residual_px, fits.used, across, kind), fits.vector - truth
+
+
+def drawn(rng, parts_px, count=COUNT):
+    """Errors (f, 49, 2) along u and v of which the patterns have these sizes: white, along edges, over the board."""
+    i, j = (index.ravel() / 6 for index in np.indices(SHAPE))
+    near_i, near_j = (np.exp(-np.abs(a[:, None] - a)) for a in (i, j))
+    white, line, sheet = np.square(parts_px)
+    across_x = white * np.eye(49) + line * (i[:, None] == i) * near_j + sheet * near_i * near_j
+    across_y = white * np.eye(49) + line * (j[:, None] == j) * near_i + sheet * near_i * near_j
+    along_x, along_y = (rng.normal(size=(count, 49)) @ np.linalg.cholesky(K).T for K in (across_x, across_y))
+    return np.stack((along_y, along_x), axis=-1)
+
+
+@pytest.mark.parametrize("parts_px", [(0.02, 0.0, 0.0), (0.01, 0.02, 0.0), (0.01, 0.005, 0.02)])
+def test_poses_err_by_what_is_claimed_however_the_corners_err_together(setup, seen_by_opencv, parts_px):
+    kind = np.full(COUNT, FAST)
+    fits, seen, error = clip(setup, seen_by_opencv, drawn(np.random.default_rng(3), parts_px), kind)
+    scatter = learnt(SHAPE, seen, fits.vector, np.empty(0, np.intp))
+    claimed = np.diagonal(scatter.covariance(seen), axis1=1, axis2=2)
+    # 300 draws tell a variance to 8 %; what is smooth over the board is told by what little of it no pose explains
+    np.testing.assert_allclose((error**2).mean(axis=0) / claimed.mean(axis=0), 1.0, atol=0.3)
+    alone = np.diagonal(fits.covariance, axis1=1, axis2=2)
+    if parts_px[2] > 0.01:  # residuals as if every corner erred for itself
+        assert np.all((error**2).mean(axis=0) > 3 * alone.mean(axis=0)[[0, 1, 2]])
+
+
+def test_what_a_slow_board_does_as_a_whole_is_told_by_the_steps_at_keyframes(setup, seen_by_opencv):
+    """A shift that no residual shows, another one from keyframe to keyframe, and none at them."""
+    rng, count = np.random.default_rng(5), 400
+    key = np.arange(count) % 10 == 0
+    shift = np.repeat(rng.normal(0, 0.02, (count // 10, 2)), 10, axis=0)
+    shift[key] = rng.normal(0, 0.02, (key.sum(), 2))
+    errors = drawn(rng, (0.01, 0.0, 0.0), count) + shift[:, None]
+    kind = kinds(key, np.full(count, 0.05))
+    fits, seen, error = clip(setup, seen_by_opencv, errors, kind)
+    scatter = learnt(SHAPE, seen, fits.vector, np.flatnonzero(key)[1:-1])
+    slow = kind == SLOW
+    claimed = np.diagonal(scatter.covariance(seen)[slow], axis1=1, axis2=2).mean(axis=0)
+    # 40 shifts, and 38 steps told by 2 numbers each: 20 %; errors that last longer than by half: 31 % less
+    assert np.all(np.abs((error[slow, :2] ** 2).mean(axis=0) / claimed[:2] - 1) < 0.6)
+    assert np.sqrt(scatter.common_px2[0]) == pytest.approx(0.02, rel=0.3)
+
+
+def test_a_frame_that_leaves_more_than_its_kind_is_known_less_well(setup, seen_by_opencv):
+    errors = drawn(np.random.default_rng(7), (0.01, 0.0, 0.0))
+    errors[100] *= 5
+    _, seen, _ = clip(setup, seen_by_opencv, errors, np.full(COUNT, FAST))
+    scatter = learnt(SHAPE, seen, np.tile(REST, (COUNT, 1)), np.empty(0, np.intp))
+    sigma = np.sqrt(scatter.covariance(seen)[:, 1, 1])
+    assert sigma[100] == pytest.approx(5 * np.median(sigma), rel=0.35)  # 95 numbers: 7 %, their median 5 %
+
+
+def test_kinds_of_frames():
+    speed = np.array((0.1, 0.3, 0.1, np.nan))
+    np.testing.assert_array_equal(kinds(np.array((False, False, True, False)), speed), (SLOW, FAST, FRESH, SLOW))
+
+
+def test_sums_over_pairs_of_corners_are_those_of_their_matrix():
+    patterns, rng = Patterns.of((4, 3)), np.random.default_rng(0)
+    H = rng.normal(size=(2, 4, 3, 2, 3))
+    flat = H.reshape(2, 24, 3)
+    for found, K in zip(patterns.between(H), patterns.whole(), strict=True):
+        np.testing.assert_allclose(found, flat.transpose(0, 2, 1) @ K @ flat, atol=1e-12)
+
+
+def test_at_rest_a_shift_is_as_large_as_said():
+    scatter = Scatter((3, 3), np.zeros((3, 3)), np.array((4.0, 0.0)))
+    mean = np.zeros((3, 3, 2, 1))
+    mean[:, :, 0] = 1 / 9
+    assert scatter.at_rest(mean)[0, 0] == pytest.approx(4.0)

@@ -1,0 +1,185 @@
+"""How well a clip's corners are known: variance components, estimated from what its own corners leave."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from tracking.noise import Frames
+from tracking.patterns import Patterns, common_to
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Places = NDArray[np.intp]
+
+#: Slower than a quarter of a pixel a frame, the unit of motion vectors in H.264 and HEVC (8.4.2.2 and 8.5.3.3 there),
+#: the codec takes the board for still and lets it lag. Coded by itself, a picture cannot.
+SLOW, FAST, FRESH = range(3)
+_MOTION_VECTOR_PX = 0.25
+_PER_KIND = 60  # frames: 95 numbers each, of which a fifth is independent, tell a variance to 4 %
+_FEWEST = 8
+_STEPS = 40  # keyframes, whose steps tell the common error; as many as are in ten seconds
+_MOST_ACROSS = 9  # corners along a side that components are estimated from
+_AROUND = np.array((-2, -1, 1, 2))
+_CUBIC = np.array((-1, 4, 4, -1)) / 6  # the cubic through them, in the middle
+_ALIKE = 13 / 18  # variance of the cubic by errors that last from one frame to the next by half, and end at keyframes
+# Where keyframes are too few to tell, of what corners leave in slow frames: a half is common to the board as a shift, a
+# quarter as stretch and shear, each as uncertain as after so many keyframes (of clips 100 and 101 in tracking_painted).
+_USUAL_SHARES, _USUAL_WEIGHT = (0.5, 0.25), 2.0
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What fits of f frames have to do with the picture, errors turned to across the board's edges.
+
+    ``slopes`` (f, nx, ny, 2, 3): by how much corners move with the pose, 0 where a corner is not used; ``left`` (f,
+    nx, ny, 2): residuals, px; ``used`` (f, n); ``kind`` (f,).
+    """
+
+    slopes: Floats
+    left: Floats
+    used: Flags
+    kind: Places
+
+    @property
+    def square(self) -> Floats:
+        """Sum of squared residuals (f,), px^2."""
+        return np.asarray((self.left**2).sum(axis=(1, 2, 3)))
+
+    def normal(self) -> Floats:
+        """Return J^T J (f, 3, 3)."""
+        flat = self.slopes.reshape(len(self.slopes), -1, 3)
+        return np.asarray(flat.transpose(0, 2, 1) @ flat + 1e-9 * np.eye(3))  # without a fit it must stay solvable
+
+    def answer(self) -> Floats:
+        """Return by how much the pose moves with each corner (f, nx, ny, 2, 3)."""
+        flat = self.slopes.reshape(len(self.slopes), -1, 3)
+        return np.asarray((flat @ np.linalg.inv(self.normal())).reshape(self.slopes.shape))
+
+
+def seen_of(shape: tuple[int, int], slopes: Floats, left: Floats, used: Flags, across: Floats, kind: Places) -> Seen:
+    """Return what fits have to do with the picture; ``slopes`` (f, n, 2, 3) and ``left`` (f, n, 2) along u and v."""
+    turned = np.where(used[..., None, None], across[:, None] @ slopes, 0.0)
+    miss = np.where(used[..., None], (across[:, None] @ np.nan_to_num(left)[..., None])[..., 0], 0.0)
+    return Seen(turned.reshape(-1, *shape, 2, 3), miss.reshape(-1, *shape, 2), used, kind)
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Variances, px^2: ``parts`` (3 kinds of frame, 3 patterns), and ``common_px2`` (2,) of what a slow board has
+    beyond them as a whole: in each number of its shift, and of its stretch and shear.
+    """
+
+    shape: tuple[int, int]
+    parts: Floats
+    common_px2: Floats
+
+    def covariance(self, seen: Seen) -> Floats:
+        """Return the covariance (f, 3, 3) of poses, SI; a frame that leaves more than its kind is known less well."""
+        common = np.tensordot(self.common_px2, common_to(self.shape, seen.answer()), 1)
+        return np.asarray(self.of_corners(seen) + (seen.kind != FAST)[:, None, None] * common)
+
+    def of_corners(self, seen: Seen) -> Floats:
+        """Return the same without what a slow board does as a whole."""
+        by_part = Patterns.of(self.shape).between(seen.answer())
+        variance = self.parts[np.where(seen.kind == FRESH, SLOW, seen.kind)]
+        expected = variance.sum(axis=1) * 2 * seen.used.sum(axis=1)
+        expected -= np.einsum("fc,cfij,fij->f", variance, by_part, seen.normal())
+        scale = seen.square / np.maximum(expected, 1e-12)
+        return np.asarray(np.einsum("f,fc,cfij->fij", scale, variance, by_part))
+
+    def at_rest(self, answer: Floats) -> Floats:
+        """Return the covariance (c, c) of what answers so (nx, ny, 2, c) to the corners of a board that rests.
+
+        Its picture is a keyframe's, or predicted from one without any motion.
+        """
+        own, common = Patterns.of(self.shape).between(answer[None]), common_to(self.shape, answer[None])
+        return np.asarray((np.tensordot(self.parts[FRESH], own, 1) + np.tensordot(self.common_px2, common, 1))[0])
+
+
+def kinds(key: Flags, speed_px: Floats) -> Places:
+    """Return which kind of frame each is; one whose speed nobody knows is taken for slow, which is known less well."""
+    return np.where(key, FRESH, np.where(np.nan_to_num(speed_px) > _MOTION_VECTOR_PX, FAST, SLOW))
+
+
+def telling(numbers: NDArray[np.int64], frames: Frames) -> tuple[Places, Places]:
+    """Return which frames to learn from, and which of them are keyframes amid slow ones, two on either side.
+
+    ``numbers`` (f,): of the frames in the video.
+    """
+    kind = kinds(frames.key, frames.speed_px)
+    chosen = [_evenly(np.flatnonzero(kind == which), _PER_KIND) for which in (SLOW, FAST, FRESH)]
+    keys = np.flatnonzero(kind == FRESH)
+    keys = keys[(keys > 1) & (keys < len(numbers) - 2)]
+    near = keys[:, None] + _AROUND
+    calm = (numbers[near] - numbers[keys][:, None] == _AROUND).all(axis=1) & (kind[near] == SLOW).all(axis=1)
+    keys = _evenly(keys[calm & (frames.speed_px[keys] < _MOTION_VECTOR_PX)], _STEPS)  # not where it is NaN
+    return np.unique(np.concatenate((*chosen, keys, (keys[:, None] + _AROUND).ravel()))), keys
+
+
+def _evenly(places: Places, most: int) -> Places:
+    if len(places) <= most:
+        return places
+    return places[np.linspace(0, len(places) - 1, most).astype(np.intp)]
+
+
+def learnt(shape: tuple[int, int], seen: Seen, vector: Floats, keys: Places) -> Scatter:
+    """Estimate a clip's variances; ``keys``: places of keyframes among the frames, each between two pairs of others.
+
+    Restricted to what a pose cannot take away: the residuals' squares, and their sums along edges and over the board,
+    are equated with what they should be in the mean, the fit's own degrees of freedom counted (Rao's MINQUE, J. Am.
+    Stat. Assoc. 67 (1972) 112). What the board does as a whole is not in its residuals. But a keyframe does not lag
+    with its neighbours: the step of the pose there tells.
+    """
+    parts, slow = _parts(shape, seen), seen.kind == SLOW
+    free = np.maximum(2 * seen.used.sum(axis=1) - 3, 1)
+    rms_px2 = float(np.median((seen.square / free)[slow])) if slow.any() else float(parts[SLOW].sum())
+    usual = Scatter(shape, parts, np.array(_USUAL_SHARES) * rms_px2)
+    return Scatter(shape, parts, _common(usual, seen, vector, keys)) if len(keys) else usual
+
+
+def _common(usual: Scatter, seen: Seen, vector: Floats, keys: Places) -> Floats:
+    """Return the variances (2,) that the steps of the pose at keyframes tell, weighed with the usual ones, px^2."""
+    near = keys[:, None] + _AROUND
+    step = vector[keys] - np.einsum("k,fkm->fm", _CUBIC, vector[near])
+
+    def of_step(each: Floats) -> Floats:
+        return np.asarray(each[..., keys, :, :] + _ALIKE * each[..., near, :, :].mean(axis=-3))
+
+    own, by_common = of_step(usual.of_corners(seen)), of_step(common_to(usual.shape, seen.answer()))
+    inverse = np.linalg.inv(own + np.tensordot(usual.common_px2, by_common, 1))
+    told = inverse @ by_common @ inverse
+    excess = np.einsum("fi,cfij,fj->c", step, told, step) - np.einsum("cfij,fji->c", told, own)
+    A = np.einsum("cfij,dfji->cd", told, by_common)
+    prior = _USUAL_WEIGHT / usual.common_px2**2
+    return _positive(A + np.diag(prior), excess + prior * usual.common_px2)
+
+
+def _parts(shape: tuple[int, int], seen: Seen) -> Floats:
+    """Return the components (3 kinds, 3), px^2; of all frames together where a kind has too few."""
+    every = -(-max(shape) // _MOST_ACROSS)
+    K = Patterns.of(shape, every).whole()
+    slopes, left = (each[:, ::every, ::every] for each in (seen.slopes, seen.left))
+    A, b = np.zeros((3, len(K), len(K))), np.zeros((3, len(K)))
+    for J, r, which in zip(slopes.reshape(len(left), -1, 3), left.reshape(len(left), -1), seen.kind, strict=True):
+        used = np.abs(J).sum(axis=1) > 0
+        if np.count_nonzero(used) <= J.shape[1]:
+            continue
+        H = np.linalg.qr(J)[0]
+        r = r - H @ (H.T @ r)
+        PK = K * used
+        PK = (PK - H @ (H.T @ PK)) * used[:, None]
+        A[which] += np.einsum("cij,dji->cd", PK, PK)
+        b[which] += np.einsum("i,cij,j->c", r, K, r)
+    few = np.bincount(seen.kind, minlength=3) < _FEWEST
+    A[few], b[few] = A.sum(axis=0), b.sum(axis=0)
+    return np.stack([np.maximum(_positive(one, other), (1e-8, 0, 0)) for one, other in zip(A, b, strict=True)])
+
+
+def _positive(A: Floats, b: Floats) -> Floats:
+    """Return the x, none below 0, for which A x is nearest to b."""
+    scale = 1 / np.sqrt(np.maximum(np.diag(A), 1e-300))
+    return np.asarray(nnls(A * scale * scale[:, None], b * scale)[0] * scale)
