@@ -19,6 +19,9 @@ Rest = tuple[float, float, float]
 
 SEARCH_EVERY = 24  # frames between searches of the whole picture: at 0.1 s each they cost 4 ms a frame
 _NEAR_SEARCHES = 3  # searches around the last place right after a loss: a few ms each
+_TRY_EVERY = 3  # frames, for a second after a loss, between looks at where the print correlates best: 3 ms each
+_NEAR_EVERY = 6  # and between searches around the last place, 15 ms each: within ten frames of its return it is found
+_NEAR_FOR = 240
 _AGAIN = 2  # searches right after one that found a grid but no board (OpenCV's may skip rows): 12 ms a frame at most
 _PROVISIONAL = 3.0  # how much more the plane's fit may leave until ``settle`` knows how askew the board is glued
 _STEADY = 0.7  # of a square: so much motion from frame to frame, and a grid cannot slip, which takes 1.4
@@ -67,6 +70,8 @@ class Follower:
             if isinstance(outcome, str):
                 shifted = self.print.shifted(picture, guess, self.sign)
                 outcome = self.print.sharpen(picture, shifted, None, self.sign)
+        if isinstance(outcome, str) and self.recent and 0 < self.lost < _NEAR_FOR and self.lost % _TRY_EVERY == 0:
+            outcome = self._where_it_was(picture)
         if isinstance(outcome, str):
             outcome = self._search(picture, time_s) or outcome
         if isinstance(outcome, str):
@@ -89,6 +94,14 @@ class Follower:
         self.sign, self.recent, self.lost = float(np.sign(first.contrast)), recent, lost
         self.phi_rad = self._in_plane(recent[-1][1]) or self.phi_rad
 
+    def _where_it_was(self, picture: Picture) -> Sighting | str:
+        """Return the board within two squares of its last place, seen in parts, too, which no search finds."""
+        shifted = self.print.shifted(picture, self.recent[-1][1].homography, self.sign)
+        outcome = self.print.sharpen(picture, shifted, None, self.sign)
+        if isinstance(outcome, Sighting) and self.plane and self._in_plane(outcome) is None:
+            return "the board faces out of the plane"
+        return outcome
+
     def _predicted(self, time_s: float) -> Floats:
         """Return the homography at constant velocity."""
         last_s, last = self.recent[-1]
@@ -107,7 +120,9 @@ class Follower:
 
     def _search(self, picture: Picture, time_s: float) -> Sighting | str | None:
         """Search around the last place, or now and then in the whole picture; None when nothing was found."""
-        if self.recent and self.lost < _NEAR_SEARCHES:
+        whole = self.lost >= _NEAR_SEARCHES and self.lost % SEARCH_EVERY == 0
+        near = self.lost < _NEAR_SEARCHES or (self.lost < _NEAR_FOR and self.lost % _NEAR_EVERY == 0)
+        if self.recent and near and not whole and not self.again:
             corners = self.recent[-1][1].grid.reshape(-1, 2)
             low, high = corners.min(axis=0), corners.max(axis=0)
             reach = 0.6 * (high - low).max()

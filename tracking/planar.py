@@ -15,6 +15,7 @@ Flags = NDArray[np.bool_]
 _STEPS = 12
 _ROUNDS = 6  # of dropping outliers: a finger over some corners takes two or three
 _OUTLIER_SIGMA = 4.0  # a good corner of 49 is dropped once in 60 frames: residual lengths are Rayleigh, exp(-4^2 / 2)
+_OUTLIER_PX = 0.04  # four times what 8 bits leave of an edge; frames at rest may be alike to less than that
 MEDIAN_OF_RAYLEIGH = 1.1774
 LEAST_SIGMA_PX = 1e-4
 
@@ -50,7 +51,7 @@ def _fit_planar(
         kept = 0
         for k in range(n):
             kept += used[f, k]
-        for _ in range(_ROUNDS):
+        for turn in range(_ROUNDS):
             square, converged = 0.0, False
             a = b = c = d = e = g = 0.0  # the normal matrix: aa ab ac / bb bc / cc
             for _ in range(_STEPS):
@@ -108,9 +109,9 @@ def _fit_planar(
                 if used[f, k]:
                     length[count] = math.hypot(residual_px[f, k, 0], residual_px[f, k, 1])
                     count += 1
-            most = _OUTLIER_SIGMA * max(np.median(length[:count]) / MEDIAN_OF_RAYLEIGH, LEAST_SIGMA_PX)
+            most = max(_OUTLIER_SIGMA * np.median(length[:count]) / MEDIAN_OF_RAYLEIGH, _OUTLIER_PX)
             dropped = 0
-            for k in range(n):
+            for k in range(n if turn < _ROUNDS - 1 else 0):  # the last time it is taken as it is
                 if used[f, k] and math.hypot(residual_px[f, k, 0], residual_px[f, k, 1]) > most:
                     used[f, k] = False
                     dropped += 1

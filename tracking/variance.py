@@ -26,9 +26,9 @@ _MOST_ACROSS = 9  # corners along a side that components are estimated from
 _AROUND = np.array((-2, -1, 1, 2))
 _CUBIC = np.array((-1, 4, 4, -1)) / 6  # the cubic through them, in the middle
 _ALIKE = 13 / 18  # variance of the cubic by errors that last from one frame to the next by half, and end at keyframes
-# Where keyframes are too few to tell, of what corners leave in slow frames: a half is common to the board as a shift, a
-# quarter as stretch and shear, each as uncertain as after so many keyframes (of clips 100 and 101 in tracking_painted).
-_USUAL_SHARES, _USUAL_WEIGHT = (0.5, 0.25), 2.0
+# Where keyframes are too few to tell, of what corners leave in slow frames 0.3 is common to the board as a shift, 0.4
+# as stretch and shear, each as uncertain as after so many keyframes (of clips 100 to 105 in tracking_painted).
+_USUAL_SHARES, _USUAL_WEIGHT = (0.3, 0.4), 2.0
 
 
 @dataclass(frozen=True)
