@@ -18,9 +18,11 @@ from rig.camera_clock import CameraClock
 from rig.run import Run
 from rig.run_track import write_track
 from tracking.board import Board
+from tracking.by_point import with_point
 from tracking.camera import Camera, camera_json
 from tracking.chapters import copies, in_order, siblings
 from tracking.follow import Rest
+from tracking.mend import Edit, load_edits, mended
 from tracking.task import Track
 from tracking.track import track
 
@@ -37,13 +39,16 @@ def track_to_file(
     *,
     board: Board | None = None,
     clock: CameraClock | None = None,
+    mend: Path | None = None,
     **task: Any,
 ) -> Track:
     """Track a video and write the tip on the run's clock; without a run, on the wall clock of now.
 
+    ``mend``: a file of changes by hand (see ``tracking.mend``), which goes on record with the track.
     The track's record is left open, for more to be made of it; an interrupted one stays beside ``output``.
     """
     check_new(output)
+    edits = load_edits(mend) if mend else []
     files = in_order([videos] if isinstance(videos, Path) else videos)
     record = output.with_name(output.name + ".corners")
     if beside := siblings(files):
@@ -57,6 +62,12 @@ def track_to_file(
         except KeyboardInterrupt:
             say(f"{files[0].name}: what was tracked is kept in {record}; the same command goes on from there")
             raise
+    try:
+        tracked = by_hand(tracked, files, edits, 0.0 if clock else start_s)
+    except BaseException:
+        assert tracked.record is not None
+        tracked.record.close()
+        raise
     if clock:
         trace = dataclasses.replace(tracked.trace, time_s=clock.host_s(tracked.trace.time_s))
         tracked = dataclasses.replace(tracked, trace=trace)
@@ -79,7 +90,7 @@ def track_to_file(
             corners(tracked),
             lens_of(tracked.camera),
             metadata,
-            {"camera.json": camera_json(tracked.camera).encode()},
+            {"camera.json": camera_json(tracked.camera).encode(), **({"mend.toml": mend.read_bytes()} if mend else {})},
             filmed.sha256 if filmed else "",
             zero_ns,
         )
@@ -96,6 +107,15 @@ def track_to_file(
         say(f"{files[0].name}: {what}: covered all the time, or is the board another?")
     for reason, count in tracked.invalid.items():
         say(f"{files[0].name}: {count} frames without a trustworthy board: {reason}")
+    return tracked
+
+
+def by_hand(tracked: Track, files: Sequence[Path], edits: Sequence[Edit], start_s: float) -> Track:
+    """Return the track with what was changed by hand: poses first, then points, which fill what is not valid then."""
+    tracked = mended(tracked, edits)
+    for edit in edits:
+        if edit.kind == "point":
+            tracked = with_point(tracked, files, edit, start_s)
     return tracked
 
 

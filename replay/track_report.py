@@ -36,6 +36,8 @@ def page(track: Track, videos: Sequence[str]) -> str:
     lost = "".join(
         f"<tr><td>{html.escape(reason)}</td><td>{count}</td></tr>" for reason, count in track.invalid.items()
     )
+    hand = "".join(f"<tr><td>{html.escape(why)}</td><td>{count}</td></tr>" for why, count in track.by_hand.items())
+    hand = f"<h2>Poses that no board gave</h2><table>{hand}</table>" if hand else ""
     lost = f"<h2>Frames without a trustworthy board</h2><table>{lost}</table>" if lost else ""
     pictures = "".join(
         f"<h2>{title}</h2><p>{text}</p><img alt='{title}' src='data:image/png;base64,{_png(draw, track)}'>"
@@ -57,7 +59,8 @@ def page(track: Track, videos: Sequence[str]) -> str:
     )
     return (
         f"<!doctype html><html lang='en'><meta charset='utf-8'><title>Track of {name}</title><style>{_STYLE}</style>"
-        f"<h1>Track of {name}</h1><p>{html.escape(_sentence(track))}</p><table>{rows}</table>{lost}{pictures}</html>\n"
+        f"<h1>Track of {name}</h1><p>{html.escape(_sentence(track))}</p><table>{rows}</table>{lost}{hand}"
+        f"{pictures}</html>\n"
     )
 
 

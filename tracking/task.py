@@ -28,7 +28,8 @@ class Track:
     """What a video says about the tip.
 
     ``rms_px`` (n,): reprojection residual per coordinate and frame, ``corners`` (n,): how many corners it rests on (NaN
-    and 0 where invalid), ``said`` (n,): why a frame is not valid, "" where it is. ``camera``: the one used, with
+    and 0 where invalid), ``said`` (n,): why a frame is not valid, or by whose
+    hand it is; else "". ``camera``: the one used, with
     ``world_from_camera``, ``board_turn_rad`` and ``line_s`` as found; ``trace.time_s`` is when the shutter passed the
     board's middle. ``rest_frames``: how many still frames placed the camera (0 when its place was given).
     ``residual_px`` (corners, 2): the mean over all frames of what the corners miss by, and ``spread_px`` (corners, 2)
@@ -59,7 +60,12 @@ class Track:
     @property
     def invalid(self) -> dict[str, int]:
         """How many frames are not valid, by reason, the commonest first."""
-        return dict(Counter(text for text in self.said.tolist() if text).most_common())
+        return dict(Counter(self.said[~self.trace.valid].tolist()).most_common())
+
+    @property
+    def by_hand(self) -> dict[str, int]:
+        """How many poses were set by hand, or found by a point that a hand named, by reason."""
+        return dict(Counter(text for text in self.said[self.trace.valid].tolist() if text).most_common())
 
 
 @dataclass(frozen=True)

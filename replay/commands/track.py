@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
     rest = rest_of(args.rest, filmed, camera, load_straw(args.straw))
     clock = load_clock(args.clock) if args.clock else None
     task: dict[str, Any] = {"level": args.level, "clock": clock, "near_px": pair(args.near) if args.near else None}
-    task |= {"fps": args.fps}
+    task |= {"fps": args.fps, "mend": args.mend}
     task |= {name: value for name in ("from_s", "to_s") if (value := getattr(args, name)) is not None}
     outputs = [path for path in (args.csv, args.overlay, args.report, args.save_camera) if path]
     for path in outputs:
@@ -140,7 +140,8 @@ def as_data(tracked: Track, output: Path) -> dict[str, object]:
         "track": str(output),
         "frames": len(trace),
         "valid": int(np.count_nonzero(trace.valid)),
-        "invalid": dict(tracked.invalid),
+        "invalid": tracked.invalid,
+        "by_hand": tracked.by_hand,
         "decode": dataclasses.asdict(tracked.decode),
         "corner_rms_px": float(np.nanmedian(tracked.rms_px)),
         **sigmas,

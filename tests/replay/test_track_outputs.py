@@ -77,6 +77,40 @@ def test_the_recording_holds_the_tip_its_quality_the_corners_and_the_camera(plac
     assert run.metadata["decode"] == "decoded 36 of 36 frames"
 
 
+def test_what_was_mended_by_hand_is_on_record_with_its_reason(place, tmp_path, capsys):
+    text = """[[invalid]]
+frames = "20-22"
+reason = "a fly on the board"
+[[pose]]
+frame = 25
+x_mm = 20.0
+z_mm = 1.5
+phi_deg = 90
+sigma_mm = 0.5
+sigma_deg = 1
+reason = "read off the picture"
+"""
+    (tmp_path / "mend.toml").write_text(text, encoding="utf-8")
+    command = ["track", str(place / "v.mp4"), "--camera", str(place / "placed.json"), "-o", str(tmp_path / "t.mcap")]
+    assert main([*command, "--mend", str(tmp_path / "mend.toml"), "--report", str(tmp_path / "r.html")]) == 0
+    run, grades = read_run(tmp_path / "t.mcap"), messages(tmp_path / "t.mcap")["/tip/quality"]
+    assert np.flatnonzero(~run.tip.valid).tolist() == [20, 21, 22]
+    assert grades[21].reason == "by hand: a fly on the board"
+    assert run.tip.x_m[25] == pytest.approx(0.02)
+    assert grades[25].reason == "by hand: read off the picture"
+    assert run.attachments["mend.toml"].decode() == text
+    assert "3 frames without a trustworthy board: by hand: a fly on the board" in capsys.readouterr().err
+    assert "read off the picture" in (tmp_path / "r.html").read_text(encoding="utf-8")
+
+
+def test_a_mend_of_frames_that_are_not_there_leaves_nothing(place, tmp_path, capsys):
+    (tmp_path / "mend.toml").write_text('[[invalid]]\nframes = "30-36"\nreason = "r"\n', encoding="utf-8")
+    command = ["track", str(place / "v.mp4"), "--camera", str(place / "placed.json"), "-o", str(tmp_path / "t.mcap")]
+    assert main([*command, "--mend", str(tmp_path / "mend.toml")]) == 2
+    assert capsys.readouterr().err.strip().endswith("names frames 30-36, the film has 0 to 35")
+    assert not (tmp_path / "t.mcap").exists()
+
+
 def test_the_table_says_the_same(place):
     rows = list(csv.DictReader((place / "t.csv").read_text(encoding="utf-8").splitlines()))
     tip = read_run(place / "tip.mcap").tip
