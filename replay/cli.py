@@ -163,6 +163,8 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--mount", choices=("face", "side", "back"), help="board on the tip's face, or facing -Y, +Y (face)")
     p.add_argument("--near", metavar="U,V", help="where the board is in the first picture (px), if there are several")
     p.add_argument("--mend", type=Path, metavar="M.toml", help="poses set or refused by hand, points to follow")
+    p.add_argument("--step", type=Path, metavar="S.html", help="a page to step through frames and write M.toml")
+    p.add_argument("--step-frames", default="doubtful", metavar="A-B", help="which frames (those around doubtful ones)")
     p.add_argument("--csv", type=Path, metavar="T.csv", help="the track as a table")
     p.add_argument("--overlay", type=Path, metavar="O.mp4", help="the video with corners, axes and figures drawn on it")
     p.add_argument("--report", type=Path, metavar="R.html", help="one page on how good the track is")

@@ -101,7 +101,8 @@ class _Eye:
 
     def arm(self, known: list[int], then: dict[int, Floats]) -> tuple[Floats, Floats]:
         """Return where on the tip the point is (3,), m, in the tip's frame, and the covariance of that (3, 3)."""
-        arm, normal = np.zeros(3), np.eye(3)
+        arm: Floats = np.zeros(3)
+        normal: Floats = np.eye(3)
         for _ in range(_ROUNDS):
             normal, right = np.eye(3) / _ASIDE_M**2, -arm / _ASIDE_M**2
             square = 0.0
@@ -117,7 +118,7 @@ class _Eye:
                 break
         free = max(2 * len(known) - 3, 1)
         self.scale = max(square / free, 1.0)  # by how much the points miss more than they say
-        return arm, self.scale * np.linalg.inv(normal)
+        return arm, np.asarray(self.scale * np.linalg.inv(normal), dtype=np.float64)
 
     def pose(
         self, k: int, start: Floats, phi: float, sigma_phi: float, arm: Floats, spread: Floats

@@ -19,6 +19,7 @@ from replay.output import write_json, write_text
 from replay.progress import prepare, progress_bar, say
 from replay.track_expected import against_model
 from replay.track_file import as_csv, track_to_file
+from replay.track_steps import frames_to_show, steps_page, stretch_of
 from rig.camera_clock import load_clock
 from rig.run import Run
 from tracking.board import Board
@@ -43,7 +44,9 @@ def run(args: argparse.Namespace) -> int:
     task: dict[str, Any] = {"level": args.level, "clock": clock, "near_px": pair(args.near) if args.near else None}
     task |= {"fps": args.fps, "mend": args.mend}
     task |= {name: value for name in ("from_s", "to_s") if (value := getattr(args, name)) is not None}
-    outputs = [path for path in (args.csv, args.overlay, args.report, args.save_camera) if path]
+    outputs = [path for path in (args.csv, args.overlay, args.report, args.step, args.save_camera) if path]
+    if args.step_frames != "doubtful":
+        stretch_of(args.step_frames)
     for path in outputs:
         check_folder(path)
     tracked = track_to_file(args.videos, camera, rest, args.output, filmed, args.start, board=board, **task)
@@ -60,6 +63,9 @@ def run(args: argparse.Namespace) -> int:
             from replay.track_report import page  # matplotlib takes its time
 
             write_text(args.report, page(tracked, [path.name for path in in_order(args.videos)]))
+        if args.step:
+            shown = frames_to_show(tracked, args.step_frames)
+            write_text(args.step, steps_page(tracked, in_order(args.videos), shown))
         if args.overlay:
             from tracking.overlay import write_overlay
 

@@ -13,10 +13,12 @@ from mcap.reader import make_reader
 from replay.cli import main
 from rig.run_read import read_run
 from rig.schema import message_class
+from tests.replay.browser import asked
 from tracking.board import Board
 from tracking.camera import Camera, load_camera, save_camera
 from tracking.encode import VideoWriter
 from tracking.lens import shipped_lens
+from tracking.mend import load_edits
 from tracking.synthetic import camera_looking_at, paint_video
 from tracking.video import VideoReader
 
@@ -101,6 +103,48 @@ reason = "read off the picture"
     assert run.attachments["mend.toml"].decode() == text
     assert "3 frames without a trustworthy board: by hand: a fly on the board" in capsys.readouterr().err
     assert "read off the picture" in (tmp_path / "r.html").read_text(encoding="utf-8")
+
+
+def test_a_page_steps_through_frames_and_writes_what_mends_them(place, tmp_path):
+    """In a browser: to a frame, a reason, refused; a point clicked on. What it writes is what --mend reads."""
+    page = tmp_path / "s.html"
+    command = ["track", str(place / "v.mp4"), "--camera", str(place / "placed.json"), "-o", str(tmp_path / "t.mcap")]
+    assert main([*command, "--step", str(page), "--step-frames", "4-9"]) == 0
+    text = page.read_text(encoding="utf-8")
+    assert "http" not in text
+    script = """
+      const press = (id) => document.getElementById(id).click();
+      dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowRight" }));
+      press("refuse");
+      const unsaid = text.value;
+      why.value = 'a "fly"';
+      last.value = 7;
+      press("refuse");
+      press("set");
+      press("point");
+      await new Promise((done) => { picture.complete ? done() : picture.onload = done; });
+      const box = picture.getBoundingClientRect();
+      picture.dispatchEvent(new MouseEvent("click", { clientX: box.left + box.width / 2, clientY: box.top }));
+      return { unsaid, text: text.value, says: says.textContent };"""
+    found = asked(text, script, tmp_path)
+    assert not found["errors"]
+    assert found["answer"]["unsaid"] == ""
+    assert found["answer"]["says"].startswith("frame 5, ")
+    (tmp_path / "mend.toml").write_text(found["answer"]["text"], encoding="utf-8")
+    refused, posed, point = load_edits(tmp_path / "mend.toml")
+    assert (refused.first, refused.last, refused.reason) == (5, 7, 'a "fly"')
+    tip = read_run(tmp_path / "t.mcap").tip
+    np.testing.assert_allclose(posed.pose[:2], (tip.x_m[5], tip.z_m[5]), atol=1e-6)
+    assert (point.first, point.last) == (5, 9)
+    assert 0 < point.at_px[0] < 640
+
+
+@pytest.mark.parametrize("frames", ["9", "5-2", "0-36", "0-500"])
+def test_frames_that_no_page_can_show_are_refused(place, tmp_path, capsys, frames):
+    command = ["track", str(place / "v.mp4"), "--camera", str(place / "placed.json"), "-o", str(tmp_path / "t.mcap")]
+    assert main([*command, "--step", str(tmp_path / "s.html"), "--step-frames", frames]) == 2
+    assert f"--step-frames {frames}" in capsys.readouterr().err
+    assert not (tmp_path / "s.html").exists()
 
 
 def test_a_mend_of_frames_that_are_not_there_leaves_nothing(place, tmp_path, capsys):
