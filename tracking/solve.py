@@ -10,20 +10,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.bundle import free_start
 from tracking.chapters import Timeline
 from tracking.corners import FEWEST_CORNERS, LARGEST_RESIDUAL
 from tracking.doubt import Courses, course_of, doubted
 from tracking.errors import TrackingError
 from tracking.follow import NOT_DUE
 from tracking.lens import Lens
-from tracking.noise import Frames, exposure_by_smear, lag_of, without_lag
-from tracking.pose import Poses, apply
+from tracking.noise import Frames, exposure_by_smear, lag_of
+from tracking.poser import Poser
 from tracking.record import CHUNK, Record, Rows
-from tracking.settle import REST_FRAMES, Settled, settle
+from tracking.settle import REST_FRAMES, settle
 from tracking.task import Task, Track
 from tracking.trace import TipTrace
-from tracking.variance import Scatter, Seen, kinds, learnt, seen_of, telling
+from tracking.variance import telling
 from tracking.video import DecodeReport, ahead
 from tracking.views import AROUND, Views, views_of
 
@@ -100,53 +99,10 @@ def solved(work: Task, record: Record, gathered: Gathered, report: DecodeReport,
     views = _pick(record, work, seen[np.union1d(chosen, tell)], said == "")
     constants, others = (views.pick(np.flatnonzero(np.isin(views.frame, seen[which]))) for which in (chosen, tell))
     settled = settle(work.camera, board, work.rest_pose, constants, level=work.level, exposure_s=exposure_s)
-    poser = _Poser(work, settled, timeline.period_s, lag_of(frames), exposure_s)
+    poser = Poser(work, settled, timeline.period_s, lag_of(frames), exposure_s)
     poser.learn(others, np.searchsorted(tell, keys))
     with closing(ahead(_viewed(record, work.camera.lens, said == ""), 1)) as chunks:
         return _fit_all(work, record, chunks, report, poser, said, timeline)
-
-
-class _Poser:
-    """Fits poses to views by what a video has in common, and knows how well."""
-
-    def __init__(self, work: Task, settled: Settled, period_s: float, lag_px: float, exposure_s: float) -> None:
-        self.settled, self.period_s, self.lag_px, self.exposure_s = settled, period_s, lag_px, exposure_s
-        self.shape, self._board_m = work.board.shape, work.board.corner_points_m()
-        self._points_m = apply(settled.camera.tip_from_board, settled.points_m)
-        self._guess: Floats | None = None  # where the last fit ended
-        self._scatter: Scatter | None = None
-
-    def learn(self, views: Views, keys: NDArray[np.intp]) -> None:
-        """Learn the clip's variances from some frames; ``keys``: see ``variance.learnt``."""
-        fits, vector, seen, _ = self._fitted(views)
-        fit = np.isfinite(fits.rms_px)
-        whole = fit[keys[:, None] + np.arange(-2, 3)].all(axis=1)
-        self._scatter = learnt(self.shape, seen, vector, keys[whole])
-        self._guess = None
-        if self.settled.rest_frames:
-            self.settled.doubt_rest(self._scatter)
-
-    def poses(self, views: Views) -> tuple[Poses, Floats, Floats]:
-        """Return the fits, the poses (f, 3) with the codec's lag put right, and their covariance (f, 3, 3)."""
-        assert self._scatter is not None
-        fits, vector, seen, rate = self._fitted(views)
-        return fits, vector, self._scatter.covariance(seen) + self.settled.covariance(views, vector, rate)
-
-    def _fitted(self, views: Views) -> tuple[Poses, Floats, Seen, Floats]:
-        plane, line_s = self.settled.plane, self.settled.camera.line_s or 0.0
-        begin = np.full((len(views.time_s), 3), np.nan)
-        begin[0] = free_start(views, self.settled.camera, self._board_m) if self._guess is None else self._guess
-        rays = views.at_once(line_s, self.exposure_s)
-        fits = plane.fit_rays(rays, views.px_per_ray, self._points_m, begin, views.used)
-        if np.isfinite(fits.rms_px).any():
-            self._guess = fits.vector[np.isfinite(fits.rms_px)][-1]
-        rate = np.gradient(fits.vector, views.time_s, axis=0) if len(begin) > 1 else np.zeros((1, 3))
-        slopes = plane.slopes(views.px_per_ray, self._points_m, fits.vector)
-        eye_m = plane.world_from_camera[(0, 2), 3]
-        vector = without_lag(fits, slopes, rate * self.period_s, views.key, self.lag_px, eye_m)
-        kind = kinds(views.key, views.speed_px)
-        seen = seen_of(self.shape, slopes, fits.residual_px, fits.used, views.across, kind)
-        return fits, vector, seen, rate
 
 
 def _commonest(record: Record) -> str:
@@ -187,7 +143,7 @@ def _fit_all(
     record: Record,
     chunks: Iterator[Viewed],
     report: DecodeReport,
-    poser: _Poser,
+    poser: Poser,
     said: NDArray[np.object_],
     timeline: Timeline,
 ) -> Track:
