@@ -28,7 +28,7 @@ _FIXED, _FREE = 1e-12, 1e3
 _ALIKE_S = 0.1  # what the codec and the pixels do to the corners is alike for about so long
 # The constants: the camera's turn about the world's X, Y, Z at the board (rad), its shift along them (m), the board's
 # turn about the tip's x and z (rad), the shutter's time from row to row (s).
-_STEP = np.array((1e-6, 1e-6, 1e-6, 1e-7, 1e-7, 1e-7, 1e-6, 1e-6, 1e-9))
+_TURN_RAD, _STEP_S = 1e-6, 1e-9  # of differences, where a derivative is not written out
 LINE = 8  # the row time's place among them
 SHARED = 9  # so many; after them come the offsets of the print
 
@@ -104,7 +104,7 @@ class Bundle:
             if self.rest:  # the mean of many frames
                 sigma[0] = min(sigma[0, 0], _sigma_px(length[0, used[0]]))
             weight = (used & (length < 6 * sigma)) / (sigma**2 + doubt_px[:, None] ** 2)
-            by_theta, by_pose, by_place = self._slopes(self.views, self.theta, poses, miss, points)
+            by_theta, by_pose, by_place = self._slopes(self.views, self.theta, poses, points)
             by_pose = np.where(self.held[:, None, :], 0.0, by_pose)
             weights = np.repeat(weight, 2, axis=1)[..., None]
             A, B = _eliminated(weights * by_pose, by_theta, by_pose)
@@ -171,29 +171,44 @@ class Bundle:
     def response(self, views: Views, poses: Floats) -> Floats:
         """Return by how much poses (f, 3) change with each constant, (f, 3, c), at the constants found."""
         points = self.printed_at(self.theta)
-        miss = self._misses(views, self.theta, poses, points)
-        by_theta, by_pose, by_place = self._slopes(views, self.theta, poses, miss, points)
+        by_theta, by_pose, by_place = self._slopes(views, self.theta, poses, points)
         weighted = np.repeat(views.used, 2, axis=1)[..., None] * by_pose
         A, B = _eliminated(weighted, by_theta, by_pose)
         if self.misprint.count:
             B = np.concatenate((B, _by_print(weighted, by_place)), axis=-1)
         return np.asarray(-np.linalg.solve(A, B))
 
-    def _slopes(
-        self, views: Views, theta: Floats, poses: Floats, miss: Floats, points: Floats
-    ) -> tuple[Floats, Floats, Floats]:
+    def _slopes(self, views: Views, theta: Floats, poses: Floats, points: Floats) -> tuple[Floats, Floats, Floats]:
         """Return d residual by the nine constants (f, 2n, 9), by the poses (f, 2n, 3), by the print (f, n, 2, 2)."""
-        rays = views.at_once(float(theta[LINE]), self.exposure_s)
-        others = [rays] * LINE + [None]  # they change with the row time alone
-        by_theta = [
-            (self._misses(views, theta + h * e, poses, points, known) - miss) / h
-            for h, e, known in zip(_STEP, np.eye(SHARED, len(theta)), others, strict=True)
-        ]
-        by_pose = [(self._misses(views, theta, poses + 1e-6 * e, points, rays) - miss) / 1e-6 for e in np.eye(3)]
-        by_place = [(self._misses(views, theta, poses, points + 1e-6 * e, rays) - miss) / 1e-6 for e in np.eye(2, 3)]
+        camera, line_s, step_s = self.camera_at(theta), float(theta[LINE]), _STEP_S
+        assert camera.world_from_camera is not None
+        to_camera, tip_from_board = np.linalg.inv(camera.world_from_camera)[:3], camera.tip_from_board
+        world, turn = _carried(apply(tip_from_board, points), poses)
+        seen = world @ to_camera[:, :3].T + to_camera[:, 3]
+        ray = seen[..., :2] / seen[..., 2:]
+        by_ray = -views.px_per_ray / seen[..., None, 2:]
+        by_world = (by_ray @ to_camera[:2, :3]) - (by_ray @ ray[..., None]) * to_camera[2, :3]  # (f, n, 2, 3)
+        arm = world - self.centre - theta[3:6]
+        axes = _left_jacobian(theta[:3])
+        by_turn = np.stack([-(by_world @ np.cross(axis, arm)[..., None])[..., 0] for axis in axes.T], axis=-1)
+        glued = []
+        for k in (6, 7):
+            other = self.camera_at(theta + _TURN_RAD * np.eye(len(theta))[k]).tip_from_board
+            glued.append((apply(other, points) - apply(tip_from_board, points)) / _TURN_RAD)
+        by_glued = np.stack([(by_world @ (turn @ each.T).swapaxes(1, 2)[..., None])[..., 0] for each in glued], axis=-1)
+        late = (views.at_once(line_s + step_s, self.exposure_s) - views.at_once(line_s, self.exposure_s)) / step_s
+        by_line = views.px_per_ray @ late[..., None]
+        by_phi = (
+            by_world
+            @ np.stack(
+                (world[..., 2] - poses[:, 1:2], np.zeros_like(world[..., 0]), poses[:, :1] - world[..., 0]), axis=-1
+            )[..., None]
+        )
+        by_pose = np.concatenate((by_world[..., (0, 2)], by_phi), axis=-1)
+        by_theta = np.concatenate((by_turn, -by_world, by_glued, by_line), axis=-1)
+        by_place = by_world @ (turn @ tip_from_board[:3, :2])[:, None]
         shape = len(poses), -1
-        wide, narrow = np.stack(by_theta, axis=-1).reshape(*shape, 9), np.stack(by_pose, axis=-1).reshape(*shape, 3)
-        return wide, narrow, np.stack(by_place, axis=-1)
+        return by_theta.reshape(*shape, SHARED), by_pose.reshape(*shape, 3), by_place
 
     def _misses(self, views: Views, theta: Floats, poses: Floats, points: Floats, rays: Floats | None = None) -> Floats:
         """Return the residuals (f, n, 2), px, of points (n, 3) of the board; ``rays`` as ``at_once`` has them."""
@@ -201,16 +216,7 @@ class Bundle:
         assert camera.world_from_camera is not None
         to_camera = np.linalg.inv(camera.world_from_camera)
         points = apply(camera.tip_from_board, points)
-        sin, cos = np.sin(poses[:, 2:]), np.cos(poses[:, 2:])
-        world = np.stack(
-            (
-                cos * points[:, 0] + sin * points[:, 2] + poses[:, :1],
-                np.broadcast_to(points[:, 1], (len(poses), len(points))),
-                cos * points[:, 2] - sin * points[:, 0] + poses[:, 1:2],
-            ),
-            axis=-1,
-        )
-        seen = world @ to_camera[:3, :3].T + to_camera[:3, 3]
+        seen = _carried(points, poses)[0] @ to_camera[:3, :3].T + to_camera[:3, 3]
         rays = views.at_once(float(theta[LINE]), self.exposure_s) if rays is None else rays
         miss = rays - seen[..., :2] / seen[..., 2:]
         return np.asarray(views.px_per_ray[..., 0] * miss[..., :1] + views.px_per_ray[..., 1] * miss[..., 1:])
@@ -230,6 +236,26 @@ class Bundle:
         if self.rest:
             first[0] = np.where(self.held[0], self.rest, first[0])
         return first
+
+
+def _carried(points: Floats, poses: Floats) -> tuple[Floats, Floats]:
+    """Return points (n, 3) of the tip frame in the world (f, n, 3), and how the tips are turned (f, 3, 3)."""
+    sin, cos = np.sin(poses[:, 2]), np.cos(poses[:, 2])
+    turn = np.zeros((len(poses), 3, 3))
+    turn[:, 0, 0], turn[:, 0, 2], turn[:, 1, 1], turn[:, 2, 0], turn[:, 2, 2] = cos, sin, 1.0, -sin, cos
+    shift = np.stack((poses[:, 0], np.zeros(len(poses)), poses[:, 1]), axis=-1)
+    return points @ turn.swapaxes(1, 2) + shift[:, None], turn
+
+
+def _left_jacobian(turn: Floats) -> Floats:
+    """Return how a rotation turns on (3, 3) when its rotation vector changes: I + a [w] + b [w]^2."""
+    angle = float(np.linalg.norm(turn))
+    x, y, z = turn
+    cross = np.array(((0, -z, y), (z, 0, -x), (-y, x, 0)))
+    if angle < 1e-6:
+        return np.asarray(np.eye(3) + cross / 2)
+    a, b = (1 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3
+    return np.asarray(np.eye(3) + a * cross + b * cross @ cross)
 
 
 def _sigma_px(length_px: Floats) -> float:
