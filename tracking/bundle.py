@@ -28,7 +28,7 @@ _FIXED, _FREE = 1e-12, 1e3
 _ALIKE_S = 0.1  # what the codec and the pixels do to the corners is alike for about so long
 # The constants: the camera's turn about the world's X, Y, Z at the board (rad), its shift along them (m), the board's
 # turn about the tip's x and z (rad), the shutter's time from row to row (s).
-_TURN_RAD, _STEP_S = 1e-6, 1e-9  # of differences, where a derivative is not written out
+_TURN_RAD = 1e-6  # of differences, where a derivative is not written out
 LINE = 8  # the row time's place among them
 SHARED = 9  # so many; after them come the offsets of the print
 
@@ -180,30 +180,26 @@ class Bundle:
 
     def _slopes(self, views: Views, theta: Floats, poses: Floats, points: Floats) -> tuple[Floats, Floats, Floats]:
         """Return d residual by the nine constants (f, 2n, 9), by the poses (f, 2n, 3), by the print (f, n, 2, 2)."""
-        camera, line_s, step_s = self.camera_at(theta), float(theta[LINE]), _STEP_S
+        camera, tilted = self.camera_at(theta), _TURN_RAD * np.eye(len(theta))
         assert camera.world_from_camera is not None
         to_camera, tip_from_board = np.linalg.inv(camera.world_from_camera)[:3], camera.tip_from_board
         world, turn = _carried(apply(tip_from_board, points), poses)
         seen = world @ to_camera[:, :3].T + to_camera[:, 3]
         ray = seen[..., :2] / seen[..., 2:]
         by_ray = -views.px_per_ray / seen[..., None, 2:]
-        by_world = (by_ray @ to_camera[:2, :3]) - (by_ray @ ray[..., None]) * to_camera[2, :3]  # (f, n, 2, 3)
+        depth = by_ray[..., 0] * ray[..., :1] + by_ray[..., 1] * ray[..., 1:]
+        flat = np.concatenate((by_ray, -depth[..., None]), axis=-1).reshape(-1, 3) @ to_camera[:, :3]
+        by_world = flat.reshape(*depth.shape, 3)  # (f, n, 2, 3)
         arm = world - self.centre - theta[3:6]
-        axes = _left_jacobian(theta[:3])
-        by_turn = np.stack([-(by_world @ np.cross(axis, arm)[..., None])[..., 0] for axis in axes.T], axis=-1)
+        by_turn = np.cross(by_world, arm[:, :, None]) @ _left_jacobian(theta[:3])
         glued = []
         for k in (6, 7):
-            other = self.camera_at(theta + _TURN_RAD * np.eye(len(theta))[k]).tip_from_board
+            other = self.camera_at(theta + tilted[k]).tip_from_board
             glued.append((apply(other, points) - apply(tip_from_board, points)) / _TURN_RAD)
         by_glued = np.stack([(by_world @ (turn @ each.T).swapaxes(1, 2)[..., None])[..., 0] for each in glued], axis=-1)
-        late = (views.at_once(line_s + step_s, self.exposure_s) - views.at_once(line_s, self.exposure_s)) / step_s
-        by_line = views.px_per_ray @ late[..., None]
-        by_phi = (
-            by_world
-            @ np.stack(
-                (world[..., 2] - poses[:, 1:2], np.zeros_like(world[..., 0]), poses[:, :1] - world[..., 0]), axis=-1
-            )[..., None]
-        )
+        by_line = views.px_per_ray @ views.by_line(float(theta[LINE]), self.exposure_s)[..., None]
+        x, z = world[..., 0] - poses[:, :1], world[..., 2] - poses[:, 1:2]
+        by_phi = by_world[..., 0:1] * z[..., None, None] - by_world[..., 2:] * x[..., None, None]
         by_pose = np.concatenate((by_world[..., (0, 2)], by_phi), axis=-1)
         by_theta = np.concatenate((by_turn, -by_world, by_glued, by_line), axis=-1)
         by_place = by_world @ (turn @ tip_from_board[:3, :2])[:, None]

@@ -71,10 +71,10 @@ class Views:
         rate = self.rate - blur * self.jerk
         return self.rays - late_s * rate + (late_s**2 / 2 - blur) * self.bend
 
-    def thinned(self, every: int) -> Views:
-        """Return the views with only some of their corners."""
-        names = ("rays", "px_per_ray", "used", "rows", "rate", "bend", "jerk")
-        return dataclasses.replace(self, **{name: getattr(self, name)[:, ::every] for name in names})
+    def by_line(self, line_s: float, exposure_s: float) -> Floats:
+        """Return by how much ``at_once`` changes with the row time (f, n, 2)."""
+        rows = self.rows[..., None]
+        return rows * (line_s * rows * self.bend - self.rate + exposure_s**2 / 24 * self.jerk)
 
     def pick(self, which: NDArray[np.intp]) -> Views:
         """Return some of the frames."""
