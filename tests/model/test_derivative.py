@@ -193,6 +193,15 @@ def test_a_run_changes_with_every_constant_of_the_straw_as_its_derivative_says(f
             )
 
 
+@pytest.mark.parametrize("name", ["E_pa", "h_m", "zeta0_m", "r_ch_m"])
+def test_walls_by_finite_elements_have_derivatives_too(name: str) -> None:
+    straw = LIVELY.replace(elasticity="shell")
+    held, value = Held.of(straw, pressure, TIME_S, (), TOLERANCE_M), getattr(straw, name)
+    got = differentiated(straw, [Direction.of(straw, name)])
+    play = lambda x: held.play(straw.replace(**{name: value + x}), pressure)  # noqa: E731
+    assert_true(got, 0, play, name, room=np.abs(value).min())
+
+
 def test_one_cell_or_frustum_is_moved_alone() -> None:
     straw = LIVELY.with_term("cohesion", force_n=2.0)
     held = Held.of(straw, pressure, TIME_S, (), TOLERANCE_M)
