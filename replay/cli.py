@@ -11,6 +11,7 @@ from typing import NoReturn
 
 from replay.errors import USER_ERRORS
 from replay.shell.options import design_options, shell_options, solid_options
+from replay.tables.options import export_options, import_options
 
 
 class _Parser(argparse.ArgumentParser):
@@ -135,6 +136,12 @@ def parser() -> argparse.ArgumentParser:
     _json(p)
 
     _runs(commands)
+    p = _command(commands, "import", "recordings of other loggers: tables become a recording", module="import_")
+    import_options(p)
+    _json(p)
+    p = _command(commands, "export", "a recording as a table, which straw import brings back bit for bit")
+    export_options(p)
+    _json(p)
 
     p = _command(commands, "lab", "catalogue and operator's panel in a local page")
     p.add_argument("folder", nargs="?", metavar="FOLDER", help="where the recordings are (the rig's, else the current)")

@@ -1,0 +1,27 @@
+"""straw export: a recording as a table, CSV or Parquet, that comes back bit for bit with straw import."""
+
+from __future__ import annotations
+
+import argparse
+
+from replay.errors import ReplayError
+from replay.output import check_new, write_json
+from rig.tables import export_table
+from rig.tables.own_files import side_of
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the table, and say what it does not hold."""
+    if not (args.csv or args.parquet):
+        raise ReplayError("straw export: say --csv T.csv or --parquet T.parquet")
+    outputs = [path for path in (args.csv, args.csv and side_of(args.csv), args.parquet) if path]
+    for path in outputs:
+        check_new(path)
+    rows, others = export_table(args.run, csv=args.csv, parquet=args.parquet, topics=args.topic)
+    if args.json:
+        write_json(args.json, {"rows": rows, "others": others, "files": [str(path) for path in outputs]})
+    print(f"{', '.join(map(str, outputs))}: {rows} rows, one a message")
+    where = side_of(args.csv).name if args.csv else "the Parquet file's metadata"
+    more = f", and {others} messages that are no plain fields" if others else ""
+    print(f"what a table cannot hold is in {where}: metadata, attachments, schemas{more}")
+    return 0

@@ -1,0 +1,79 @@
+"""straw import: tables of other loggers as a recording; what is guessed is shown, drawn, confirmed, then written."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from replay.errors import ReplayError
+from replay.output import check_new, write_json, write_text
+from replay.progress import progress_bar
+from replay.tables.flags import _metadata as metadata_of
+from replay.tables.flags import told
+from replay.tables.picture import draw
+from replay.tables.words import data, lines
+from rig.tables import import_own, is_own_table, understand, write
+from rig.tables.mapping import to_toml
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the recording; 1 where guesses wait to be confirmed."""
+    if args.output is None and not args.dry_run:
+        raise ReplayError("straw import: say -o RUN.mcap, where the recording goes, or --dry-run to look only")
+    if args.output is not None:
+        check_new(args.output)
+    own = [is_own_table(path) for path in args.tables]
+    if any(own):
+        return _own(args, own)
+    tables, mapping = told(args)
+    plan = understand(tables, mapping)
+    for line in lines(plan):
+        print(line)
+    if "initial_deployed" not in plan.mapping.metadata:
+        print("note: which cells were deployed is not said, and replay and diagnose need it: --deployed 1,4 (or none)")
+    if args.save_map:
+        check_new(args.save_map)
+        write_text(args.save_map, to_toml(plan.mapping))
+        print(f"what was understood is in {args.save_map}; --map takes it")
+    waiting = bool(plan.doubts) and not args.yes
+    picture = args.picture
+    if picture is None and (waiting or args.dry_run):
+        picture = (args.output or Path(args.tables[0].name)).with_suffix(".import.png")
+    if picture:
+        draw(plan, picture)
+        print(f"drawn in {picture}")
+    if args.json:
+        write_json(args.json, data(plan) | {"written": None if waiting or args.dry_run else str(args.output)})
+    if plan.doubts:
+        print("guessed:" if waiting or args.dry_run else "guessed, and confirmed by --yes:")
+        for doubt in plan.doubts:
+            print(f"  {doubt.what}; to state it: {doubt.say}")
+    if args.dry_run:
+        print("nothing is written (--dry-run)")
+        return 0
+    if waiting:
+        print(f"{args.output} is not written: look at {picture}; state the guesses, or add --yes where all are right")
+        return 1
+    with progress_bar(f"write {args.output.name}", "message") as progress:
+        count = write(plan, args.output, progress)
+    print(f"{args.output}: {count} messages")
+    return 0
+
+
+def _own(args: argparse.Namespace, own: list[bool]) -> int:
+    """A table that straw export wrote: it says all of itself."""
+    if len(own) > 1:
+        raise ReplayError(
+            f"{args.tables[own.index(True)]}: straw export wrote it; import it alone, it is a whole recording"
+        )
+    table = args.tables[0]
+    if args.dry_run:
+        print(f"{table}: straw export wrote it; it comes back as it was. Nothing is written (--dry-run)")
+        return 0
+    count, whole = import_own(table, args.output, metadata_of(args))
+    if args.json:
+        write_json(args.json, {"written": str(args.output), "messages": count, "side": whole, "guesses": []})
+    print(f"{args.output}: {count} messages" + (", as they were" if whole else ""))
+    if not whole:
+        print(f"note: {table.name}.json is not beside it: metadata, attachments and other topics are missing")
+    return 0

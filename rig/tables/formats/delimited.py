@@ -1,0 +1,17 @@
+"""CSV, TSV and what else a logger or a spreadsheet writes as text, one row a line; also serial logs of a terminal."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rig.tables.formats import Format
+from rig.tables.formats._text import decode, grid, is_text, table
+from rig.tables.table import Reading, Table
+
+
+def read(path: Path, data: bytes, reading: Reading) -> Table:
+    """Any separator, decimal mark and heading."""
+    return table(path, "CSV", grid(decode(data, path.name, reading.encoding), path.name, reading), reading)
+
+
+FORMAT = Format("csv", "CSV, TSV, TXT, serial logs", lambda path, data: is_text(data), read, rank=90)

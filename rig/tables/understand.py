@@ -1,0 +1,315 @@
+"""From tables and what is said of them to a plan: which column becomes what, what was guessed, what is left out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.errors import RigError
+from rig.tables.mapping import Mapping, TableMap, Use
+from rig.tables.moments import moments, zone_of
+from rig.tables.roles import ROLES, SIGNALS, TIP, guess
+from rig.tables.table import Doubt, Table
+from rig.tables.times import Times, times
+from rig.tables.units import check_size, factor, looks_like, unit_of
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Signal:
+    """One column on its way into the run: ``values`` (m,) in SI, ``how`` it was found, ``size`` for people."""
+
+    role: str
+    column: str
+    unit: str
+    channel: int
+    values: Floats
+    how: str
+    text: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What comes out of one table: its times (since 1970 once in a plan), its signals, and what was decided."""
+
+    table: Table
+    said: TableMap
+    times: Times
+    signals: tuple[Signal, ...]
+    time_how: str
+    doubts: tuple[Doubt, ...]
+    notes: tuple[str, ...]
+    unused: tuple[str, ...]
+
+    def signal(self, role: str) -> Signal | None:
+        """The first signal of a role."""
+        return next((one for one in self.signals if one.role == role), None)
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A run as it would be written. ``doubts`` is all that was guessed; an import with any wants to be confirmed."""
+
+    parts: tuple[Part, ...]
+    zero_ns: int
+    mapping: Mapping
+    doubts: tuple[Doubt, ...]
+
+    def ns(self, part: Part) -> NDArray[np.int64]:
+        """When the rows of a part happened, ns since 1970."""
+        offset = round((part.said.offset_s or 0.0) * 1e9)
+        return part.times.ns + offset + (0 if part.times.absolute else self.zero_ns)
+
+
+def understand(tables: Sequence[Table], mapping: Mapping) -> Plan:
+    """The plan for tables, one entry of ``mapping.tables`` for each; RigError in one line for what cannot be."""
+    zone = zone_of(mapping.time_zone) if mapping.time_zone else None
+    maps = {one.file: one for one in mapping.tables}
+    parts = tuple(_part(table, maps.get(str(table.path), TableMap(str(table.path))), mapping) for table in tables)
+    if not any(part.signals for part in parts):
+        raise RigError(
+            f"{tables[0].name}: nothing to import from it is named; say --pressure, --command or --x --z --phi"
+        )
+    doubts = [doubt for part in parts for doubt in part.doubts]
+    absolute = [part for part in parts if part.times.absolute]
+    if mapping.start:
+        told = moments([mapping.start.strip()], zone, None, "--start")
+        if not told.absolute:
+            raise RigError(f"--start {mapping.start!r}: expected date and time, as 2026-05-03 14:02:11")
+        zero_ns = told.ns[0]
+        if told.no_zone:
+            doubts.append(Doubt("--start is taken as UTC", "--time-zone UTC (or Europe/Berlin, +02:00)"))
+    elif absolute:
+        zero_ns = min(int(part.times.ns[0]) + round((part.said.offset_s or 0.0) * 1e9) for part in absolute)
+    else:
+        zero_ns = _changed_ns(parts)
+        when = datetime.fromtimestamp(zero_ns * 1e-9, UTC).strftime("%Y-%m-%d %H:%M:%S")
+        doubts.append(Doubt(f"time 0 was {when} UTC, by when the file was last changed", f'--start "{when}Z"'))
+    relative = [part for part in parts if not part.times.absolute]
+    loose = [part for part in relative if part.said.offset_s is None]
+    if len(relative) > 1 or (relative and absolute):
+        for part in loose[0 if absolute else 1 :]:
+            doubts.append(Doubt(f"0 of {part.table.name}'s clock is the run's 0", f"--offset {part.table.name}:0"))
+    return Plan(parts, zero_ns, replace(mapping, tables=tuple(part.said for part in parts)), tuple(doubts))
+
+
+def _changed_ns(parts: Sequence[Part]) -> int:
+    """When the first file began, if it was closed as its last row was written, in whole seconds."""
+    first = parts[0]
+    try:
+        changed_s = first.table.path.stat().st_mtime
+    except OSError:
+        changed_s = 0.0
+    return max(1, int(changed_s - float(first.times.ns[-1]) * 1e-9)) * 10**9
+
+
+def _part(table: Table, said: TableMap, mapping: Mapping) -> Part:
+    uses, how = _uses(table, said)
+    if not said.points and not uses.get("time") and not said.rate_hz:
+        if "frame" in uses:
+            raise RigError(f"{table.name}: it counts frames, not time; say --rate with the frames a second (as 240)")
+        raise RigError(f"{table.name}: no column looks like time; say --time COLUMN of {table.names()}, or --rate HZ")
+    time_use = uses.get("time", (None,))[0] if uses.get("time") else None
+    if time_use is None and not said.rate_hz:
+        if said.points and (point := table.points.get(said.points[1])) and point.time:
+            time_use = Use(point.time)
+        else:
+            raise RigError(
+                f"{table.name}: it has no time; say --time COLUMN, or --rate with the frames a second (as 240)"
+            )
+    zone = zone_of(mapping.time_zone) if mapping.time_zone else None
+    clock = times(table, time_use, said, zone)
+    if time_use is None and "frame" in uses:
+        frames = table.column(uses["frame"][0].column).values
+        clock = replace(clock, ns=np.round(frames * (1e9 / (said.rate_hz or 1.0))).astype(np.int64))
+    doubts = [*table.doubts, *clock.doubts]
+    notes = [*table.notes, *clock.notes]
+    if time_use and how["time"] == "guessed":
+        doubts.insert(0, Doubt(f"{time_use.column!r} is the time", f'--time "{time_use.column}"'))
+    signals: list[Signal] = []
+    for role, of_role in uses.items():
+        if role == "time":
+            continue
+        for use in of_role:
+            signal, doubt = _signal(table, role, use, said, clock, how[role], mapping.as_stated)
+            signals.append(signal)
+            if how[role] == "guessed":
+                doubts.append(
+                    Doubt(f"{signal.column!r} is {ROLES[role].about}", f'--{role.replace("_", "-")} "{use.column}"')
+                )
+            if doubt:
+                doubts.append(doubt)
+    if said.points:
+        signals += _from_points(table, said, clock)
+        notes.append(f"tip {said.points[1]!r}, its axis from {said.points[0]!r} to it")
+    _check_tip(table, signals)
+    used = {signal.column for signal in signals} | ({time_use.column} if time_use else set())
+    unused = tuple(name for name in table.columns if name not in used)
+    resolved = {
+        role: tuple(replace(use, column=table.column(use.column).name) for use in of) for role, of in uses.items()
+    }
+    said = replace(said, file=str(table.path), uses={**resolved, **{r: () for r, u in said.uses.items() if not u}})
+    time_how = how.get("time", "by --rate")
+    return Part(table, said, clock, tuple(signals), time_how, tuple(doubts), tuple(notes), unused)
+
+
+def _uses(table: Table, said: TableMap) -> tuple[dict[str, tuple[Use, ...]], dict[str, str]]:
+    """Columns by role: stated, else the format's, else guessed; and how each was found."""
+    uses = {role: of for role, of in said.uses.items() if of}
+    how = dict.fromkeys(uses, "stated")
+    left_out = {role for role, of in said.uses.items() if not of}
+    stated_signal = any(role in SIGNALS for role in uses) or said.points is not None
+    for name, role in table.roles.items():
+        if role in uses or role in left_out or (said.points and role in (*TIP, "likelihood")):
+            continue
+        if stated_signal and role in SIGNALS and not ({role} | set(uses)) <= set(TIP) | {"time"}:
+            continue  # who names one signal means that one
+        uses[role], how[role] = (Use(name),), table.format
+    taken = {table.column(use.column).name for of in uses.values() for use in of}
+    wanted = [role for role in ROLES if role not in uses and role not in left_out]
+    if said.rate_hz and "time" in wanted:
+        wanted.remove("time")
+    if stated_signal:
+        wanted = [role for role in wanted if role == "time"]
+    elif any(role in SIGNALS for role in table.roles.values()):
+        wanted = [role for role in wanted if role in ("time", *TIP)]
+    for role, name in guess(table, tuple(wanted), taken).items():
+        uses[role], how[role] = (Use(name),), "guessed"
+    if said.rate_hz and "time" not in said.uses:
+        uses.pop("time", None)
+    if set(TIP) & set(uses) and not set(TIP) <= set(uses) and all(how[r] == "guessed" for r in TIP if r in uses):
+        for role in (*TIP, "sigma_x", "sigma_z", "sigma_phi", "valid", "likelihood"):  # a lone x is no tip
+            if how.get(role) == "guessed" and set(uses) - set(TIP) & {"pressure", "command"}:
+                uses.pop(role, None)
+    order = [role for role in ROLES if role in uses]
+    return {role: uses[role] for role in order}, how
+
+
+def _signal(
+    table: Table, role: str, use: Use, said: TableMap, clock: Times, how: str, as_stated: bool
+) -> tuple[Signal, Doubt | None]:
+    column, quantity = table.column(use.column), ROLES[role].quantity
+    where, flag = f"{table.name}: column {column.name!r}", f"--{role.replace('_', '-')}"
+    if clock.unit != "rows" and len(column) <= int(clock.keep[-1]):
+        raise RigError(
+            f"{where} has {len(column)} values, but there are {int(clock.keep[-1]) + 1} times; cut or fill it"
+        )
+    if clock.unit == "rows" and len(column) < len(clock.keep):
+        raise RigError(f"{where} has {len(column)} values, the longest column {len(clock.keep)}; cut or fill it")
+    if role == "event":
+        words = column.text or tuple(f"{value:g}" if np.isfinite(value) else "" for value in column.values)
+        kept = tuple(words[k].strip() for k in clock.keep)
+        return Signal(role, column.name, "", 1, np.full(len(kept), np.nan), how, kept), None
+    if column.is_text:
+        first = next((cell for cell in column.text or () if cell.strip()), "")
+        truth = {"true": 1.0, "false": 0.0, "yes": 1.0, "no": 0.0}
+        if role != "valid" or any(cell.strip().casefold() not in truth for cell in column.text or ()):
+            raise RigError(f"{where} holds words ({first!r}), where {flag} wants numbers; name another column")
+        column = replace(column, values=np.array([truth[cell.strip().casefold()] for cell in column.text or ()]))
+    raw = (column.values[clock.keep] - use.zero) * use.factor
+    if quantity == "number":
+        return Signal(role, column.name, "", use.channel, raw, how), None
+    unit = unit_of(use.unit or column.unit, quantity)
+    doubt = None
+    if use.unit or column.unit:
+        si = factor(use.unit or column.unit, quantity, where)
+        if not role.startswith("sigma") and role != "flow" and not as_stated:
+            check_size(raw, unit, quantity, where, flag)
+    else:
+        likely = looks_like(raw, quantity)
+        if quantity == "flow" or not likely:
+            raise RigError(f'{where} says no unit; say {flag} "{column.name} in UNIT"')
+        unit = likely[0]
+        si = factor(unit, quantity, where)
+        doubt = Doubt(f"{column.name!r} is in {unit}", f'{flag} "{column.name} in {unit}"')
+    if unit == "px":
+        return Signal(role, column.name, unit, 1, _from_px(table, role, raw, said), how), doubt
+    values = raw * si
+    if role == "pressure" and not as_stated and not use.zero:
+        _check_gauge(values, where, column.name, unit, si)
+    return Signal(role, column.name, unit, use.channel, values, how), doubt
+
+
+def _check_gauge(values: Floats, where: str, name: str, unit: str, si: float) -> None:
+    """A gauge reads near 0 somewhere; what never leaves the air's own pressure far below is absolute."""
+    good = values[np.isfinite(values)]
+    if len(good) and 85e3 <= good[0] <= 108e3 and np.min(good) > 40e3:
+        raise RigError(
+            f"{where}: starts at {good[0] / si:g} {unit}, as the air has: looks absolute, gauge is wanted; in a mapping "
+            f'say pressure = {{ column = "{name}", unit = "{unit}", zero = {good[0] / si:.6g} }}, or --as-stated'
+        )
+
+
+def _from_px(table: Table, role: str, raw: Floats, said: TableMap) -> Floats:
+    if said.mm_per_px is None:
+        raise RigError(f"{table.name}: its points are in px; say --mm-per-px, and --origin-px U,V of the straw's base")
+    if said.origin_px is None:
+        raise RigError(
+            f"{table.name}: its points are in px; say --origin-px U,V, where the middle of the straw's base is"
+        )
+    scale = said.mm_per_px * 1e-3
+    if role.startswith("sigma"):
+        return raw * scale
+    if role == "x":
+        return (raw - said.origin_px[0]) * scale
+    return (raw - said.origin_px[1]) * (-scale)  # a picture counts downwards
+
+
+def _from_points(table: Table, said: TableMap, clock: Times) -> list[Signal]:
+    """Tip and angle from two points along its axis, the far one being the tip."""
+    assert said.points
+    found = []
+    for name in said.points:
+        if name not in table.points:
+            raise RigError(f"{table.name}: no point {name!r}; it has {', '.join(map(repr, table.points)) or 'none'}")
+        found.append(table.points[name])
+    near, far = found
+    if near.time and near.time != far.time:
+        one, other = table.columns[near.time].text, table.columns[far.time].text
+        if one != other:
+            raise RigError(
+                f"{table.name}: {said.points[0]!r} and {said.points[1]!r} have different times; export both whole"
+            )
+    values = {}
+    for label, point in (("near", near), ("far", far)):
+        for role, name in (("x", point.x), ("z", point.y)):
+            signal, doubt = _signal(table, role, Use(name, said.points_unit), said, clock, "stated", as_stated=True)
+            if doubt:
+                raise RigError(f"{table.name}: points say no unit; say --points-unit m, mm or px")
+            values[label, role] = signal
+    dx = values["far", "x"].values - values["near", "x"].values
+    dz = values["far", "z"].values - values["near", "z"].values
+    phi = np.full(len(dx), np.nan)
+    good = np.isfinite(dx) & np.isfinite(dz)
+    phi[good] = np.unwrap(np.arctan2(dx[good], dz[good]))
+    out = [
+        values["far", "x"],
+        values["far", "z"],
+        Signal("phi", f"{said.points[0]} to {said.points[1]}", "rad", 1, phi, "stated"),
+    ]
+    chances = [table.columns[point.likelihood].values[clock.keep] for point in (near, far) if point.likelihood]
+    if chances:
+        out.append(
+            Signal("likelihood", f"{near.likelihood}, {far.likelihood}", "", 1, np.min(chances, axis=0), table.format)
+        )
+    return out
+
+
+def _check_tip(table: Table, signals: list[Signal]) -> None:
+    there = {signal.role for signal in signals}
+    missing = [role for role in TIP if role not in there]
+    if set(TIP) & there and missing:
+        points = f", or --points NEAR FAR, two of {', '.join(map(repr, table.points))}" if len(table.points) > 1 else ""
+        raise RigError(
+            f"{table.name}: a tip is x, z and phi, but nobody named {' and '.join(missing)}"
+            f"; say --{missing[0]} COLUMN{points}, or leave the tip out: --{next(r for r in TIP if r in there)} none"
+        )
+    if len(table.points) > 1 and not there:
+        raise RigError(
+            f"{table.name}: which points are the tip? --points NEAR FAR, two of {', '.join(map(repr, table.points))}"
+        )
