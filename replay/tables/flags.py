@@ -96,8 +96,8 @@ def _flags(args: argparse.Namespace, table: Table, tables: list[Table], said: Ta
     for flag in ("mm_per_px", "date_order"):
         if getattr(args, flag) is not None:
             changes[flag] = getattr(args, flag)
-    if args.least_likelihood is not None or said.likelihood != LEAST_LIKELIHOOD:
-        changes["likelihood"] = said.likelihood if args.least_likelihood is None else args.least_likelihood
+    if args.least_likelihood is not None or said.least_likelihood != LEAST_LIKELIHOOD:
+        changes["least_likelihood"] = said.least_likelihood if args.least_likelihood is None else args.least_likelihood
     if args.tip_offset is not None:
         changes["tip_offset_mm"] = args.tip_offset
     for name in ("rate_hz", "mm_per_px"):

@@ -27,13 +27,13 @@ IMPORT = """Each column is named as its heading says, or by its number from 1; w
 heading has none; with its file where several have it, as "tip.csv:Time in s"; "none" leaves a role out.
 
 What nobody states is guessed from headings, units in them and sizes. A guess is never written unasked: the command
-prints what it understood, draws it (RUN.import.png), lists each guess with the flag that would state it, and ends with 1.
-State them, or take them all with --yes. What a heading, a format (ESI is in mbar, DeepLabCut in px), a flag or the mapping
-says is no guess. --dry-run shows the same and never writes.
+prints what it understood, draws it (RUN.import.png), lists each guess with the flag that would state it, and ends
+with 1. State them, or take them all with --yes. What a heading says of its unit, what a format says (ESI is in mbar,
+DeepLabCut in px), a flag or the mapping is no guess. --dry-run shows the same and never writes.
 
 Several tables make one run, each with its own clock: dates are laid over each other, clocks that count from 0 by
---offset (seconds after the run's 0 at which that table's 0 was). What straw export wrote comes back bit for bit and needs no
-flag. A mapping file says the same; --save-map writes one:
+--offset (seconds after the run's 0 at which that table's 0 was). What straw export wrote comes back bit for bit and
+needs no flag. A mapping file says the same; --save-map writes one:
 
   specimen = "straw-7"
   initial_deployed = [1, 4]

@@ -44,7 +44,7 @@ class TableMap:
     origin_px: tuple[float, float] | None = None
     points: tuple[str, str] | None = None
     points_unit: str = ""
-    likelihood: float = LEAST_LIKELIHOOD
+    least_likelihood: float = LEAST_LIKELIHOOD
     tip_offset_mm: float = 0.0
     date_order: str | None = None
 
@@ -69,7 +69,7 @@ _TABLE = (
     "origin_px",
     "points",
     "points_unit",
-    "likelihood",
+    "least_likelihood",
     "tip_offset_mm",
     "date_order",
 )
@@ -107,7 +107,7 @@ def _table(at: At, data: dict[str, Any]) -> TableMap:
     for key, value in reading.items():
         at.integer(value, key, 0) if key == "skip" else at.string(value, key)
     numbers: dict[str, Any] = {
-        k: at.number(data[k], k) for k in ("offset_s", "likelihood", "tip_offset_mm") if k in data
+        k: at.number(data[k], k) for k in ("offset_s", "least_likelihood", "tip_offset_mm") if k in data
     }
     numbers |= {k: at.positive(data[k], k) for k in ("rate_hz", "mm_per_px") if k in data}
     uses = {role: _uses(at.inside(role), data[role]) for role in ROLES if role in data}
@@ -196,7 +196,7 @@ def to_toml(mapping: Mapping) -> str:
             value = getattr(one, key)
             if (
                 value in (None, "")
-                or (key == "likelihood" and value == LEAST_LIKELIHOOD)
+                or (key == "least_likelihood" and value == LEAST_LIKELIHOOD)
                 or (key == "tip_offset_mm" and not value)
             ):
                 continue

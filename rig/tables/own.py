@@ -290,7 +290,7 @@ def _same(was: Row, cells: Row, kinds: dict[str, type]) -> bool:
     for name, kind in kinds.items():
         one, other = was.get(name), cells.get(name)
         if one is None or other is None:
-            if (one if one is not None else other) not in (None, _ABSENT[kind]) and one != other:
+            if (one if one is not None else other) not in (None, _ABSENT.get(kind)) and one != other:
                 return False
         elif one != other and not (one != one and other != other):
             return False

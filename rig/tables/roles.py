@@ -60,10 +60,12 @@ def guess(table: Table, wanted: tuple[str, ...], taken: set[str]) -> dict[str, s
             quantity = ROLES[role].quantity
             if column.unit and quantity != "number" and column.unit not in UNITS[quantity]:
                 continue
-            if column.is_text and role not in ("time", "event"):
+            if (column.is_text and role not in ("time", "event")) or (role == "flow" and not column.unit):
                 continue
             found[role] = name
             break
+    if "pressure" not in found:
+        found.pop("flow", None)
     if "z" in wanted and "z" not in found and "x" in found:  # a plane of a video has x and y
         like_x = re.sub(r"x", "y", bare(found["x"]))
         for name in table.columns:

@@ -148,7 +148,7 @@ def _part(table: Table, said: TableMap, mapping: Mapping) -> Part:
         signals += _from_points(table, said, clock)
         notes.append(f"tip {said.points[1]!r}, its axis from {said.points[0]!r} to it")
     _check_tip(table, signals)
-    used = {signal.column for signal in signals} | ({time_use.column} if time_use else set())
+    used = {signal.column for signal in signals} | ({table.column(time_use.column).name} if time_use else set())
     unused = tuple(name for name in table.columns if name not in used)
     resolved = {
         role: tuple(replace(use, column=table.column(use.column).name) for use in of) for role, of in uses.items()
@@ -226,7 +226,8 @@ def _signal(
             raise RigError(f'{where} says no unit; say {flag} "{column.name} in UNIT"')
         unit = likely[0]
         si = factor(unit, quantity, where)
-        doubt = Doubt(f"{column.name!r} is in {unit}", f'{flag} "{column.name} in {unit}"')
+        others = f" ({' or '.join(likely[1:3])} would do, too)" if len(likely) > 1 else ""
+        doubt = Doubt(f"{column.name!r} is in {unit}{others}", f'{flag} "{column.name} in {unit}"')
     if unit == "px":
         return Signal(role, column.name, unit, 1, _from_px(table, role, raw, said), how), doubt
     values = raw * si
@@ -240,7 +241,7 @@ def _check_gauge(values: Floats, where: str, name: str, unit: str, si: float) ->
     good = values[np.isfinite(values)]
     if len(good) and 85e3 <= good[0] <= 108e3 and np.min(good) > 40e3:
         raise RigError(
-            f"{where}: starts at {good[0] / si:g} {unit}, as the air has: looks absolute, gauge is wanted; in a mapping "
+            f"{where}: starts at {good[0] / si:g} {unit}, as the air has: looks absolute, not gauge; in a mapping "
             f'say pressure = {{ column = "{name}", unit = "{unit}", zero = {good[0] / si:.6g} }}, or --as-stated'
         )
 

@@ -62,7 +62,7 @@ def _tip(part: Part, ns: list[int]) -> Iterator[Message]:
     if valid := part.signal("valid"):
         good &= np.nan_to_num(valid.values) != 0.0
     if likelihood := part.signal("likelihood"):
-        good &= np.nan_to_num(likelihood.values) >= part.said.likelihood
+        good &= np.nan_to_num(likelihood.values) >= part.said.least_likelihood
     fields = {ROLES[role].field: column for role, column in values.items()}
     for role in ("sigma_x", "sigma_z", "sigma_phi"):
         fields[ROLES[role].field] = found.values if (found := part.signal(role)) else np.full(len(ns), np.nan)

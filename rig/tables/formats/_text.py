@@ -170,16 +170,17 @@ def _mostly(column: tuple[str, ...]) -> bool:
     return not there or sum(map(looks_numeric, there)) >= 0.8 * len(there)
 
 
-def _is_data(row: list[str]) -> bool:
+def _is_data(row: list[str], more_than_half: bool = False) -> bool:
     there = [cell for cell in row if cell]
-    return bool(there) and 2 * sum(looks_like_data(cell) or is_nothing(cell) for cell in there) >= len(there)
+    data = 2 * sum(looks_like_data(cell) or is_nothing(cell) for cell in there)
+    return bool(there) and (data > len(there) or (data == len(there) and not more_than_half))
 
 
 def _separator(lines: list[str]) -> str:
     """Of the separators the first by which most lines have one number of cells, more than one, mostly data."""
     sample = lines[:: max(1, len(lines) // 400)]
     for separator in SEPARATORS.values():
-        rows = [row for row in (cells(line, separator) for line in sample) if _is_data(row)]
+        rows = [row for row in (cells(line, separator) for line in sample) if _is_data(row, more_than_half=True)]
         if not rows or 2 * len(rows) < len(sample):
             continue
         width, _ = _width(rows)

@@ -1,0 +1,347 @@
+"""Tables of other loggers: every format is read, guesses are said, what cannot be is one line with place and cure."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rig.errors import RigError
+from rig.run_read import read_run
+from rig.tables import Mapping, Reading, TableMap, Use, import_tables, load_mapping, read_table, understand
+from rig.tables.formats import format_of, formats
+from rig.tables.mapping import to_toml
+from rig.tables.write import messages
+
+HERE = Path(__file__).parent / "tables"
+START = "2026-05-03 12:00:00Z"
+OF = {
+    "esi": ["esi_sdk.txt", "esi_targets.txt"],
+    "kinovea": ["kinovea_old.txt", "kinovea_new.txt"],
+    "tracker": ["tracker.txt", "tracker_comma.txt"],
+    "deeplabcut": ["dlc.csv", "dlc.h5", "dlc_fixed.h5"],
+    "parquet": ["run.parquet"],
+    "mat": ["run5.mat", "run73.mat"],
+    "csv": ["serial.csv", "kinovea_kinematics.csv"],
+}
+FILES = [(form, name) for form, names in OF.items() for name in names]
+
+
+@pytest.fixture(autouse=True)
+def _libraries() -> None:
+    for name in ("h5py", "pyarrow"):
+        pytest.importorskip(name)
+
+
+def said(path: Path, uses: dict[str, str] | None = None, start: str = START, **more: object) -> Mapping:
+    """A mapping of one table: columns by role, as "P1 in mbar"."""
+    made = {role: (Use(*text.split(" in ")),) for role, text in (uses or {}).items()}
+    return Mapping((TableMap(str(path), uses=made, **more),), start=start)  # type: ignore[arg-type]
+
+
+def written(tmp_path: Path, name: str, text: str) -> Path:
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def problem_of(path: Path, form: str | None) -> str:
+    try:
+        read_table(path, Reading(format=form))
+    except RigError as error:
+        return str(error)
+    return ""
+
+
+def values(mapping: Mapping, *paths: Path) -> list[tuple[int, str, dict[str, object]]]:
+    plan = understand([read_table(path) for path in paths], mapping)
+    assert not plan.doubts, plan.doubts
+    return messages(plan)
+
+
+def test_every_format_has_a_table_that_somebody_else_drew() -> None:
+    assert set(OF) == set(formats())
+
+
+@pytest.mark.parametrize(("form", "name"), FILES)
+def test_a_format_recognises_its_own_tables(form: str, name: str) -> None:
+    path = HERE / name
+    assert format_of(path, path.read_bytes()).name == form
+    assert len(read_table(path).columns) >= 2
+
+
+@pytest.mark.parametrize(("form", "name"), FILES)
+def test_a_table_cut_anywhere_or_of_rubbish_is_a_table_or_one_line(form: str, name: str, tmp_path: Path) -> None:
+    whole = (HERE / name).read_bytes()
+    rng = np.random.default_rng(1)
+    for k in range(12):
+        data = bytearray(whole[: rng.integers(1, len(whole))])
+        if k % 2:
+            data[rng.integers(0, len(data))] ^= 1 << int(rng.integers(0, 8))
+        path = tmp_path / f"{k}{Path(name).suffix}"
+        path.write_bytes(bytes(data))
+        for forced in (None, form):
+            problem = problem_of(path, forced)
+            assert "\n" not in problem
+            assert path.name in problem or not problem
+
+
+def test_esi_logs_are_in_mbar_and_tell_targets_from_readings() -> None:
+    path = HERE / "esi_targets.txt"
+    found = values(said(path), path)
+    assert [(t, f["pressure_pa"]) for _, t, f in found if f["pressure_pa"]][-2:] == [
+        ("/pressure/command", 25000.0),
+        ("/pressure/measured", 24175.0),
+    ]
+    assert [ns % 10**9 for ns, topic, _ in found if topic.endswith("measured")] == [0, 100_000_000, 200_000_000]
+
+
+def test_kinoveas_time_code_counts_hundredths() -> None:
+    path = HERE / "kinovea_old.txt"
+    plan = understand(
+        [read_table(path)],
+        said(path, points=("trajectory 2", "trajectory 1"), points_unit="mm"),
+    )
+    assert plan.parts[0].times.ns.tolist() == [0, 30_000_000, 70_000_000]
+
+
+def test_two_points_give_the_tip_and_its_angle_in_the_straws_frame() -> None:
+    """Upright: phi 0; the far point to +X of the near one by as much as above it: 45 degrees."""
+    path = HERE / "kinovea_new.txt"
+    mapping = said(path, {"time": "tip time in ms"}, points=("mount", "tip"), points_unit="mm")
+    tips = [f for _, _, f in values(mapping, path)]
+    assert tips[0]["phi_rad"] == 0.0
+    assert tips[2]["phi_rad"] == pytest.approx(math.atan2(4.0, 3.0))
+    assert (tips[2]["x_m"], tips[2]["z_m"]) == pytest.approx((0.005, 0.013))
+
+
+@pytest.mark.parametrize("name", ["dlc.csv", "dlc.h5", "dlc_fixed.h5"])
+def test_deeplabcut_counts_pixels_downwards_and_doubts_by_likelihood(name: str) -> None:
+    path = HERE / name
+    mapping = said(path, points=("mount", "tip"), mm_per_px=0.1, origin_px=(100.0, 300.0), rate_hz=240.0)
+    found = values(mapping, path)
+    tips = [f for _, _, f in found]
+    assert (tips[0]["x_m"], tips[0]["z_m"], tips[0]["phi_rad"]) == pytest.approx((0.0, 0.015, 0.0))
+    assert tips[2]["phi_rad"] == pytest.approx(math.pi / 2)
+    assert [f["valid"] for f in tips] == [True, True, False]
+    assert [f["frame"] for f in tips] == [0, 1, 2]
+    assert found[1][0] - found[0][0] == round(1e9 / 240)
+
+
+def test_trackers_minus_signs_and_decimal_commas_are_numbers() -> None:
+    table = read_table(HERE / "tracker_comma.txt")
+    assert table.columns["t"].values.tolist() == [0.0, 0.04, 0.08]
+    assert table.columns["mass_A x"].values.tolist() == [0.01, -0.0015, -0.005]
+
+
+def test_parquet_times_keep_their_nanoseconds_and_gaps_are_left_out() -> None:
+    path = HERE / "run.parquet"
+    found = values(said(path, {"time": "when", "pressure": "p_kpa"}), path)
+    assert [ns % 10**9 for ns, _, _ in found] == [1, 10_000_002]
+    assert [f["pressure_pa"] for _, _, f in found] == [500.0, -20250.0]
+
+
+@pytest.mark.parametrize(("name", "time"), [("run5.mat", "log.t"), ("run73.mat", "t")])
+def test_vectors_of_mat_files_are_columns(name: str, time: str) -> None:
+    path = HERE / name
+    pressure = "log.p_mbar" if name == "run5.mat" else "p_mbar"
+    found = values(said(path, {"time": f"{time} in s", "pressure": pressure}), path)
+    assert [f["pressure_pa"] for _, _, f in found] == [0.0, 5000.0, 10150.0, 15000.0]
+
+
+def test_a_serial_log_says_which_lines_were_torn() -> None:
+    table = read_table(HERE / "serial.csv")
+    assert table.notes == ("2 torn lines are left out (2, 6)",)
+    assert len(table.lines) == 55
+
+
+@pytest.mark.parametrize(
+    ("text", "numbers"),
+    [
+        ("t;p\n0;1,5\n1;2,25\n", [1.5, 2.25]),  # decimal commas
+        ("\ufefft,p\n0,1.5\n1,2.25\n", [1.5, 2.25]),  # a byte order mark
+        ("sep=;\nt;p\n0;1.5\n1;2.25\n", [1.5, 2.25]),
+        ("# by our logger\n% v2\nt\tp\ns\tkPa\n0\t1.5\n1\tNaN\n2\t2.25\n", [1.5, math.nan, 2.25]),  # a line of units
+        ("t;p\n0;1.234,5\n1;2,0\n", [1234.5, 2.0]),
+        ('"t","p",\n0,1.5,\n1,2.25,\n', [1.5, 2.25]),  # a separator at the end
+        ("t p\n0 1,5\n1 2,25\n", [1.5, 2.25]),
+    ],
+)
+def test_ways_to_write_numbers(text: str, numbers: list[float], tmp_path: Path) -> None:
+    table = read_table(written(tmp_path, "t.csv", text))
+    np.testing.assert_array_equal(list(table.columns.values())[1].values, numbers)
+    assert not table.doubts
+
+
+def test_numbers_that_could_be_read_two_ways_are_a_doubt(tmp_path: Path) -> None:
+    assert read_table(written(tmp_path, "a.csv", "t;p\n0;1,234\n1;2,345\n")).doubts
+    dots = read_table(written(tmp_path, "b.csv", "0.000;3.897\n273.000;3.897\n1.075.000;3.899\n"))
+    assert dots.columns["column 1"].values.tolist() == [0.0, 273.0, 1075.0]
+    assert dots.doubts[0].say == "--decimal . --thousands ."
+
+
+def test_utf16_and_latin_1_are_text(tmp_path: Path) -> None:
+    for encoding in ("utf-16", "latin-1"):
+        path = tmp_path / f"{encoding}.csv"
+        path.write_bytes("t [s],p [kPa],q [µl/min]\n0,1,2\n1,2,3\n".encode(encoding))
+        assert [c.unit for c in read_table(path).columns.values()] == ["s", "kPa", "ul/min"]
+
+
+@pytest.mark.parametrize(
+    ("cells", "zone", "ns"),
+    [
+        ("2026-05-03 14:00:00.000000001", "Europe/Berlin", 1777809600000000001),
+        ("2026-05-03T12:00:00Z", "", 1777809600000000000),
+        ("03.05.2026 14:00:00,5", "+02:00", 1777809600500000000),
+        ("5/13/2026 12:00:00 PM", "UTC", 1778673600000000000),
+        ("1777809600.123456789", "", 1777809600123456789),
+        ("1777809600123", "", 1777809600123000000),
+    ],
+)
+def test_dates_are_exact_to_the_nanosecond(cells: str, zone: str, ns: int, tmp_path: Path) -> None:
+    unit = {13: "ms", 20: "s"}.get(len(cells), "s") if cells[0] == "1" else ""
+    path = written(tmp_path, "t.csv", f"time;p [kPa]\n{cells};1\n")
+    time = f"time in {unit}" if unit else "time"
+    mapping = dataclasses.replace(said(path, {"time": time, "pressure": "p [kPa]"}, start=""), time_zone=zone)
+    assert [m[0] for m in values(mapping, path)] == [ns]
+
+
+def test_a_guess_is_not_written_unless_it_is_accepted(tmp_path: Path) -> None:
+    path = written(tmp_path, "t.csv", "time [s],pressure [kPa]\n0,1\n1,2\n")
+    with pytest.raises(RigError, match="guess"):
+        import_tables([path], tmp_path / "run.mcap")
+    assert not list(tmp_path.glob("run*"))
+    plan = import_tables([path], tmp_path / "run.mcap", accept_guesses=True)
+    assert len(plan.doubts) == 3  # the time, the pressure, and when 0 was
+    assert read_run(tmp_path / "run.mcap").pressure is not None
+
+
+def test_two_tables_with_clocks_of_their_own_make_one_run(tmp_path: Path) -> None:
+    pressure = written(tmp_path, "p.csv", "t [ms],P [mbar]\n0,0\n1000,250\n")
+    tip = written(tmp_path, "tip.csv", "t [s],x [mm],z [mm],phi [deg]\n0,10,20,90\n0.5,11,21,45\n")
+    roles = ("time", "x", "z", "phi")
+    mapping = Mapping(
+        (
+            TableMap(
+                str(pressure), uses={"time": (Use("t [ms]"),), "pressure": (Use("P [mbar]", zero=50.0),)}, offset_s=0.0
+            ),
+            TableMap(
+                str(tip),
+                uses={role: (Use(name),) for role, name in zip(roles, read_table(tip).columns, strict=True)},
+                offset_s=0.132,
+                tip_offset_mm=8.8,
+            ),
+        ),
+        start=START,
+        metadata={"initial_deployed": "1,4", "specimen": "s", "cycle": "3", "cells": "9"},
+    )
+    import_tables([pressure, tip], tmp_path / "run.mcap", mapping)
+    run = read_run(tmp_path / "run.mcap")
+    assert not run.lost
+    assert run.pressure is not None
+    assert run.tip is not None
+    assert run.tip.time_s.tolist() == [0.132, 0.632]
+    np.testing.assert_allclose(run.tip.x_m[0], 0.010 - 0.0088)
+    np.testing.assert_allclose(run.tip.z_m[1], 0.021 - 0.0088 * math.cos(math.pi / 4))
+    assert run.pressure.pressure_pa.tolist() == [-5000.0, 20000.0]
+    assert (run.initial_deployed, run.specimen, run.cycle) == ((1, 4), "s", 3)
+    assert load_mapping(written(tmp_path, "m.toml", run.attachments["import.toml"].decode())) == mapping
+
+
+def test_a_mapping_file_says_what_the_mapping_says(tmp_path: Path) -> None:
+    one = TableMap(
+        "a.csv", Reading(decimal=","), {"pressure": (Use("P", "mbar", 1.5, -1.0), Use("Q")), "x": ()}, 240.0, 0.1,
+        "wrap", 0.1, (1.0, 2.0), ("a", "b"), "px", 0.9, 8.8, "dmy",
+    )  # fmt: skip
+    pressure = (one.uses["pressure"][0], Use("Q", channel=2))
+    whole = Mapping((dataclasses.replace(one, uses={**one.uses, "pressure": pressure}),), START, "UTC", {"a": "b"})
+    assert load_mapping(written(tmp_path, "m.toml", to_toml(whole))) == whole
+
+
+@pytest.mark.parametrize(
+    ("text", "uses", "more", "words"),
+    [
+        ("t [s],p\n0,0\n1,25\n", {"time": "t [s]", "pressure": "p in Pa"}, {}, "looks like kPa"),
+        ("t [s],p\n0,0\n1,25\n", {"time": "t [s]", "pressure": "p2 in Pa"}, {}, "no column 'p2'"),
+        ("t [s],p\n0,0\n1,25\n", {"time": "t [s]", "pressure": "p in furlong"}, {}, "no unit of pressure"),
+        ("t [s],p\n0,101.3\n1,102\n", {"time": "t [s]", "pressure": "p in kPa"}, {}, "looks absolute"),
+        ("t [s],x\n0,22\n1,25\n", {"time": "t [s]", "x": "x in mm"}, {}, "nobody named z and phi"),
+        ("t [s],p [kPa]\n0,1\n2,2\n1.9,3\n5,4\n", {}, {}, "line 4"),
+        ("t [ms],p [kPa]\n65500,1\n65530,2\n24,3\n", {}, {}, "65536 ms: say --back wrap"),
+        ("t [s],p [kPa]\n0,1\n9,2\n0,1\n9,2\n", {}, {}, "2 records in one file"),
+        ("p [kPa]\n1\n2\n", {}, {}, "--rate"),
+        ("frame,p [kPa]\n1,1\n2,2\n", {}, {}, "counts frames"),
+        ("t [s],p [kPa]\n0,a\n1,b\n", {"pressure": "p [kPa]"}, {}, "holds words"),
+        ("hello\nworld\n", {}, {}, "no rows of numbers"),
+        ("t [s],q\n0,1\n1,2\n", {}, {}, "nothing to import"),
+    ],
+)
+def test_what_cannot_be_is_one_line_with_place_and_cure(
+    text: str, uses: dict[str, str], more: dict[str, object], words: str, tmp_path: Path
+) -> None:
+    path = written(tmp_path, "bad.csv", text)
+    with pytest.raises(RigError) as caught:
+        import_tables([path], tmp_path / "run.mcap", said(path, uses, **more), accept_guesses=True)
+    assert words in str(caught.value)
+    assert "bad.csv" in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert not list(tmp_path.glob("run*"))
+
+
+def test_vectors_of_different_length_are_named_with_both(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    path = tmp_path / "run.mat"
+    savemat(path, {"t": np.arange(5.0), "p": np.arange(4.0)})
+    with pytest.raises(RigError, match="'p' has 4 values, but there are 5 times"):
+        understand([read_table(path)], said(path, {"time": "t in s", "pressure": "p in kPa"}))
+
+
+@pytest.mark.parametrize(
+    ("back", "ms"),
+    [
+        ("drop", [65500, 65530]),
+        ("sort", [24, 65500, 65530]),
+        ("wrap", [65500, 65530, 65560]),
+        ("part:1", [65500, 65530]),
+    ],
+)
+def test_time_that_runs_back_is_put_right_as_told(back: str, ms: list[int], tmp_path: Path) -> None:
+    path = written(tmp_path, "t.csv", "t [ms],p [kPa]\n65500,1\n65530,2\n24,3\n")
+    plan = understand([read_table(path)], said(path, back=back))
+    assert (plan.parts[0].times.ns // 10**6).tolist() == ms
+
+
+@pytest.mark.parametrize(("name", "library"), [("run.parquet", "pyarrow"), ("dlc.h5", "h5py"), ("run73.mat", "h5py")])
+def test_a_library_that_is_not_installed_is_named_with_its_cure(
+    name: str, library: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(RigError, match=rf"{library}.*pip install 'straw\[tables\]'"):
+        read_table(HERE / name)
+
+
+def test_an_h5_that_would_run_something_is_refused(tmp_path: Path) -> None:
+    import pickle
+
+    import h5py
+
+    path = tmp_path / "bad.h5"
+    path.write_bytes((HERE / "dlc.h5").read_bytes())
+    with h5py.File(path, "r+") as file:
+        attributes = file["df_with_missing/table"].attrs
+        attributes["values_block_0_kind"] = np.bytes_(pickle.dumps(print, 0))
+    with pytest.raises(RigError, match="UnpicklingError"):
+        read_table(path)
+
+
+def test_real_logs_with_real_faults_are_read(shared: Path) -> None:
+    folder = shared / "realdata"
+    for path in sorted(folder.glob("pneumatic_tube/*.csv"))[::10]:
+        assert len(read_table(path).columns) == 5
+    leak = read_table(folder / "air_chamber_leak" / "Formlabs.csv")
+    assert float(leak.columns["column 1"].values[-1]) == pytest.approx(142508.0)
