@@ -8,8 +8,7 @@ from pathlib import Path
 from replay.errors import ReplayError
 from replay.output import check_new, write_json, write_text
 from replay.progress import progress_bar
-from replay.tables.flags import _metadata as metadata_of
-from replay.tables.flags import told
+from replay.tables.flags import metadata_of, told
 from replay.tables.picture import draw
 from replay.tables.words import data, lines
 from rig.tables import import_own, is_own_table, understand, write

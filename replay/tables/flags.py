@@ -30,7 +30,7 @@ def told(args: argparse.Namespace) -> tuple[list[Table], Mapping]:
     for role in COLUMNS:
         for text in getattr(args, f"as_{role}"):
             maps = _place(role, text, tables, maps)
-    metadata = {**mapping.metadata, **_metadata(args)}
+    metadata = {**mapping.metadata, **metadata_of(args)}
     whole = Mapping(
         tuple(maps),
         args.start or mapping.start,
@@ -136,7 +136,8 @@ def _place(role: str, text: str, tables: list[Table], maps: list[TableMap]) -> l
     return out
 
 
-def _metadata(args: argparse.Namespace) -> dict[str, str]:
+def metadata_of(args: argparse.Namespace) -> dict[str, str]:
+    """What the flags say of the run itself; ReplayError for what it may not be."""
     found: dict[str, str] = {}
     for text in args.meta:
         key, equals, value = text.partition("=")

@@ -9,7 +9,8 @@ import numpy as np
 from replay.errors import ReplayError
 from replay.tables.words import shown
 from rig.tables import Plan
-from rig.tables.understand import Part, Signal
+from rig.tables.signals import Signal
+from rig.tables.understand import Part
 
 _PANELS = (
     ("pressure", ("command", "pressure")),
@@ -75,7 +76,8 @@ def _line(plan: Plan, ax: object, part: Part, signal: Signal) -> None:
         edges = np.linspace(0, len(at), DRAWN, endpoint=False).astype(np.int64)
         low, high = np.fmin.reduceat(values, edges), np.fmax.reduceat(values, edges)
         at, values = np.repeat(at[edges], 2), np.stack([low, high], axis=1).ravel()
-    said = f"{signal.column} [{signal.unit}]" + (" (guessed)" if signal.how == "guessed" else "")
+    unit = f" [{signal.unit}]" if signal.unit and f"[{signal.unit}]" not in signal.column else ""
+    said = signal.column + unit + (" (guessed)" if signal.how == "guessed" else "")
     label = said if signal.role not in ("command",) else f"command: {said}"
     style = "steps-post" if signal.role == "command" else "default"
     few = "." if len(at) < 60 else ""

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from rig.tables import Plan
-from rig.tables.understand import Part, Signal
+from rig.tables.signals import Signal
+from rig.tables.understand import Part
 
 #: By topic's quantity: factor and unit for people.
 _SHOWN = {"pressure": (1e-3, "kPa"), "length": (1e3, "mm"), "angle": (180 / np.pi, "deg"), "flow": (1e9, "µl/s")}

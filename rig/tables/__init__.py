@@ -14,7 +14,8 @@ from rig.errors import RigError
 from rig.mcap_scan import read_bytes
 from rig.tables.formats import format_of
 from rig.tables.mapping import Mapping, TableMap, Use, load_mapping
-from rig.tables.own import recording_of, rows_of
+from rig.tables.own import rows_of
+from rig.tables.own_back import recording_of
 from rig.tables.own_files import is_own, read_own, write_csv, write_parquet
 from rig.tables.table import Reading, Table
 from rig.tables.understand import Plan, understand

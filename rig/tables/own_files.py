@@ -12,7 +12,8 @@ from rig.errors import RigError
 from rig.schema import TOPICS
 from rig.tables.formats._text import decode, head
 from rig.tables.formats.parquet import arrow, load
-from rig.tables.own import FIRST, PAYLOAD, Row, Rows, Side
+from rig.tables.own import Rows, Side
+from rig.tables.own_codec import FIRST, PAYLOAD, Row
 
 SIDE = ".json"
 _KINDS: dict[str, type] = {kind.__name__: kind for kind in (float, int, bool, str, bytes)}

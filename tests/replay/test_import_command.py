@@ -47,8 +47,8 @@ def a_run(path: Path) -> None:
             now_ns = ZERO_NS + 4_166_667 * k
             writer.add("/pressure/command", now_ns, pressure_pa=-0.0, channel=2)
             writer.add(
-                "/pressure/measured", now_ns, pressure_pa=0.1 * k, sigma_pa=float("nan"), channel=1, monotonic_ns=2**62 + k,
-                raw=b">PINGA?|OK|\r\n\x00\xff\\n" + bytes([k]), flow_m3_s=1e-300,
+                "/pressure/measured", now_ns, pressure_pa=0.1 * k, sigma_pa=float("nan"), channel=1,
+                monotonic_ns=2**62 + k, raw=b">PINGA?|OK|\r\n\x00\xff\\n" + bytes([k]), flow_m3_s=1e-300,
             )  # fmt: skip
             pose = {"x_m": k / 3, "z_m": float("inf"), "phi_rad": float("nan"), "valid": k % 2 == 0, "frame": k}
             writer.add("/tip/state", now_ns, **pose, sigma_x_m=5e-324, sigma_z_m=0.0, sigma_phi_rad=0.0)
