@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 
-from replay.errors import ReplayError
-from replay.output import check_new, write_json
-from rig.tables import export_table
-from rig.tables.own_files import side_of
+from straw.replay.errors import ReplayError
+from straw.replay.output import check_new, write_json
+from straw.rig.tables import export_table
+from straw.rig.tables.own_files import side_of
 
 
 def run(args: argparse.Namespace) -> int:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from replay.errors import ReplayError
-from replay.output import check_new, write_json, write_text
-from replay.progress import progress_bar
-from replay.tables.flags import metadata_of, told
-from replay.tables.picture import draw
-from replay.tables.words import data, lines
-from rig.tables import import_own, is_own_table, understand, write
-from rig.tables.mapping import to_toml
+from straw.replay.errors import ReplayError
+from straw.replay.output import check_new, write_json, write_text
+from straw.replay.progress import progress_bar
+from straw.replay.tables.flags import metadata_of, told
+from straw.replay.tables.picture import draw
+from straw.replay.tables.words import data, lines
+from straw.rig.tables import import_own, is_own_table, understand, write
+from straw.rig.tables.mapping import to_toml
 
 
 def run(args: argparse.Namespace) -> int:

@@ -1,4 +1,4 @@
-"""From the flags of straw import, over a mapping file, to the mapping that rig.tables follows."""
+"""From the flags of straw import, over a mapping file, to the mapping that straw.rig.tables follows."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from replay.about_run import TAKEN
-from replay.errors import ReplayError
-from replay.tables.options import COLUMNS
-from rig.tables import Mapping, Reading, Table, TableMap, load_mapping, read_table
-from rig.tables.formats._text import SEPARATORS
-from rig.tables.mapping import LEAST_LIKELIHOOD, checked_back, split_table, split_unit
+from straw.replay.about_run import TAKEN
+from straw.replay.errors import ReplayError
+from straw.replay.tables.options import COLUMNS
+from straw.rig.tables import Mapping, Reading, Table, TableMap, load_mapping, read_table
+from straw.rig.tables.formats._text import SEPARATORS
+from straw.rig.tables.mapping import LEAST_LIKELIHOOD, checked_back, split_table, split_unit
 
 _MINE = ("zero_time_ns", "imported_from", "imported_sha256", "import_notes")
 

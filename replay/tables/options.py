@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-#: By role: what its flag says in the help. A test holds it against ``rig.tables.roles.ROLES``.
+#: By role: what its flag says in the help. A test holds it against ``straw.rig.tables.roles.ROLES``.
 COLUMNS = {
     "time": "time: numbers, dates, times of day, Kinovea's time code",
     "command": "commanded gauge pressure; repeated: channels 1, 2, ...",

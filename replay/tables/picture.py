@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from replay.errors import ReplayError
-from replay.tables.words import shown
-from rig.tables import Plan
-from rig.tables.signals import Signal
-from rig.tables.understand import Part
+from straw.replay.errors import ReplayError
+from straw.replay.tables.words import shown
+from straw.rig.tables import Plan
+from straw.rig.tables.signals import Signal
+from straw.rig.tables.understand import Part
 
 _PANELS = (
     ("pressure", ("command", "pressure")),

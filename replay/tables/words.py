@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from rig.tables import Plan
-from rig.tables.signals import Signal
-from rig.tables.understand import Part
+from straw.rig.tables import Plan
+from straw.rig.tables.signals import Signal
+from straw.rig.tables.understand import Part
 
 #: By topic's quantity: factor and unit for people.
 _SHOWN = {"pressure": (1e-3, "kPa"), "length": (1e3, "mm"), "angle": (180 / np.pi, "deg"), "flow": (1e9, "µl/s")}
@@ -17,7 +17,7 @@ _SHOWN = {"pressure": (1e-3, "kPa"), "length": (1e3, "mm"), "angle": (180 / np.p
 
 def shown(signal: Signal) -> tuple[float, str]:
     """Factor and unit in which people read a signal."""
-    from rig.tables.roles import ROLES
+    from straw.rig.tables.roles import ROLES
 
     return _SHOWN.get(ROLES[signal.role].quantity, (1.0, ""))
 

@@ -10,16 +10,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from rig.errors import RigError
-from rig.mcap_scan import read_bytes
-from rig.tables.formats import format_of
-from rig.tables.mapping import Mapping, TableMap, Use, load_mapping
-from rig.tables.own import rows_of
-from rig.tables.own_back import recording_of
-from rig.tables.own_files import is_own, read_own, write_csv, write_parquet
-from rig.tables.table import Reading, Table
-from rig.tables.understand import Plan, understand
-from rig.tables.write import Progress, write
+from straw.rig.errors import RigError
+from straw.rig.mcap_scan import read_bytes
+from straw.rig.tables.formats import format_of
+from straw.rig.tables.mapping import Mapping, TableMap, Use, load_mapping
+from straw.rig.tables.own import rows_of
+from straw.rig.tables.own_back import recording_of
+from straw.rig.tables.own_files import is_own, read_own, write_csv, write_parquet
+from straw.rig.tables.table import Reading, Table
+from straw.rig.tables.understand import Plan, understand
+from straw.rig.tables.write import Progress, write
 
 __all__ = [
     "Mapping",

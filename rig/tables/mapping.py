@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from rig.errors import RigError
-from rig.tables.roles import ROLES
-from rig.tables.table import Reading, Table
-from rig.toml_place import At
+from straw.rig.errors import RigError
+from straw.rig.tables.roles import ROLES
+from straw.rig.tables.table import Reading, Table
+from straw.rig.toml_place import At
 
 BACK = ("drop", "sort", "wrap", "part:N")
 #: DeepLabCut's own pcutoff (config.yaml of its projects).

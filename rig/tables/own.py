@@ -15,9 +15,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rig.errors import RigError
-from rig.mcap_scan import Scan, read_bytes, scan
-from rig.tables.own_codec import PAYLOAD, Codec, Row
+from straw.rig.errors import RigError
+from straw.rig.mcap_scan import Scan, read_bytes, scan
+from straw.rig.tables.own_codec import PAYLOAD, Codec, Row
 
 VERSION = 1
 

@@ -7,12 +7,12 @@ from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
-from rig.errors import RigError
-from rig.manifest import seal
-from rig.run_file import RunFile
-from rig.schema import PREDICTION, TOPICS, descriptor_set, schema_of
-from rig.tables.own import Side
-from rig.tables.own_codec import ABSENT, FIRST, PAYLOAD, Codec, Row
+from straw.rig.errors import RigError
+from straw.rig.manifest import seal
+from straw.rig.run_file import RunFile
+from straw.rig.schema import PREDICTION, TOPICS, descriptor_set, schema_of
+from straw.rig.tables.own import Side
+from straw.rig.tables.own_codec import ABSENT, FIRST, PAYLOAD, Codec, Row
 
 
 def recording_of(rows: list[Row], side: Side | None, output: Path, where: str, extra: dict[str, str]) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from rig.schema import TOPICS, message_class
+from straw.rig.schema import TOPICS, message_class
 
 FIRST = ("time_s", "topic", "time_ns", "log_time_ns")
 PAYLOAD = "payload"

@@ -8,12 +8,12 @@ import os
 from pathlib import Path
 from typing import Any
 
-from rig.errors import RigError
-from rig.schema import TOPICS
-from rig.tables.formats._text import decode, head
-from rig.tables.formats.parquet import arrow, load
-from rig.tables.own import Rows, Side
-from rig.tables.own_codec import FIRST, PAYLOAD, Row
+from straw.rig.errors import RigError
+from straw.rig.schema import TOPICS
+from straw.rig.tables.formats._text import decode, head
+from straw.rig.tables.formats.parquet import arrow, load
+from straw.rig.tables.own import Rows, Side
+from straw.rig.tables.own_codec import FIRST, PAYLOAD, Row
 
 SIDE = ".json"
 _KINDS: dict[str, type] = {kind.__name__: kind for kind in (float, int, bool, str, bytes)}

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from rig.tables.table import Table
-from rig.tables.units import UNITS, bare
+from straw.rig.tables.table import Table
+from straw.rig.tables.units import UNITS, bare
 
 
 @dataclass(frozen=True)

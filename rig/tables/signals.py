@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.errors import RigError
-from rig.tables.mapping import TableMap, Use
-from rig.tables.roles import ROLES, TIP
-from rig.tables.table import Doubt, Table
-from rig.tables.times import Times
-from rig.tables.units import check_size, factor, looks_like, unit_of
+from straw.rig.errors import RigError
+from straw.rig.tables.mapping import TableMap, Use
+from straw.rig.tables.roles import ROLES, TIP
+from straw.rig.tables.table import Doubt, Table
+from straw.rig.tables.times import Times
+from straw.rig.tables.units import check_size, factor, looks_like, unit_of
 
 Floats = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.errors import RigError
+from straw.rig.errors import RigError
 
 Floats = NDArray[np.float64]
 

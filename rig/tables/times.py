@@ -8,11 +8,11 @@ from datetime import datetime, timedelta, tzinfo
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.errors import RigError
-from rig.tables.mapping import TableMap, Use
-from rig.tables.moments import is_moment, moments, nanoseconds
-from rig.tables.table import Column, Doubt, Table
-from rig.tables.units import unit_of
+from straw.rig.errors import RigError
+from straw.rig.tables.mapping import TableMap, Use
+from straw.rig.tables.moments import is_moment, moments, nanoseconds
+from straw.rig.tables.table import Column, Doubt, Table
+from straw.rig.tables.units import unit_of
 
 Whole = NDArray[np.int64]
 _UNIT_NS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1, "min": 60 * 10**9, "h": 3600 * 10**9}

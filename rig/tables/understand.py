@@ -9,13 +9,13 @@ from datetime import UTC, datetime
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.errors import RigError
-from rig.tables.mapping import Mapping, TableMap, Use
-from rig.tables.moments import moments, zone_of
-from rig.tables.roles import ROLES, SIGNALS, TIP, guess
-from rig.tables.signals import Signal, check_tip, from_points, signal_of
-from rig.tables.table import Doubt, Table
-from rig.tables.times import Times, times
+from straw.rig.errors import RigError
+from straw.rig.tables.mapping import Mapping, TableMap, Use
+from straw.rig.tables.moments import moments, zone_of
+from straw.rig.tables.roles import ROLES, SIGNALS, TIP, guess
+from straw.rig.tables.signals import Signal, check_tip, from_points, signal_of
+from straw.rig.tables.table import Doubt, Table
+from straw.rig.tables.times import Times, times
 
 
 @dataclass(frozen=True, eq=False)

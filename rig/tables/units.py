@@ -8,7 +8,7 @@ import re
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.errors import RigError
+from straw.rig.errors import RigError
 
 #: By quantity: unit and what one of it is in SI. Conventional factors of NIST SP 811, appendix B.
 UNITS: dict[str, dict[str, float]] = {

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from rig.errors import RigError
-from rig.manifest import seal, sha256_of
-from rig.run_file import RunFile
-from rig.schema import encode
-from rig.tables.mapping import to_toml
-from rig.tables.roles import ROLES, TIP
-from rig.tables.understand import Part, Plan
+from straw.rig.errors import RigError
+from straw.rig.manifest import seal, sha256_of
+from straw.rig.run_file import RunFile
+from straw.rig.schema import encode
+from straw.rig.tables.mapping import to_toml
+from straw.rig.tables.roles import ROLES, TIP
+from straw.rig.tables.understand import Part, Plan
 
 Message = tuple[int, str, dict[str, Any]]
 Progress = Callable[[int, int], None]

@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from replay.cli import main
-from replay.tables.options import COLUMNS
-from rig.mcap_scan import read_bytes, scan
-from rig.run_derived import write_tip
-from rig.run_read import read_run
-from rig.run_track import write_track
-from rig.run_write import RunWriter
-from rig.tables.roles import ROLES
-from tracking.trace import TipTrace
+from straw.replay.cli import main
+from straw.replay.tables.options import COLUMNS
+from straw.rig.mcap_scan import read_bytes, scan
+from straw.rig.run_derived import write_tip
+from straw.rig.run_read import read_run
+from straw.rig.run_track import write_track
+from straw.rig.run_write import RunWriter
+from straw.rig.tables.roles import ROLES
+from straw.tracking.trace import TipTrace
 
 ZERO_NS = 1_795_000_000_000_000_000
 STATED = ["--start", "2026-05-03 12:00:00Z", "--deployed", "1,4", "--specimen", "s7"]
@@ -247,6 +247,6 @@ def test_a_damaged_recording_is_not_exported(tmp_path: Path, capsys: pytest.Capt
 
 def test_every_role_has_its_flag_and_the_help_needs_no_numpy() -> None:
     assert set(COLUMNS) == set(ROLES)
-    code = "import sys; from replay.tables import options; print('numpy' in sys.modules)"
+    code = "import sys; from straw.replay.tables import options; print('numpy' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rig.errors import RigError
-from rig.run_read import read_run
-from rig.tables import Mapping, Reading, TableMap, Use, import_tables, load_mapping, read_table, understand
-from rig.tables.formats import format_of, formats
-from rig.tables.mapping import to_toml
-from rig.tables.write import messages
+from straw.rig.errors import RigError
+from straw.rig.run_read import read_run
+from straw.rig.tables import Mapping, Reading, TableMap, Use, import_tables, load_mapping, read_table, understand
+from straw.rig.tables.formats import format_of, formats
+from straw.rig.tables.mapping import to_toml
+from straw.rig.tables.write import messages
 
 HERE = Path(__file__).parent / "tables"
 START = "2026-05-03 12:00:00Z"

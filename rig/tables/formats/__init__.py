@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from rig.errors import RigError
-from rig.tables.table import Reading, Table
+from straw.rig.errors import RigError
+from straw.rig.tables.table import Reading, Table
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from rig.errors import RigError
+from straw.rig.errors import RigError
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 

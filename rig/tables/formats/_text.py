@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from rig.errors import RigError
-from rig.tables.formats._numbers import is_nothing, looks_like_data, looks_numeric, marks, number
-from rig.tables.table import Column, Doubt, Reading, Table
-from rig.tables.units import unit_in
+from straw.rig.errors import RigError
+from straw.rig.tables.formats._numbers import is_nothing, looks_like_data, looks_numeric, marks, number
+from straw.rig.tables.table import Column, Doubt, Reading, Table
+from straw.rig.tables.units import unit_in
 
 SEPARATORS = {"tab": "\t", "semicolon": ";", "comma": ",", "bar": "|", "space": " "}
 _WORDS = {value: key for key, value in SEPARATORS.items()}

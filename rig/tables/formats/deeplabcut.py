@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from rig.errors import RigError
-from rig.tables.formats import Format
-from rig.tables.formats._hdf import is_hdf, open_hdf
-from rig.tables.formats._numbers import is_nothing, number
-from rig.tables.formats._text import decode, head
-from rig.tables.table import Column, Point, Reading, Table
+from straw.rig.errors import RigError
+from straw.rig.tables.formats import Format
+from straw.rig.tables.formats._hdf import is_hdf, open_hdf
+from straw.rig.tables.formats._numbers import is_nothing, number
+from straw.rig.tables.formats._text import decode, head
+from straw.rig.tables.table import Column, Point, Reading, Table
 
 
 def recognises(path: Path, data: bytes) -> bool:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rig.tables.formats import Format
-from rig.tables.formats._text import decode, grid, is_text, table
-from rig.tables.table import Reading, Table
+from straw.rig.tables.formats import Format
+from straw.rig.tables.formats._text import decode, grid, is_text, table
+from straw.rig.tables.table import Reading, Table
 
 
 def read(path: Path, data: bytes, reading: Reading) -> Table:

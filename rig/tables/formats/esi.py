@@ -11,9 +11,9 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-from rig.tables.formats import Format
-from rig.tables.formats._text import cells, decode, grid, head, table
-from rig.tables.table import Column, Reading, Table
+from straw.rig.tables.formats import Format
+from straw.rig.tables.formats._text import cells, decode, grid, head, table
+from straw.rig.tables.table import Column, Reading, Table
 
 _CHANNEL = re.compile(r"(?:pressure|press|p|ch|channel|ob1)\D{0,12}([1-4])\b", re.IGNORECASE)
 _TARGET = re.compile(r"target|set|command|consign|regul", re.IGNORECASE)

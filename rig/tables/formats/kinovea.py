@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from rig.errors import RigError
-from rig.tables.formats import Format
-from rig.tables.formats._numbers import number
-from rig.tables.formats._text import decode, head
-from rig.tables.table import Column, Point, Reading, Table
+from straw.rig.errors import RigError
+from straw.rig.tables.formats import Format
+from straw.rig.tables.formats._numbers import number
+from straw.rig.tables.formats._text import decode, head
+from straw.rig.tables.table import Column, Point, Reading, Table
 
 _HEADING = "#Kinovea Trajectory data export"
 

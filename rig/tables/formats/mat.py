@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from rig.errors import RigError
-from rig.tables.formats import Format
-from rig.tables.formats._hdf import is_hdf, open_hdf
-from rig.tables.table import Column, Reading, Table
-from rig.tables.units import unit_in
+from straw.rig.errors import RigError
+from straw.rig.tables.formats import Format
+from straw.rig.tables.formats._hdf import is_hdf, open_hdf
+from straw.rig.tables.table import Column, Reading, Table
+from straw.rig.tables.units import unit_in
 
 
 def recognises(path: Path, data: bytes) -> bool:

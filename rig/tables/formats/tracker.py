@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from rig.tables.formats import Format
-from rig.tables.formats._text import cells, decode, grid, head, table, unique
-from rig.tables.table import Point, Reading, Table
+from straw.rig.tables.formats import Format
+from straw.rig.tables.formats._text import cells, decode, grid, head, table, unique
+from straw.rig.tables.table import Point, Reading, Table
 
 
 def _headings(lines: list[str]) -> tuple[list[str], list[str]] | None:
