@@ -206,7 +206,8 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--without", nargs="+", action="extend", default=[], metavar="CAUSE", help="leave causes out of the library"
     )
-    p.add_argument("--thorough", action="store_true", help="fit every cause from every start, more pairs: slow")
+    p.add_argument("--jobs", type=int, default=2, metavar="N", help="threads (2)")
+    p.add_argument("--dask", metavar="ADDRESS", help="a Dask scheduler to send the work to")
     p.add_argument("--partial", action="store_true", help="take damaged or cut recordings for what is left of them")
     _json(p)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 
 from model.parameters import load_straw
 from replay.diagnose import figures
@@ -17,6 +16,7 @@ from replay.errors import ReplayError
 from replay.gather import gather
 from replay.output import check_new, write_json, write_text
 from replay.progress import prepare, progress_bar, say
+from replay.workers import threads
 from rig.interrupts import Interrupts
 from rig.run import Run
 
@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
     observations = [observe(one) for one in runs]
     prepare()
     with (
-        ThreadPoolExecutor() as pool,
+        threads(args.jobs, args.dask) as pool,
         progress_bar("diagnose", "step") as update,
         Interrupts() as interrupts,
     ):
@@ -52,7 +52,6 @@ def run(args: argparse.Namespace) -> int:
             straw,
             library=library,
             executor=pool,
-            thorough=args.thorough,
             told=told,
             stop=lambda: interrupts.pending is not None,
         )

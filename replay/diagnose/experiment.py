@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from model.errors import ModelError
 from model.simulate import simulate
 from replay.diagnose.campaign import Campaign
-from replay.diagnose.contest import Contestant
+from replay.diagnose.fit import Contestant
 from replay.diagnose.hypothesis import applied
-from replay.diagnose.misfit import STEP_S, TOLERANCE_M
+from replay.diagnose.settings import SIMULATED_EVERY_S, TOLERANCE_M
 
 Floats = NDArray[np.float64]
 
@@ -101,7 +101,7 @@ def _played(campaign: Campaign, contestant: Contestant, choice: Choice) -> Float
     """Tip (3, n) under a choice as a hypothesis sees it; None where it cannot be played."""
     straw, instrument = applied(campaign.straw, contestant.fit.unknowns, contestant.fit.u)
     length = 0.5 + sum(seconds for _, seconds in choice.holds)
-    grid = np.arange(0.0, length, STEP_S)
+    grid = np.arange(0.0, length, SIMULATED_EVERY_S)
     begins = 0.5 + np.cumsum([0.0, *(seconds for _, seconds in choice.holds)])[:-1]
 
     def pressure(t: Floats) -> Floats:
@@ -124,7 +124,7 @@ def _separation(a: Floats, b: Floats) -> float:
     """How many sigmas two predictions are apart, a stretch as long as noise lasts counting once."""
     n = min(a.shape[1], b.shape[1])
     scaled = (a[:, :n] - b[:, :n]) / SIGMA[:, None]
-    return float(np.sqrt(np.sum(scaled**2) * STEP_S / LASTS_S))
+    return float(np.sqrt(np.sum(scaled**2) * SIMULATED_EVERY_S / LASTS_S))
 
 
 def _toml(choice: Choice) -> str:

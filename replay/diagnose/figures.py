@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 from model.terms import TERMS
 from replay.compare import CHANNELS
 from replay.diagnose.campaign import Campaign
-from replay.diagnose.contest import Contestant
+from replay.diagnose.fit import Contestant, Fit, fitted
 from replay.diagnose.hypothesis import Unknown
 from replay.diagnose.inquiry import Inquiry
 from replay.diagnose.judge import COUNTS_AS_ONE
 from replay.diagnose.locate import Located
 from replay.diagnose.observation import REPEATABILITY_S
 from replay.diagnose.robust import weights
-from replay.diagnose.search import Fit, descend, measured_slopes
 
 Floats = NDArray[np.float64]
 
@@ -35,8 +34,6 @@ UNITS = {
 }
 #: Squared sigmas that are one deviation of a constant: six instruments' constants were 0.04 to 2.2 of these off.
 ONE_DEVIATION = 20.0
-#: Slopes for sigmas are measured by steps that move the runs by so many sigmas (root mean square).
-FELT_SIGMAS = 1.0
 
 
 @dataclass(frozen=True)
@@ -52,18 +49,13 @@ class Held:
     floor: dict[str, float]
 
 
-def constants_of(campaign: Campaign, best: Contestant) -> dict[str, dict[str, dict[str, Any]]]:
+def constants_of(best: Contestant) -> dict[str, dict[str, dict[str, Any]]]:
     """The causes' constants with one sigma, by cause and constant; residuals beyond noise widen it.
 
     So many squared sigmas are one deviation here (`ONE_DEVIATION`): no model is nature, and the base's constants make
     up for what it leaves out, so instruments' constants came out up to ten of the likelihood's own deviations wrong.
-
-    The search's own slopes are good enough to go downhill, but what simulations leave out makes them look steeper where
-    constants stand in for each other.
     """
-    fit, fine = best.fit, campaign.finely()
-    residual = fine.residuals(fit.unknowns, [fit.u])[0]
-    slopes = measured_slopes(fine, fit.unknowns, fit.u, residual, range(len(fit.u)), FELT_SIGMAS)
+    fit, slopes = best.fit, best.fit.slopes
     w = weights(fit.residual)
     spread = max(1.0, float(np.mean(w * fit.residual**2)))
     prior = np.diag([1 / k.sd**2 for k in fit.unknowns])
@@ -117,7 +109,7 @@ def hold_out(campaign: Campaign, null: Fit, better: Fit, located: Sequence[Locat
             configurations.append(configuration)
     train, rest = campaign.only([n for n in names if n not in out]), campaign.only(out)
     fits = [
-        (f.unknowns, descend(train, f.unknowns, f.u, rounds=3)) for f in ([null] if better is null else [null, better])
+        (f.unknowns, fitted(train, f.unknowns, f.u, rounds=3)) for f in ([null] if better is null else [null, better])
     ]
     rms = [_plain_rms(rest, unknowns, fit.u) for unknowns, fit in fits]
     floor = {

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.parameters import StrawParameters
-from replay.diagnose.contest import Contestant
 from replay.diagnose.experiment import Experiment, next_experiment
 from replay.diagnose.figures import Held, constants_of, hold_out, smallest_seen
+from replay.diagnose.fit import Contestant
 from replay.diagnose.hypothesis import MEASUREMENT, applied
 from replay.diagnose.inquiry import Inquiry
 from replay.diagnose.judge import COVERED, Judgement, by_cause, surviving
@@ -127,7 +127,7 @@ def conclude(found: Inquiry, notes: Sequence[str] = (), told: Told = silent, *, 
         says=_says(verdict, causes, probability, found),
         best=best,
         straw=straw,
-        parameters=constants_of(campaign, best) if best else {},
+        parameters=constants_of(best) if best else {},
         held=hold_out(straw_of, found.null, fit, located) if found.whole else None,
         smallest=smallest_seen(campaign, found) if verdict == "complete" else {},
         indistinguishable=[causes] if verdict == "ambiguous" and len(causes) > 1 else [],
@@ -182,14 +182,7 @@ def _doubts(found: Inquiry) -> list[str]:
     runs = found.campaign.observations
     out = []
     if not found.whole:
-        out.append("the search was cut short: causes not looked at yet count as impossible here; --thorough goes on")
-    if found.whole and found.campaign.tally["left_out"]:
-        out.append("the search took long and was shortened at its end; with --thorough it goes on")
-    out += [
-        f"run {name} is looked at until {end_s:.2f} s: repeats of the straw would go two ways there, and it went "
-        "another than the model"
-        for name, end_s in found.forked.items()
-    ]
+        out.append("the search was cut short: causes not looked at yet count as impossible here")
     if len(runs) < 3:
         out.append(
             f"{len(runs)} run{'s' if len(runs) > 1 else ''}: nothing could be held out, and repeats are not known"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -91,10 +91,6 @@ class Hypothesis:
 #: A specimen's elasticity and geometry are not further than this from what is given, in deviations of their prior: with
 #: only a prior against it, a tenth less of E with a tenth more of h stands in for whatever is missing.
 NEAR_SD = 2.5
-#: Share of these deviations to which `held` ones keep.
-HELD = 0.25
-#: Deviations from which on one of them has been `dragged`.
-DRAGGED = 1.5
 
 
 def base_unknowns(straw: StrawParameters) -> tuple[Unknown, ...]:
@@ -118,16 +114,6 @@ def base_unknowns(straw: StrawParameters) -> tuple[Unknown, ...]:
         near("zeta01", 0.01, 1.5),
         near("zeta02", 0.01, 1.5),
     )
-
-
-def dragged(unknowns: Sequence[Unknown], u: Floats) -> bool:
-    """Whether constants that are known to a few percent have been moved further than specimens differ."""
-    return any(np.isfinite(k.high) and abs(x) > DRAGGED * k.sd for k, x in zip(unknowns, u, strict=True))
-
-
-def held(unknowns: Sequence[Unknown]) -> tuple[Unknown, ...]:
-    """The base's constants with those that are known to a few percent held near what is given."""
-    return tuple(replace(k, sd=HELD * k.sd) if np.isfinite(k.high) else k for k in unknowns)
 
 
 #: What runs of one straw differ by, one standard deviation as a step in u: wear and warmth in E and damping, mounting.

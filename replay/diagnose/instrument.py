@@ -75,6 +75,14 @@ class Instrument:
         scale = 1 + self.length_scale
         return np.stack([scale * (c * x + s * z), scale * (c * z - s * x), phi + self.camera_roll_rad])
 
+    def seen_tangent(self, pose: Floats, d_pose: Floats) -> Floats:
+        """Derivative of `seen`, (3, n, columns), along derivatives of the pose, (3, n, columns)."""
+        phi, (dx, dz, dphi) = pose[2][:, None], d_pose
+        dx, dz = dx + self.tip_offset_m * np.cos(phi) * dphi, dz - self.tip_offset_m * np.sin(phi) * dphi
+        c, s = np.cos(self.camera_roll_rad), np.sin(self.camera_roll_rad)
+        scale = 1 + self.length_scale
+        return np.stack([scale * (c * dx + s * dz), scale * (c * dz - s * dx), dphi])
+
 
 def _at(curve: Curve, x: Floats) -> Floats | float:
     """Values of a curve at x (n,), its ends' beyond them."""

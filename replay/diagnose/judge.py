@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from replay.diagnose.campaign import Campaign
-from replay.diagnose.contest import Contestant
-from replay.diagnose.search import Fit
+from replay.diagnose.fit import Contestant, Fit
 
 Floats = NDArray[np.float64]
 

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from replay.compare import CHANNELS
 from replay.diagnose.campaign import Campaign
-from replay.diagnose.hypothesis import applied
-from replay.diagnose.misfit import Misfit, play
+from replay.diagnose.fit import Fit
+from replay.diagnose.misfit import Misfit
 from replay.diagnose.observation import Observation
 from replay.diagnose.robust import weights
-from replay.diagnose.search import Fit
+from replay.diagnose.simulated import simulated
 
 Floats = NDArray[np.float64]
 
@@ -127,8 +127,7 @@ def kind_of(observed: Observation, one: Misfit, channel: int, here: NDArray[np.b
 
 def snapping_cells(campaign: Campaign, fit: Fit, observed: Observation) -> tuple[int, ...]:
     """Cells in the order in which the fitted straw snaps them in this run."""
-    straw, instrument = applied(campaign.straw, fit.unknowns, fit.u)
-    seen, _ = play(observed, straw, instrument)
+    seen = simulated(observed, campaign.straw, fit.unknowns, fit.u).prediction
     zeta = seen.zeta_m[:, :, 1]
     crossed = [
         (int(np.flatnonzero(np.sign(zeta[:, cell]) != np.sign(zeta[0, cell]))[0]), cell + 1)

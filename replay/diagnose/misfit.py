@@ -1,14 +1,14 @@
-"""How far a straw, seen through an instrument, is from an observation: timing and shape charged separately.
+"""Residuals of a run: prediction against recording, registered at the snaps, in sigmas, with their Jacobian.
 
-A snap 30 ms late differs by all of its height, whatever was the cause. So the prediction's clock is bent near the
-snaps until they coincide; how far it had to be bent is charged as timing, what then still differs as shape. Both
-change almost linearly with the constants of the straw, which point-wise differences do not.
+A snap 30 ms late differs by all of its height, whatever was the cause. So prediction and recording are registered by
+their landmarks, the snaps (curve registration: Ramsay and Silverman, Functional Data Analysis, chapter 7): how late
+each is counts as timing, what then still differs as shape. Both change almost linearly with the straw's constants.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,42 +16,24 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from model.parameters import StrawParameters
-from model.simulate import Prediction
-from model.simulate import run as simulate
-from replay.diagnose.instrument import Instrument
+from replay.diagnose.hypothesis import Unknown
 from replay.diagnose.matching import matched, without_odd
 from replay.diagnose.observation import REPEATABILITY_S, Observation
 from replay.diagnose.robust import robust_cost
-from replay.diagnose.snaps import cell_snaps, crossings
+from replay.diagnose.settings import (
+    COARSE_TOLERANCE_M,
+    LANDMARK_AFTER_S,
+    LANDMARK_BEFORE_S,
+    LASTING,
+    LASTS_S,
+    MISSING_EVENT_SIGMAS,
+    REGISTRATION_FADES_S,
+    ROUGH_TIMING_S,
+    TOLERANCE_M,
+)
+from replay.diagnose.simulated import Simulated, simulated
 
 Floats = NDArray[np.float64]
-
-#: Accuracy and output step of simulations. What a rougher one leaves out is far below a camera's noise, but another at
-#: every point, so it passes for a slope, and searches end early in valleys that are narrow. For sigmas the finer one is
-#: taken, for outlines the rough one will do.
-TOLERANCE_M = 2e-7
-FINE_M, ROUGH_M = 1e-8, 1e-6
-STEP_S = 2e-3
-#: Laws that make the water swing carry what a step leaves out on to the next snap: with less accuracy a small change of
-#: a constant is lost in it, and the search with it, by outlines, too.
-FINER_M = {"trapped_gas": 5e-8, "fluid_inertia": 5e-8}
-#: Steps a second that a simulation may take at `TOLERANCE_M`, 1.6 times what the paper's livelier straw takes in
-#: its first three: a straw that nothing damps rings on, and one simulation takes as long as many.
-#: With the tolerance they grow to the power of -0.24 to -0.29, from 1e-6 to 1e-8 m, as for a method of fourth order.
-LIVELIEST_PER_S, STEPS_GROW = 1850.0, 1 / 4
-#: Where the recording shows more snaps than the straw, the straw is given this much longer to snap.
-PATIENCE_S = 1.5
-#: The prediction's clock is bent as for the nearest snap from this long before it to this long after it, s.
-BEFORE_S, AFTER_S = 0.1, 0.6
-#: Over the longest of this and a multiple of the difference the bend fades, s.
-FADES_S, FADES = 0.3, 3.0
-#: Noise of a track: share of its variance that lasts, and for how long (measured on one campaign of another apparatus).
-LASTING, LASTS_S = 0.38, 0.05
-#: How far off a snap may be while only outlines are compared, s.
-ROUGHLY_S = 3e-3
-#: A beginning or an end that only one of the two shows counts as this many sigmas, no more than noise may be: whether a
-#: ring just reaches a level says little, and a snap that did not happen shows in all that follows.
-MISSING = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,14 +41,16 @@ class Misfit:
     """Differences between prediction and observation in sigmas: shape (3, n), white for a right model; timing (k,).
 
     ``timing`` has an entry for each of the observation's snap times (begin, end, begin, ...), and one for all that
-    the straw shows beside them; ``late_s`` (k - 1,) are the same in seconds, NaN where the straw does not show it.
-    ``plain`` (3, n) is what differs without bending the clock, m and rad. ``steps`` is how many the simulation took.
+    the prediction shows beside them; ``late_s`` (k - 1,) are the same in seconds, NaN where the prediction has none.
+    ``plain`` (3, n) is what differs without registration, m and rad. ``jacobian`` (3 n + k, unknowns) has no columns
+    where no derivatives were asked for. ``steps`` is how many the simulation took.
     """
 
     shape: Floats
     timing: Floats
     late_s: Floats
     plain: Floats
+    jacobian: Floats
     steps: int
 
     @property
@@ -75,120 +59,160 @@ class Misfit:
         return np.concatenate([self.shape.ravel(), self.timing])
 
 
-def play(
-    observed: Observation, straw: StrawParameters, instrument: Instrument, finest_m: float = TOLERANCE_M
-) -> tuple[Prediction, Floats]:
-    """What the straw does in this run and its snap times as stamped by the camera; ModelError where it cannot."""
-    run = observed.run
-    assert run.initial_deployed is not None
-    table = observed.pressure
-    grid_s: Floats = table.start_s + table.step_s * np.arange(len(table.pressure_pa), dtype=np.float64)
-    pressure = table._replace(pressure_pa=instrument.true_pressure(table.pressure_pa, grid_s))
-    tolerance_m = min(FINER_M.get(term, finest_m) for term in ("", *straw.terms))
-    worn = straw.replace(cycle=float(run.cycle))
-    ends = instrument.true_time(np.array([observed.start_s, observed.end_s]))
-    start, end = float(min(ends[0], observed.start_s)), float(ends[1])
-    most, steps = most_steps_per_s(tolerance_m), 0
-    for patience in (0.0, PATIENCE_S):
-        grid = np.arange(start, end + patience + 2 * STEP_S, STEP_S)
-        near = observed.rests.get(straw.form)
-        seen = simulate(worn, pressure, grid, run.initial_deployed, tolerance_m, near, most)
-        steps += seen.steps
-        told = instrument.camera_roll_rad
-        true_s = crossings(grid, seen.phi_rad + told, observed.levels)
-        if len(true_s) < len(observed.snaps_s):
-            true_s = cell_snaps(grid, seen.zeta_m[:, :, 1], true_s)
-        if len(true_s) >= len(observed.snaps_s):
-            break
-    return replace(seen, steps=steps), instrument.stamped(true_s)
-
-
-def most_steps_per_s(tolerance_m: float) -> float:
-    """Steps a second that a simulation of this accuracy may take."""
-    return float(LIVELIEST_PER_S * (TOLERANCE_M / tolerance_m) ** STEPS_GROW)
-
-
 def misfit(
-    observed: Observation, straw: StrawParameters, instrument: Instrument, finest_m: float = TOLERANCE_M
+    observed: Observation,
+    straw: StrawParameters,
+    unknowns: Sequence[Unknown],
+    at: Floats,
+    *,
+    derivatives: bool = False,
+    tolerance_m: float = TOLERANCE_M,
 ) -> Misfit:
-    """Misfit of one run; ModelError where the model cannot follow."""
-    at, ways, steps = _aligned(observed, straw, instrument, finest_m)
+    """Misfit of one run with the unknowns at u; ModelError where it cannot be simulated."""
+    seen = simulated(observed, straw, unknowns, at, derivatives=derivatives, tolerance_m=tolerance_m)
+    curve = _Curve(seen)
+    plain = curve.at(observed.time_s) - observed.tip
+    sigma = observed.sigma()
 
-    def told(way: _Way) -> Misfit:
-        shape = whitened((at(way.bent(observed.time_s)) - observed.tip) / observed.sigma(), observed.time_s)
-        return Misfit(shape, way.timing(REPEATABILITY_S), way.late_s, plain, steps)
+    def told(way: Registration) -> Misfit:
+        look_s = way.bent(observed.time_s)
+        shape = whitened((curve.at(look_s) - observed.tip) / sigma, observed.time_s)
+        return Misfit(shape, way.timing(REPEATABILITY_S), way.late_s, plain, np.empty((0, 0)), seen.prediction.steps)
 
-    plain = at(observed.time_s) - observed.tip
-    return min((told(way) for way in ways), key=lambda one: robust_cost(one.vector))
+    ways = registrations(observed, seen)
+    costs = [robust_cost(told(way).vector) for way in ways]
+    way = ways[int(np.argmin(costs))]
+    one = told(way)
+    if derivatives:
+        moved = curve.tangent(observed.time_s, way) / sigma[:, :, None]
+        white = whitened(moved, observed.time_s)
+        jacobian = np.concatenate([white.reshape(-1, white.shape[-1]), way.timing_tangent(REPEATABILITY_S)])
+        one = Misfit(one.shape, one.timing, one.late_s, one.plain, jacobian, one.steps)
+    return one
 
 
-def rough_misfit(observed: Observation, straw: StrawParameters, instrument: Instrument) -> tuple[Floats, int]:
-    """Misfit of one run by its outline alone and its snaps' times, in sigmas: what leads from afar to a good fit; and
-    how many steps the simulation took."""
-    at, ways, steps = _aligned(observed, straw, instrument, ROUGH_M)
-    outline = observed.outline
-    told = (np.concatenate([outline.differs(at(way.bent(outline.time_s))), way.timing(ROUGHLY_S)]) for way in ways)
-    return min(told, key=robust_cost), steps
+def coarse_misfit(
+    observed: Observation,
+    straw: StrawParameters,
+    unknowns: Sequence[Unknown],
+    at: Floats,
+    *,
+    derivatives: bool = False,
+) -> tuple[Floats, Floats, int]:
+    """Residual (m,), Jacobian (m, unknowns) and steps of a run by its slow part, the envelope of its ringing and its
+    snap times: what leads from afar to a good fit."""
+    seen = simulated(observed, straw, unknowns, at, derivatives=derivatives, tolerance_m=COARSE_TOLERANCE_M)
+    curve, envelope = _Curve(seen), observed.envelope
+
+    def told(way: Registration) -> Floats:
+        return np.concatenate([envelope.differs(curve.at(way.bent(envelope.time_s))), way.timing(ROUGH_TIMING_S)])
+
+    ways = registrations(observed, seen)
+    vectors = [told(way) for way in ways]
+    best = int(np.argmin([robust_cost(vector) for vector in vectors]))
+    way, jacobian = ways[best], np.empty((0, 0))
+    if derivatives:
+        look_s = way.bent(envelope.time_s)
+        moved = envelope.tangent(curve.at(look_s), curve.tangent(envelope.time_s, way))
+        jacobian = np.concatenate([moved, way.timing_tangent(ROUGH_TIMING_S)])
+    return vectors[best], jacobian, seen.prediction.steps
+
+
+class _Curve:
+    """The predicted tip as a function of stamped time, with its derivatives by u."""
+
+    def __init__(self, seen: Simulated) -> None:
+        self.seen = seen
+        self.spline = CubicSpline(seen.time_s, seen.pose, axis=1)
+        self.rate = self.spline.derivative()
+        self.span = float(seen.time_s[0]), float(seen.time_s[-1])
+
+    def at(self, time_s: Floats) -> Floats:
+        """Tip (3, n)."""
+        return np.asarray(self.spline(np.clip(time_s, *self.span)))
+
+    def tangent(self, time_s: Floats, way: Registration) -> Floats:
+        """Derivative (3, n, unknowns) of the registered tip at the recording's times (n,)."""
+        look_s = np.clip(way.bent(time_s), *self.span)
+        grid = self.seen.time_s
+        k = np.clip(np.searchsorted(grid, look_s) - 1, 0, len(grid) - 2)
+        x = ((look_s - grid[k]) / (grid[k + 1] - grid[k]))[:, None]
+        moved = self.seen.d_pose[:, k] * (1 - x) + self.seen.d_pose[:, k + 1] * x
+        bent = way.basis(time_s) @ way.d_late_s
+        return np.asarray(moved + np.asarray(self.rate(look_s))[:, :, None] * bent)
 
 
 @dataclass(frozen=True, eq=False)
-class _Way:
+class Registration:
     """One way to take a prediction's snaps for those of a recording, at ``snaps_s`` (k,): how late each is, NaN where
-    none is taken for it, and how many of the prediction's are left."""
+    none is taken for it, its derivatives (k, unknowns), and how many of the prediction's are left over."""
 
     snaps_s: Floats
     late_s: Floats
+    d_late: Floats
     left: int
+
+    @property
+    def shown(self) -> NDArray[np.bool_]:
+        """Which of the recording's snaps the prediction has."""
+        return np.isfinite(self.late_s)
+
+    @property
+    def d_late_s(self) -> Floats:
+        """Derivatives of the shown ones' lateness, (shown, unknowns)."""
+        return self.d_late[self.shown]
 
     def bent(self, time_s: Floats) -> Floats:
         """Times (n,) at which to look into the prediction."""
-        shown = np.isfinite(self.late_s)
-        return np.asarray(time_s + bend(time_s, self.snaps_s[shown], self.late_s[shown]))
+        return np.asarray(time_s + self.basis(time_s) @ self.late_s[self.shown])
+
+    def basis(self, time_s: Floats) -> Floats:
+        """How much each shown snap's lateness moves the time at which to look, (n, shown)."""
+        return bend_basis(time_s, self.snaps_s[self.shown], self.late_s[self.shown])
 
     def timing(self, sigma_s: float) -> Floats:
         """How late each is, in sigmas, and all that are left (k + 1,)."""
-        late = np.where(np.isfinite(self.late_s), self.late_s / sigma_s, MISSING)
-        return np.append(late, MISSING * np.sqrt(self.left))
+        late = np.where(self.shown, self.late_s / sigma_s, MISSING_EVENT_SIGMAS)
+        return np.append(late, MISSING_EVENT_SIGMAS * np.sqrt(self.left))
+
+    def timing_tangent(self, sigma_s: float) -> Floats:
+        """Derivative of `timing`, (k + 1, unknowns)."""
+        moved = np.where(self.shown[:, None], self.d_late / sigma_s, 0.0)
+        return np.vstack([moved, np.zeros((1, moved.shape[1]))])
 
 
-def _aligned(
-    observed: Observation, straw: StrawParameters, instrument: Instrument, finest_m: float
-) -> tuple[Callable[[Floats], Floats], list[_Way], int]:
-    """Of a prediction: tip (3, n) by stamped time, ways in which its snaps are those of the recording, steps."""
-    seen, snaps_s = play(observed, straw, instrument, finest_m)
-    mine, others = matched(observed.snaps_s, snaps_s)
+def registrations(observed: Observation, seen: Simulated) -> list[Registration]:
+    """Ways in which the prediction's snaps are those of the recording: all that match, and without one that is odd."""
+    mine, others = matched(observed.snaps_s, seen.events_s)
     late = np.full(len(observed.snaps_s), np.nan)
-    late[mine] = snaps_s[others] - observed.snaps_s[mine]
-    left = int(np.count_nonzero(np.delete(snaps_s, others) < observed.end_s))
-    ways = [_Way(observed.snaps_s, late, left)]
+    late[mine] = seen.events_s[others] - observed.snaps_s[mine]
+    moved = np.zeros((len(late), seen.d_events_s.shape[1]))
+    moved[mine] = seen.d_events_s[others]
+    left = int(np.count_nonzero(np.delete(seen.events_s, others) < observed.end_s))
+    ways = [Registration(observed.snaps_s, late, moved, left)]
     usual = without_odd(late[mine])
     if not usual.all():
         sure = np.full(len(late), np.nan)
         sure[mine[usual]] = late[mine[usual]]
-        ways.append(_Way(observed.snaps_s, sure, left + int(np.count_nonzero(~usual))))
-    spline = CubicSpline(seen.time_s, np.stack([seen.x_m, seen.z_m, seen.phi_rad]), axis=1)
-    span = seen.time_s[0], seen.time_s[-1]
-
-    def at(stamped_s: Floats) -> Floats:
-        return instrument.seen(spline(np.clip(instrument.true_time(stamped_s), *span)))
-
-    return at, ways, seen.steps
+        ways.append(Registration(observed.snaps_s, sure, moved, left + int(np.count_nonzero(~usual))))
+    return ways
 
 
-def bend(time_s: Floats, snaps_s: Floats, late_s: Floats) -> Floats:
-    """How much later (s) to look into the prediction at times (n,), so that its snaps coincide; zero far from snaps."""
+def bend_basis(time_s: Floats, snaps_s: Floats, late_s: Floats) -> Floats:
+    """Hat functions (n, k) over the recording's time: one at each snap, constant a little before the first and after
+    the last, zero far from all. They fade more slowly where a snap is so late that time would run back."""
     if len(snaps_s) == 0:
-        return np.zeros_like(time_s)
-    fade = np.maximum(FADES_S, FADES * np.abs(late_s))
-    knots = np.concatenate([[snaps_s[0] - BEFORE_S - fade[0], snaps_s[0] - BEFORE_S], snaps_s])
-    values = np.concatenate([[0.0, late_s[0]], late_s])
-    knots = np.concatenate([knots, [snaps_s[-1] + AFTER_S, snaps_s[-1] + AFTER_S + fade[-1]]])
-    values = np.concatenate([values, [late_s[-1], 0.0]])
-    return np.asarray(np.interp(time_s, knots, values))
+        return np.zeros((len(time_s), 0))
+    fade = np.maximum(REGISTRATION_FADES_S, 3 * np.abs(late_s))
+    before, after = snaps_s[0] - LANDMARK_BEFORE_S, snaps_s[-1] + LANDMARK_AFTER_S
+    knots = np.concatenate([[before - fade[0], before], snaps_s, [after, after + fade[-1]]])
+    rows = np.pad(np.eye(len(snaps_s)), ((0, 0), (2, 2)))
+    rows[0, 1] = rows[-1, -2] = 1.0
+    return np.stack([np.interp(time_s, knots, row) for row in rows], axis=1)
 
 
 def whitened(scaled: Floats, time_s: Floats) -> Floats:
-    """Differences in sigmas (3, n) with the lasting part of a track's noise filtered out: unit variance, independent.
+    """Differences in sigmas (3, n, ...) with the lasting part of a track's noise filtered out: unit variance, white.
 
     White noise plus a first-order process, each at its share of the variance, is an ARMA(1, 1) process: its own
     one-step prediction is subtracted (Box and Jenkins). Offsets that last count as the few independent looks they are.

@@ -13,18 +13,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.parameters import StrawParameters
+from replay.diagnose.base import telling_runs
 from replay.diagnose.campaign import Campaign
-from replay.diagnose.contest import seen_again
 from replay.diagnose.dictionary import atoms
+from replay.diagnose.fit import Fit, evaluated, fitted
 from replay.diagnose.formula import Formula, formula, tangent
-from replay.diagnose.hypothesis import Unknown, applied
-from replay.diagnose.judge import NOISE_LEAVES, run_by_run, unexplained
-from replay.diagnose.misfit import play
+from replay.diagnose.hypothesis import applied
+from replay.diagnose.judge import NOISE_LEAVES, unexplained
 from replay.diagnose.observation import Observation
 from replay.diagnose.robust import weights
-from replay.diagnose.search import Fit, cost_at, descend, measured_slopes
-from replay.diagnose.start import few_of
+from replay.diagnose.simulated import simulated
 from replay.diagnose.states import STATES, State, points
 
 Floats = NDArray[np.float64]
@@ -43,10 +41,6 @@ RIVAL = 1.5
 TELLS = 0.5
 #: Constants of the base that are taken from its fit; elasticity and geometry start as given.
 TAKEN_ALONG = ("straw.r_ch_m", "straw.c_zeta_n_s_per_m", "straw.c_phi_n_m_s_per_rad")
-#: How targets of a curve's unknowns begin.
-CURVES = ("term.missing_", "instrument.")
-
-
 #: Said with (what is being done, steps done, steps in all).
 Told = Callable[[str, int, int], None]
 
@@ -55,39 +49,16 @@ def silent(_what: str, _done: int, _total: int) -> None:
     """Say nothing."""
 
 
-class Smooth(Campaign):
-    """A campaign that charges a curve for being rough: rows beside the runs' differences."""
-
-    rows: Floats  # (k, unknowns of the curve) by their values in units
-
-    @classmethod
-    def of(cls, campaign: Campaign, straw: StrawParameters, rows: Floats) -> Smooth:
-        """The campaign with another straw and such rows; counts and what repeats differ by are shared."""
-        out = cls(campaign.observations, straw, campaign.pool, campaign.stop).shares_with(campaign)
-        out.rows = rows
-        return out
-
-    def only(self, names: Sequence[str]) -> Smooth:
-        """The campaign with some of its runs."""
-        return Smooth.of(super().only(names), self.straw, self.rows)
-
-    def residuals(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[Floats]:
-        """Differences of all runs in sigmas, and how rough the curve is."""
-        out = super().residuals(unknowns, points)
-        n = self.rows.shape[1]
-        if not unknowns[-1].target.startswith(CURVES):  # the base alone
-            return [np.append(row, np.zeros(len(self.rows))) for row in out]
-        curve = unknowns[-n:]
-        values = [np.array([k.value(float(u)) / k.scale for k, u in zip(curve, p[-n:], strict=True)]) for p in points]
-        return [np.append(row, self.rows @ v) for row, v in zip(out, values, strict=True)]
-
-
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A state's curve fitted beside the base's constants; ``campaign`` holds the straw with the curve's points."""
+    """A state's curve fitted beside the base's constants; ``campaign`` holds the straw with the curve's points.
+
+    ``smooth`` (k, unknowns) are the rows that charge the curve for being rough, by u.
+    """
 
     state: State
-    campaign: Smooth
+    campaign: Campaign
+    smooth: Floats
     fit: Fit
     at: Floats  # (n,) points that were searched, as the table counts them
 
@@ -172,22 +143,17 @@ def missing_force(
     left = max(unexplained(campaign, null) - NOISE_LEAVES, 1.0)
     shares = [max(0.0, 1 - max(0.0, unexplained(campaign, c.fit) - NOISE_LEAVES) / left) for c in found]
     best, state, base = found[0], found[0].state, len(null.u)
-    fit = best.fit
-    if not fit.fresh:
-        slopes = measured_slopes(best.campaign, fit.unknowns, fit.u, fit.residual, range(len(fit.u)))
-        fit = replace(fit, slopes=slopes, fresh=True)
-    seen, at = tangent(fit, base, best.campaign.rows), best.at * state.scale(campaign.straw)
+    fit, rough = best.fit, best.smooth[:, base:]
+    seen, at = tangent(fit, base, rough), best.at * state.scale(campaign.straw)
     sigmas = np.sqrt(np.diag(np.linalg.inv(seen.H + seen.smooth)))
     law = None
     if shares[0] >= TELLS:
         told("formula", 1, 1)
-        chosen, coefficients, errors, keeps = formula(
-            _plain(best.campaign), fit, base, best.campaign.rows, at, atoms(state, at), null.cost
-        )
+        chosen, coefficients, errors, keeps = formula(best.campaign, fit, base, rough, at, atoms(state, at), null.cost)
         units = tuple(_unit(state, atom.power) for atom in chosen)
         law = Formula(f"{state.value_symbol}({state.symbol})", chosen, coefficients, errors, units, keeps)
     return Missing(
-        replace(best, fit=fit),
+        best,
         at,
         seen.values,
         sigmas,
@@ -196,11 +162,6 @@ def missing_force(
         shares[0],
         tuple((c.state.name, share) for c, share in zip(found[1:], shares[1:], strict=True)),
     )
-
-
-def _plain(campaign: Smooth) -> Campaign:
-    """The campaign without a price on roughness."""
-    return Campaign(campaign.observations, campaign.straw, campaign.pool, campaign.stop).shares_with(campaign)
 
 
 def _unit(state: State, power: float) -> str:
@@ -213,10 +174,10 @@ def _unit(state: State, power: float) -> str:
 
 def curves(campaign: Campaign, null: Fit, told: Told = silent, states: Sequence[State] = STATES) -> list[Curve]:
     """Curves over the states that promise most, the best first; the best few are carried to their end."""
-    wide = campaign.only(few_of(campaign.observations, run_by_run(campaign, null))).roughly()
+    wide = campaign.only(telling_runs(campaign, null)).coarse()
     # what is missing has dragged the base's constants away: damping and channel are taken at their word, no others
     calm = np.where([k.target in TAKEN_ALONG for k in null.unknowns], null.u, 0.0)
-    known = seen_again(wide, replace(null, u=calm))
+    known = evaluated(wide, null.unknowns, calm)
     starts: list[_Start] = []
     for start in _starts(wide, known, campaign.observations, told, states):
         starts.append(start)
@@ -226,24 +187,22 @@ def curves(campaign: Campaign, null: Fit, told: Told = silent, states: Sequence[
     first = []
     for k, start in enumerate(starts[:FITTED]):
         told(start.curve.state.name, len(states) + k, len(states) + 2 * FITTED)
-        here, fit = start.curve.campaign, start.curve.fit
-        fit = descend(
-            here, fit.unknowns, fit.u, slopes=fit.slopes, residual=fit.residual, rounds=FIRST_ROUNDS, share=0.01
-        )
-        first.append(replace(start.curve, fit=fit))
+        first.append(_carried_on(start.curve, start.curve.campaign, FIRST_ROUNDS, 0.01))
     first.sort(key=lambda c: c.fit.cost)
     found: list[Curve] = []
     for k, curve in enumerate(first):
         told(curve.state.name, len(states) + FITTED + k, len(states) + 2 * FITTED)
-        here = Smooth.of(campaign, curve.campaign.straw, curve.campaign.rows)
-        u = curve.fit.u
+        here = campaign.with_straw(curve.campaign.straw)
         rival = len(found) < FINISHED and curve.fit.cost < RIVAL * first[0].fit.cost
-        if rival and not (found and campaign.leaves_out()):
-            fit = descend(here, curve.fit.unknowns, u, rounds=ROUNDS, share=2e-3)
-        else:
-            fit = seen_again(here, curve.fit)
-        found.append(replace(curve, campaign=here, fit=fit))
+        found.append(_carried_on(curve, here, ROUNDS if rival else 0, 2e-3))
     return sorted(found, key=lambda c: c.fit.cost)
+
+
+def _carried_on(curve: Curve, campaign: Campaign, rounds: int, share: float) -> Curve:
+    """The curve fitted further, perhaps to other runs; with no rounds only looked at there."""
+    fit, smooth = curve.fit, curve.smooth
+    fit = fitted(campaign, fit.unknowns, fit.u, rounds=rounds, share=share, smooth=smooth)
+    return replace(curve, campaign=campaign, fit=fit)
 
 
 def _starts(
@@ -251,37 +210,35 @@ def _starts(
 ) -> Iterator[_Start]:
     """Every state's curve at zero with its slopes; its points lie where all of the observations pass."""
     base = null.unknowns
-    residual = campaign.residuals(base, [null.u])[0]
-    slopes = measured_slopes(campaign, base, null.u, residual, range(len(base)))
-    straw, instrument = applied(campaign.straw, base, null.u)
-    seen = [(o, play(o, straw, instrument)[0]) for o in observations]
+    straw, _ = applied(campaign.straw, base, null.u)
+    seen = [(o, simulated(o, campaign.straw, base, null.u).prediction) for o in observations]
     for k, state in enumerate(states):
         told(state.name, k, len(states) + 2 * FITTED)
         at = points(state, [state.visited(straw, o, p) for o, p in seen])
         if at is None:
             continue
         free = ~((at == 0) & state.zero)
-        here = Smooth.of(campaign, state.straw_with(campaign.straw, at), rows_for(state, at, free))
+        here = campaign.with_straw(state.straw_with(campaign.straw, at))
+        rows = rows_for(state, at, free)
+        smooth = np.hstack([np.zeros((len(rows), len(base))), rows])
         unknowns = (*base, *state.unknowns(at))
         u = np.concatenate([null.u, np.zeros(len(unknowns) - len(base))])
-        first = np.append(residual, np.zeros(len(here.rows)))
-        own = measured_slopes(here, unknowns, u, first, range(len(base), len(u)))
-        every = np.hstack([np.concatenate([slopes, np.zeros((len(here.rows), len(base)))]), own])
-        cost = cost_at(unknowns, u, first)
-        unit, wanted = unknowns[-1].scale, -_downhill(Fit(unknowns, u, first, every, cost, True))[0][len(base) :]
+        fit = evaluated(here, unknowns, u, smooth)
+        unit, wanted = unknowns[-1].scale, -_downhill(fit, smooth)[0][len(base) :]
         # in units of what is wanted a large force is no further away than a small one
         larger = float(np.clip(np.max(np.abs(wanted)) / STEPS, 1.0, LARGEST))
+        slopes = fit.slopes.copy()
+        slopes[:, len(base) :] *= larger
         unknowns = (*base, *(replace(k, scale=unit * larger) for k in unknowns[len(base) :]))
-        every[: len(residual), len(base) :] *= larger
-        fit = Fit(unknowns, u, first, every, cost, True)
-        yield _Start(Curve(state, here, fit, at[free]), cost - _downhill(fit)[1])
+        fit = replace(fit, unknowns=unknowns, slopes=slopes)
+        yield _Start(Curve(state, here, smooth, fit, at[free]), fit.cost - _downhill(fit, smooth)[1])
 
 
-def _downhill(fit: Fit) -> tuple[Floats, float]:
+def _downhill(fit: Fit, smooth: Floats) -> tuple[Floats, float]:
     """Minus the step that would end the search were everything linear, and what it would gain."""
     w = weights(fit.residual)
     sd, mean = np.array([k.sd for k in fit.unknowns]), np.array([k.mean for k in fit.unknowns])
-    curvature = (fit.slopes * w[:, None]).T @ fit.slopes + np.diag(1 / sd**2)
-    gradient = fit.slopes.T @ (w * fit.residual) + (fit.u - mean) / sd**2
+    curvature = (fit.slopes * w[:, None]).T @ fit.slopes + np.diag(1 / sd**2) + smooth.T @ smooth
+    gradient = fit.slopes.T @ (w * fit.residual) + (fit.u - mean) / sd**2 + smooth.T @ (smooth @ fit.u)
     step = np.linalg.solve(curvature, gradient)
     return step, float(gradient @ step)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -16,8 +16,8 @@ from model.parameters import StrawParameters
 from model.rest import rest_state
 from model.simulate import sampled
 from replay.compare import CHANNELS
+from replay.diagnose.envelope import Envelope, envelope_of
 from replay.diagnose.gauge import quieted
-from replay.diagnose.outline import Outline, outline_of
 from replay.diagnose.snaps import Levels, crossings, levels_of
 from replay.driving import driving_pressure
 from replay.errors import ReplayError
@@ -59,9 +59,9 @@ class Observation:
         return self.run.run_id
 
     @cached_property
-    def outline(self) -> Outline:
-        """The tip's outline on its own even grid, and how far off each part of it may be."""
-        return outline_of(self.time_s, self.tip, self.at_rest)
+    def envelope(self) -> Envelope:
+        """The tip's slow part and the envelope of its ringing, and how far off each part of them may be."""
+        return envelope_of(self.time_s, self.tip, self.at_rest)
 
     def rest_of(self, straw: StrawParameters) -> None:
         """Remember where a straw rests before the run, in both forms of the equations: others like it rest near there.
@@ -73,19 +73,6 @@ class Observation:
             with suppress(ModelError):  # then every straw finds its own
                 worn = straw.replace(form=form, cycle=float(self.run.cycle))
                 self.rests[form] = rest_state(worn, self.run.initial_deployed, float(self.pressure.pressure_pa[0]))
-
-    def until(self, end_s: float) -> Observation:
-        """The same run, looked at until then."""
-        seen = self.time_s <= end_s
-        return replace(
-            self,
-            time_s=self.time_s[seen],
-            tip=self.tip[:, seen],
-            at_rest=self.at_rest[:, seen],
-            rate=self.rate[:, seen],
-            snaps_s=self.snaps_s[self.snaps_s <= end_s],
-            end_s=float(self.time_s[seen][-1]),
-        )
 
     def sigma(self, slack_s: float = SLACK_S) -> Floats:
         """Noise (3, n): where the tip moves fast, a little difference in time is a difference in place."""

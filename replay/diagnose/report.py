@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 
 from replay.diagnose.campaign import Campaign
 from replay.diagnose.findings import Findings
-from replay.diagnose.hypothesis import applied
+from replay.diagnose.fit import Fit
 from replay.diagnose.inquiry import Inquiry
 from replay.diagnose.locate import stretches
-from replay.diagnose.misfit import play
 from replay.diagnose.missing import Missing
-from replay.diagnose.search import Fit
+from replay.diagnose.simulated import simulated
 
 Floats = NDArray[np.float64]
 
@@ -235,11 +234,8 @@ def _overlay(f: Findings, found: Inquiry) -> str:
             axes.set_title(f"{observed.name}: {name}", fontsize=9)
             axes.tick_params(labelsize=8)
         for campaign, fit, colour in fits:
-            straw, instrument = applied(campaign.straw, fit.unknowns, fit.u)
-            seen, _ = play(observed, straw, instrument)
-            pose = np.stack([seen.x_m, seen.z_m, seen.phi_rad])
-            at = instrument.true_time(observed.time_s)
-            tip = instrument.seen(np.stack([np.interp(at, seen.time_s, line) for line in pose]))
+            seen = simulated(observed, campaign.straw, fit.unknowns, fit.u)
+            tip = [np.interp(observed.time_s, seen.time_s, line) for line in seen.pose]
             for axes, line in zip(row, tip, strict=True):
                 axes.plot(observed.time_s, 1e3 * line, color=colour, linewidth=0.9)
     figure.tight_layout()

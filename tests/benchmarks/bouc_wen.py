@@ -15,12 +15,11 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from replay.diagnose.contest import Contestant, enter, finish, looks
 from replay.diagnose.findings import NAMED_ALONE
+from replay.diagnose.fit import Contestant, Fit, cost_at, evaluated, fitted
 from replay.diagnose.judge import judge, unexplained
 from replay.diagnose.locate import kind_of
 from replay.diagnose.robust import robust_cost
-from replay.diagnose.search import Fit, descend
 from tests.benchmarks.oscillator import BASE, FINE, LIBRARY, MASS_KG, RATE_HZ, SIGMA_M, Oscillators, Record
 
 #: The benchmark's constants: N s/m, N/m, N/m, 1/m, -, -; nu = 1.
@@ -86,7 +85,7 @@ def located(campaign: Oscillators, null: Fit) -> str:
     lines = []
     for record, one in zip(campaign.observations, rows, strict=True):
         assert one is not None
-        own = descend(campaign.only([record.name]), BASE, null.u).values
+        own = fitted(campaign.only([record.name]), BASE, null.u, rounds=20).values
         kind = kind_of(_flat(record), one, 0, np.ones(SAMPLES, bool))
         lines.append(
             f"  {record.name:<20} off by {np.std(one.plain) / SIGMA_M:5.1f} sigma, mostly {kind}; by itself it would "
@@ -110,29 +109,29 @@ def diagnosed(records: list[Record], library: list[str]) -> tuple[str, dict[str,
     campaign = Oscillators(records, library, pool)
     grid = [np.array([c, k]) for c in (-1.0, 0.0, 1.0, 2.0) for k in np.linspace(-1.5, 1.5, 13)]
     start = grid[int(np.argmin([robust_cost(r) for r in campaign.residuals(BASE, grid)]))]
-    null = descend(campaign, BASE, start, rounds=40)
+    null = fitted(campaign, BASE, start, rounds=40)
 
-    def entered(
-        known: Fit, names: list[str], onto: Contestant | None, most: int, given: Fit | None = None
-    ) -> list[Contestant]:
-        groups: dict[str, list] = {}
-        for look in [look for place in (known, given) if place for look in looks(campaign, place, names)]:
-            groups.setdefault(look.name, []).append(look)
-        ranked = sorted(groups.values(), key=lambda group: min(look.promise for look in group))[:most]
-        hypothesis = onto.hypothesis if onto else None
-        return [
-            enter(campaign, known, sorted(group, key=lambda look: look.cost)[:TRIED], onto=hypothesis)
-            for group in ranked
-        ]
+    def tried(known: list[Fit], name: str, onto: Contestant | None = None) -> Contestant:
+        """A cause fitted beside what is known, from the best few of its starts."""
+        own = campaign.hypothesis([name])
+        unknowns = (*known[0].unknowns, *own.unknowns)
+        points = [np.concatenate([fit.u, start]) for fit in known for start in own.starts]
+        costs = [cost_at(unknowns, u, r) for u, r in zip(points, campaign.residuals(unknowns, points), strict=True)]
+        ends = [fitted(campaign, unknowns, points[k], rounds=8) for k in np.argsort(costs)[:TRIED]]
+        what = own.beside(onto.hypothesis) if onto else own
+        return Contestant(what, min(ends, key=lambda fit: fit.cost))
+
+    def finished(one: Contestant) -> Contestant:
+        return Contestant(one.hypothesis, fitted(campaign, one.fit.unknowns, one.fit.u, rounds=40))
 
     # the constants as given, too: what is missing has dragged those fitted away
-    given = descend(campaign, BASE, np.zeros(len(BASE)), rounds=0)
-    singles = sorted(entered(null, library, None, len(library), given), key=lambda c: c.cost)
-    contestants = [finish(campaign, c, rounds=40) for c in singles[:FINISHED]] + singles[FINISHED:]
+    given = evaluated(campaign, BASE, np.zeros(len(BASE)))
+    singles = sorted((tried([null, given], name) for name in library), key=lambda c: c.cost)
+    contestants = [*map(finished, singles[:FINISHED]), *singles[FINISHED:]]
     best = min(contestants, key=lambda c: c.cost)
     if unexplained(campaign, best.fit) > 150.0:
-        others = [name for name in library if name != best.name]
-        contestants += [finish(campaign, c, rounds=40) for c in entered(best.fit, others, best, PAIRS)]
+        pairs = sorted((tried([best.fit], name, best) for name in library if name != best.name), key=lambda c: c.cost)
+        contestants += map(finished, pairs[:PAIRS])
     judgement = judge(campaign, null, contestants)
     top, p = next(iter(judgement.probability.items()))
     verdict = top if p >= NAMED_ALONE else "not told apart: " + ", ".join(list(judgement.probability)[:3])
@@ -145,7 +144,7 @@ def held_out(campaign: Oscillators, fits: tuple[Fit, ...], name: str) -> str:
     rest = campaign.only([name])
     found = []
     for fit in fits:
-        (row,) = rest.misfits(fit.unknowns, [descend(train, fit.unknowns, fit.u, rounds=10).u])
+        (row,) = rest.misfits(fit.unknowns, [fitted(train, fit.unknowns, fit.u, rounds=10).u])
         found.append(float(np.std(row[0].plain)) / SIGMA_M if row[0] else np.nan)
     return " -> ".join(f"{off:.2f}" for off in found)
 

@@ -58,7 +58,6 @@ def diagnosed(case: Case, ablate: bool = False, camera: bool = False) -> dict[st
         "effect_sigma": made.effect_sigma,
         "cpu_s": time.process_time() - start,
         "failures": found.campaign.tally["failed"],
-        "forked": found.forked,
     }
 
 

@@ -17,14 +17,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from replay.diagnose.base import base_fit
 from replay.diagnose.campaign import Campaign
-from replay.diagnose.hypothesis import base_unknowns
-from replay.diagnose.inquiry import allow_repeats
+from replay.diagnose.explain import random_effects
+from replay.diagnose.fit import fitted
 from replay.diagnose.judge import unexplained
 from replay.diagnose.missing import Missing, missing_force
 from replay.diagnose.observation import observe
-from replay.diagnose.search import descend
-from replay.diagnose.start import base_start
+from replay.diagnose.settings import ROUNDS
 from replay.diagnose.states import STATES
 from tests.apparatus.campaign import campaign
 from tests.apparatus.effects import Cause
@@ -100,10 +100,10 @@ def main() -> None:
             continue
         observations = [observe(run) for run in campaign((planted.cause,), 4, SIX)]
         with ThreadPoolExecutor() as pool:
-            here, base = Campaign(observations, BASE, pool), base_unknowns(BASE)
-            null = descend(here, base, base_start(here, base), rounds=6, enough=5.0)
-            allow_repeats(here, null)
-            null = descend(here, base, null.u, rounds=5)
+            here = Campaign(observations, BASE, pool)
+            null, _ = base_fit(here)
+            random_effects(here, null)
+            null = fitted(here, null.unknowns, null.u, rounds=ROUNDS)
             left, start, before = unexplained(here, null), time.process_time(), here.tally["played"]
             found = missing_force(here, null, states=states)
         assert found is not None

@@ -9,13 +9,13 @@ import itertools
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from typing import Any
 
 import numba
 import numpy as np
 
-from replay.diagnose.campaign import Campaign
+from replay.diagnose.campaign import Campaign, Level
 from replay.diagnose.hypothesis import Hypothesis, Unknown
+from replay.diagnose.settings import FAILED_SIGMAS
 
 RATE_HZ, FINE = 750.0, 8  # output rate; steps of the input and of the integration to one of the output
 MASS_KG = 2.0
@@ -130,8 +130,12 @@ def difference(record: Record, unknowns: Sequence[Unknown], at: np.ndarray) -> D
     return Difference((seen - record.y_m).reshape(1, -1)) if np.abs(seen).max() < 1.0 else None
 
 
+#: Step of the differences, in u.
+STEP_U = 1e-4
+
+
 class Oscillators(Campaign):
-    """A campaign of records, which `descend`, `looks`, `enter`, `finish` and `judge` take for one of straws."""
+    """A campaign of records, which `fitted` and `judge` take for one of straws; derivatives by central differences."""
 
     def __init__(
         self,
@@ -160,10 +164,26 @@ class Oscillators(Campaign):
 
     def residuals(self, unknowns: Sequence[Unknown], points: Sequence[np.ndarray]) -> list[np.ndarray]:
         """All differences of all records in sigmas as one vector for each point."""
-        rows = self.misfits(unknowns, points)
-        return [self.stacked([None if one is None else one.vector for one in row]) for row in rows]
+        samples = [np.full(self.size(o), FAILED_SIGMAS) for o in self.observations]
+        return [
+            np.concatenate([far if one is None else one.vector for far, one in zip(samples, row, strict=True)])
+            for row in self.misfits(unknowns, points)
+        ]
 
-    def _like(self, observations: Sequence[Record], how: Callable[..., Any]) -> Oscillators:
+    def linearised(
+        self, unknowns: Sequence[Unknown], points: Sequence[np.ndarray]
+    ) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Residuals and their derivatives by u."""
+        out = []
+        for point in points:
+            steps = STEP_U * np.eye(len(point))
+            sides = [side for step in steps for side in (point + step, point - step)]
+            here, *beside = self.residuals(unknowns, [point, *sides])
+            columns = [(up - down) / (2 * STEP_U) for up, down in zip(beside[::2], beside[1::2], strict=True)]
+            out.append((here, np.stack(columns, axis=1)))
+        return out
+
+    def _like(self, observations: Sequence[Record], level: Level) -> Oscillators:
         out = Oscillators(observations, self.library, self.pool, self.stop)
-        out.how, out.tally = how, self.tally
+        out.tally = self.tally
         return out

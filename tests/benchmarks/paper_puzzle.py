@@ -20,9 +20,9 @@ import numpy as np
 from model.parameters import StrawParameters
 from replay.compare import CHANNELS
 from replay.diagnose.campaign import Campaign
+from replay.diagnose.fit import Fit
 from replay.diagnose.hypothesis import applied
 from replay.diagnose.observation import REPEATABILITY_S, observe
-from replay.diagnose.search import Fit
 from replay.output import write_json
 
 from .puzzle_fits import (

@@ -12,12 +12,13 @@ import numpy as np
 from model.parameters import StrawParameters
 from replay.diagnose.campaign import Campaign
 from replay.diagnose.diagnosis import inquire
+from replay.diagnose.explain import random_effects
 from replay.diagnose.findings import Findings, conclude
+from replay.diagnose.fit import fitted
 from replay.diagnose.hypothesis import base_unknowns
 from replay.diagnose.judge import NOISE_LEAVES, unexplained
 from replay.diagnose.library import hypothesis
 from replay.diagnose.observation import observe
-from replay.diagnose.search import descend
 from tests.apparatus.campaign import campaign
 from tests.apparatus.effects import Cause
 
@@ -50,12 +51,12 @@ def test_the_law_of_a_wall_that_relaxes_takes_up_two_times_and_spares_the_bendin
     start = np.concatenate([np.zeros(len(base)), law.starts[0]])
     with ThreadPoolExecutor(2) as pool:
         whole = Campaign(seen, BASE, pool)
-        without = descend(whole.roughly(), base, start[: len(base)], rounds=15, share=3e-3)
-        roughly = descend(whole.roughly(), (*base, *law.unknowns), start, rounds=20, share=3e-3)
-        found = descend(whole, roughly.unknowns, roughly.u, rounds=10)
-        left = unexplained(whole, found)
-    assert roughly.cost < without.cost / 5
-    assert left < NOISE_LEAVES
+        coarse = fitted(whole.coarse(), (*base, *law.unknowns), start, rounds=20)
+        random_effects(whole, fitted(whole, coarse.unknowns, coarse.u, rounds=20))
+        found = fitted(whole, coarse.unknowns, coarse.u, rounds=20)
+        without = fitted(whole, base, start[: len(base)], rounds=20)
+        left, missing = unexplained(whole, found), unexplained(whole, without)
+    assert left < NOISE_LEAVES < missing
     assert found.values["term.viscoelasticity&viscoelasticity_slow.bending"] < 0.2
 
 
