@@ -9,9 +9,10 @@ from model.parameters import load_straw
 from replay.diagnose import figures
 from replay.diagnose.diagnosis import inquire
 from replay.diagnose.findings import Findings, conclude
-from replay.diagnose.library import causes
-from replay.diagnose.observation import observe
 from replay.diagnose.report import report
+from replay.diagnose.system import Channel
+from replay.diagnose.systems.straw.observation import observe
+from replay.diagnose.systems.straw.system import StrawSystem
 from replay.errors import ReplayError
 from replay.gather import gather
 from replay.output import check_new, write_json, write_text
@@ -27,10 +28,11 @@ SHOWN = 6
 def run(args: argparse.Namespace) -> int:
     """Diagnose; 0 when nothing is missing, 1 when something is, is not told apart, or is unknown."""
     straw = load_straw(args.straw)
-    library = [name for name in causes(straw.cells) if name not in args.without]
+    system = StrawSystem(straw)
+    library = [name for name in system.causes if name not in args.without]
     for name in args.without:
-        if name not in causes(straw.cells):
-            raise ReplayError(f"--without {name}: no such cause; known: {', '.join(causes(straw.cells))}")
+        if name not in system.causes:
+            raise ReplayError(f"--without {name}: no such cause; known: {', '.join(system.causes)}")
     for path in (args.output, args.experiment):
         if path:
             check_new(path)
@@ -49,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
 
         found = inquire(
             observations,
-            straw,
+            system,
             library=library,
             executor=pool,
             told=told,
@@ -57,10 +59,10 @@ def run(args: argparse.Namespace) -> int:
         )
         findings = conclude(found, _about(runs), told)
         page = report(findings, found) if args.report else ""
-    print(text(findings))
+    print(text(findings, system.channels))
     written = []
     if args.output:
-        write_text(args.output, findings.straw.to_toml())
+        write_text(args.output, findings.written["straw"])
         written.append(args.output)
     if args.experiment:
         if findings.experiment is None:
@@ -93,7 +95,7 @@ def check_campaign(runs: Sequence[Run], cells: int) -> None:
             raise ReplayError(f"{one.path}: recorded on {one.cells} cells, the straw has {cells}; give its --straw")
 
 
-def text(f: Findings) -> str:
+def text(f: Findings, channels: Sequence[Channel]) -> str:
     """Findings for a terminal: the verdict first."""
     lines = [f.says, f.where, ""]
     for name, p in list(f.judgement.probability.items())[:SHOWN]:
@@ -107,9 +109,11 @@ def text(f: Findings) -> str:
             lines.append(f"  as a formula: {f.missing.formula.text}; keeps {keeps:.0f} % of what the curve gains")
     if f.held:
         lines.append(f"fitted without {', '.join(f.held.heldout)}, there (RMS):")
-        for channel, unit, scale in (("x_m", "mm", 1e3), ("z_m", "mm", 1e3), ("phi_rad", "mrad", 1e3)):
-            before, after, floor = (scale * row[channel] for row in (f.held.before, f.held.after, f.held.floor))
-            lines.append(f"  {channel.split('_')[0]:<4} {before:8.3f} -> {after:8.3f} {unit}, noise {floor:.3f} {unit}")
+        for channel in channels:
+            held = (f.held.before, f.held.after, f.held.floor)
+            before, after, floor = (channel.shown_per_si * row[channel.name] for row in held)
+            unit = channel.shown_unit
+            lines.append(f"  {channel.short:<4} {before:8.3f} -> {after:8.3f} {unit}, noise {floor:.3f} {unit}")
     if f.smallest:
         lines.append("the smallest effects that would have been seen:")
         lines += [f"  {cause.replace('_', ' ')}: {size}" for cause, size in sorted(f.smallest.items())]

@@ -14,7 +14,7 @@ from replay.commands.rig_run import drive, emulation
 from replay.commands.track import model_rest
 from replay.demo.conceal import Concealed
 from replay.demo.film import Error, Motion, errors_of, film, lens_alone
-from replay.diagnose.instrument import Instrument
+from replay.diagnose.systems.straw.instrument import Instrument
 from replay.track_file import track_to_file
 from rig.clock import SteppedClock
 from rig.controller import make_controller

@@ -14,7 +14,7 @@ from model.parameters import StrawParameters
 from model.terms import TERMS
 from replay.diagnose import figures
 from replay.diagnose.findings import Findings
-from replay.diagnose.instrument import Instrument
+from replay.diagnose.systems.straw.instrument import Instrument
 
 NOTHING = "complete"
 #: What may be concealed, each of a well visible size: terms of the straw and faults of the instrument, SI. A drawn

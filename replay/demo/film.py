@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from replay.compare import CHANNELS
-from replay.diagnose.instrument import Instrument
+from replay.diagnose.systems.straw.instrument import Instrument
 from replay.progress import progress_bar
 from rig.twin import TwinHistory
 from tracking.camera import Camera

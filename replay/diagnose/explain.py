@@ -13,10 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.base import base_fit, check_simulated, telling_runs
 from replay.diagnose.campaign import Campaign
 from replay.diagnose.fit import Contestant, Fit, clipped, cost_at, evaluated, fitted
-from replay.diagnose.hypothesis import REPEATS_MOUNT, Hypothesis, Unknown, base_unknowns, repeat_steps
+from replay.diagnose.hypothesis import Hypothesis, Unknown
 from replay.diagnose.inquiry import Inquiry, Told
 from replay.diagnose.judge import COUNTS_AS_ONE, unexplained
 from replay.diagnose.propose.proposal import Proposal
@@ -40,6 +39,7 @@ from replay.diagnose.settings import (
     STAGES,
     STARTS,
 )
+from replay.diagnose.starts import check_simulated
 
 Floats = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ def explain(campaign: Campaign, names: Sequence[str], told: Told, proposal: Prop
     """
     steps = _Steps(told)
     steps("base model")
-    null, wide_known = base_fit(campaign, _base_start(proposal))
+    null, wide_known = campaign.system.fit_base(campaign, _base_start(proposal))
     check_simulated(campaign, null)
     random_effects(campaign, null)
     found = Inquiry(campaign, fitted(campaign, null.unknowns, null.u, rounds=ROUNDS))
@@ -93,7 +93,7 @@ def explain(campaign: Campaign, names: Sequence[str], told: Told, proposal: Prop
 
 def _telling(found: Inquiry) -> Campaign:
     """The runs that tell most, compared coarsely."""
-    return found.campaign.only(telling_runs(found.campaign, found.null)).coarse()
+    return found.campaign.only(found.campaign.system.telling(found.campaign, found.null)).coarse()
 
 
 def _large(
@@ -154,11 +154,11 @@ def _in_turn(hypotheses: Sequence[Hypothesis], proposal: Proposal | None) -> lis
 
 
 def random_effects(campaign: Campaign, fit: Fit) -> None:
-    """From now on allow for what repeats of one straw differ by: elasticity, damping, mounting, as felt at this fit."""
+    """From now on allow for what repeats differ by, as felt at this fit."""
     campaign.random_effects = None
-    at = evaluated(campaign, (*fit.unknowns, REPEATS_MOUNT), np.append(fit.u, 0.0))
-    steps = repeat_steps(fit.unknowns)
-    campaign.allow(np.column_stack([at.slopes[:, -1], at.slopes[:, list(steps)] * list(steps.values())]))
+    directions = campaign.system.repeats(campaign, fit)
+    if directions is not None:
+        campaign.allow(directions)
 
 
 def screen(
@@ -190,7 +190,7 @@ def screen(
 def _shapes(h: Hypothesis) -> list[Floats]:
     """The different shapes among a hypothesis' starts, with no strength: u (unknowns,)."""
     strength = np.array([k.kind == "strength" for k in h.unknowns])
-    if any(k.target == "form" for k in h.unknowns):
+    if not strength.any():
         return []
     out: list[Floats] = []
     for start in h.starts:
@@ -279,7 +279,7 @@ def fitted_contestant(
     campaign: Campaign, start: Start, rounds: int, base: Sequence[Unknown] | None = None
 ) -> Contestant:
     """A hypothesis fitted from a start."""
-    base = base_unknowns(campaign.straw) if base is None else base
+    base = campaign.system.base if base is None else base
     fit = fitted(campaign, (*base, *start.hypothesis.unknowns), start.u, rounds=rounds)
     return Contestant(start.hypothesis, fit)
 

@@ -9,36 +9,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.terms import TERMS
-from replay.compare import CHANNELS
 from replay.diagnose.campaign import Campaign
 from replay.diagnose.fit import Contestant, Fit, fitted
 from replay.diagnose.hypothesis import Unknown
 from replay.diagnose.inquiry import Inquiry
 from replay.diagnose.judge import COUNTS_AS_ONE
 from replay.diagnose.locate import Located
-from replay.diagnose.observation import REPEATABILITY_S
 from replay.diagnose.robust import weights
+from replay.diagnose.system import System
 
 Floats = NDArray[np.float64]
 
-#: Units of what is found in instruments.
-UNITS = {
-    "clock_offset_s": "s",
-    "clock_drift": "1",
-    "length_scale": "1",
-    "camera_roll_rad": "rad",
-    "tip_offset_m": "m",
-    "gauge_offset_pa": "Pa",
-    "gauge_gain": "1",
-}
 #: Squared sigmas that are one deviation of a constant: six instruments' constants were 0.04 to 2.2 of these off.
 ONE_DEVIATION = 20.0
 
 
 @dataclass(frozen=True)
 class Held:
-    """RMS by channel (m, rad) on runs that were not fitted: base model, improved model, and the recordings' noise."""
+    """RMS by channel (SI) on runs that were not fitted: base model, improved model, and the recordings' noise."""
 
     train: tuple[str, ...]
     heldout: tuple[str, ...]
@@ -49,7 +37,7 @@ class Held:
     floor: dict[str, float]
 
 
-def constants_of(best: Contestant) -> dict[str, dict[str, dict[str, Any]]]:
+def constants_of(system: System, best: Contestant) -> dict[str, dict[str, dict[str, Any]]]:
     """The causes' constants with one sigma, by cause and constant; residuals beyond noise widen it.
 
     So many squared sigmas are one deviation here (`ONE_DEVIATION`): no model is nature, and the base's constants make
@@ -62,12 +50,10 @@ def constants_of(best: Contestant) -> dict[str, dict[str, dict[str, Any]]]:
     covariance = np.linalg.pinv((slopes * w[:, None]).T @ slopes / (spread * ONE_DEVIATION) + prior)
     out: dict[str, dict[str, dict[str, Any]]] = {cause: {} for cause in best.hypothesis.causes}
     for k, (unknown, u) in enumerate(zip(fit.unknowns, fit.u, strict=True)):
-        cause, name, unit = _named(unknown)
-        if cause in out or name in UNITS:
+        cause, name, unit = system.named(unknown)
+        if cause in out:
             sigma = abs(unknown.per_u(float(u))) * float(np.sqrt(covariance[k, k]))
-            place = next((c for c in out if cause.startswith(c) or name.startswith(c)), None)
-            if place:
-                out[place][name] = {"value": unknown.value(float(u)), "sigma": sigma, "unit": unit}
+            out[cause][name] = {"value": unknown.value(float(u)), "sigma": sigma, "unit": unit}
     return out
 
 
@@ -77,18 +63,6 @@ def told(constants: dict[str, dict[str, Any]]) -> list[str]:
         f"{name} = {found['value']:.4g} ± {found['sigma']:.2g} {found['unit']}".removesuffix(" 1")
         for name, found in constants.items()
     ]
-
-
-def _named(unknown: Unknown) -> tuple[str, str, str]:
-    """Cause, constant and unit of an unknown."""
-    kind, *rest = unknown.target.split(".")
-    if kind == "term":
-        (terms, name, *cell) = rest
-        term = terms.partition("&")[0]
-        unit = next(c.unit for c in TERMS[term].constants if c.name == name)
-        return term, ".".join([name, *cell]), unit
-    name = rest[0] if rest else kind
-    return ("odd_frusta_compliance" if name == "odd_E" else name), name, UNITS.get(name, "1")
 
 
 def hold_out(campaign: Campaign, null: Fit, better: Fit, located: Sequence[Located]) -> Held | None:
@@ -103,7 +77,7 @@ def hold_out(campaign: Campaign, null: Fit, better: Fit, located: Sequence[Locat
     configurations: list[Any] = []
     out: list[str] = []
     for name in blamed:
-        configuration = next(o.run.initial_deployed for o in campaign.observations if o.name == name)
+        configuration = next(o.kind for o in campaign.observations if o.name == name)
         if name not in out and configuration not in configurations and len(out) < max(1, len(names) // 4):
             out.append(name)
             configurations.append(configuration)
@@ -113,8 +87,8 @@ def hold_out(campaign: Campaign, null: Fit, better: Fit, located: Sequence[Locat
     ]
     rms = [_plain_rms(rest, unknowns, fit.u) for unknowns, fit in fits]
     floor = {
-        c: float(np.sqrt(np.mean(np.concatenate([o.sigma(REPEATABILITY_S)[i] ** 2 for o in rest.observations]))))
-        for i, c in enumerate(CHANNELS)
+        c.name: float(np.sqrt(np.mean(np.concatenate([o.floor()[i] ** 2 for o in rest.observations]))))
+        for i, c in enumerate(campaign.system.channels)
     }
     chi2 = [float(np.mean(fit.residual**2)) for _, fit in fits]
     return Held(tuple(n for n in names if n not in out), tuple(out), chi2[0], chi2[-1], rms[0], rms[-1], floor)
@@ -123,8 +97,8 @@ def hold_out(campaign: Campaign, null: Fit, better: Fit, located: Sequence[Locat
 def _plain_rms(campaign: Campaign, unknowns: Sequence[Unknown], u: Floats) -> dict[str, float]:
     rows = [one for one in campaign.misfits(unknowns, [u])[0] if one is not None]
     return {
-        c: float(np.sqrt(np.mean(np.concatenate([one.plain[i] for one in rows]) ** 2))) if rows else float("nan")
-        for i, c in enumerate(CHANNELS)
+        c.name: float(np.sqrt(np.mean(np.concatenate([one.plain[i] for one in rows]) ** 2))) if rows else float("nan")
+        for i, c in enumerate(campaign.system.channels)
     }
 
 
@@ -149,6 +123,6 @@ def smallest_seen(campaign: Campaign, found: Inquiry) -> dict[str, str]:
         shadow = known @ np.linalg.solve(known.T @ known + prior, known.T @ column)
         size = float(np.linalg.norm(column - shadow))
         if size > 0:
-            _, name, unit = _named(unknown)
+            _, name, unit = campaign.system.named(unknown)
             out[c.name] = f"{name} {4 * np.sqrt(COUNTS_AS_ONE) / size:.2g} {unit}"
     return out

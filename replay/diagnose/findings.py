@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from model.parameters import StrawParameters
-from replay.diagnose.experiment import Experiment, next_experiment
 from replay.diagnose.figures import Held, constants_of, hold_out, smallest_seen
 from replay.diagnose.fit import Contestant
-from replay.diagnose.hypothesis import MEASUREMENT, applied
-from replay.diagnose.inquiry import Inquiry
+from replay.diagnose.inquiry import Inquiry, Told, silent
 from replay.diagnose.judge import COVERED, Judgement, by_cause, surviving
 from replay.diagnose.locate import Located, Wandering, locate, sentence, wandering
-from replay.diagnose.missing import Missing, Told, missing_force, silent
 
 Floats = NDArray[np.float64]
 
@@ -29,7 +25,7 @@ MORE_THAN_NOT = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """What the runs say. ``best`` is the hypothesis that explains them best, ``straw`` the model with it."""
+    """What the runs say. ``best`` is the hypothesis that explains them best, ``model`` the system's with it."""
 
     verdict: str
     causes: list[str]
@@ -39,14 +35,15 @@ class Findings:
     where: str
     says: str
     best: Contestant | None
-    straw: StrawParameters
+    model: Any
+    written: dict[str, str]  # the model as text, by its name in findings
     parameters: dict[str, dict[str, dict[str, Any]]]
     held: Held | None
     smallest: dict[str, str]
     indistinguishable: list[list[str]]
-    experiment: Experiment | None
+    experiment: Any
     notes: tuple[str, ...]
-    missing: Missing | None = None  # what stands for the cause where it is unknown
+    missing: Any = None  # what stands for the cause where it is unknown
 
     def as_json(self) -> dict[str, Any]:
         """The contract's Findings."""
@@ -81,7 +78,7 @@ class Findings:
             "next_experiment": self.experiment.as_json() if self.experiment else None,
             "missing": self.missing.as_json() if self.missing else None,
             "notes": list(self.notes),
-            "straw": self.straw.to_toml(),
+            **self.written,
         }
 
 
@@ -93,19 +90,20 @@ def conclude(found: Inquiry, notes: Sequence[str] = (), told: Told = silent, *, 
     probability = judgement.probability
     top = next(iter(probability))
     fitted = {c.name: c for c in found.contestants}
-    verdict, causes = verdict_of(probability)
+    system = campaign.system
+    verdict, causes = verdict_of(probability, system.faults)
     if not found.whole:  # what was not looked at counts as impossible in the probabilities, so nothing is settled
         verdict, causes = "ambiguous", [c for c in causes if c != "unknown"]
     best = fitted.get(top) if verdict not in ("complete", "unknown_physics") else None
     if verdict == "ambiguous":
         best = next((fitted[n] for n in probability if n in fitted), None)
-    fit, straw_of = best.fit if best else found.null, campaign
+    fit, there = best.fit if best else found.null, campaign
     missing = None
     if found.whole and verdict == "unknown_physics" and not brief:
-        missing = missing_force(campaign, found.null, told)
+        missing = system.missing(campaign, found.null, told)
     if missing and missing.formula:
-        fit, straw_of = missing.curve.fit, missing.curve.campaign
-    straw = applied(straw_of.straw, fit.unknowns, fit.u)[0]
+        fit, there = missing.curve.fit, missing.curve.campaign
+    model = there.system.fitted(fit.unknowns, fit.u)
     located = locate(campaign, found.null)
     wander = wandering(campaign, found.null)
     notes = [*notes, *_doubts(found)]
@@ -116,19 +114,20 @@ def conclude(found: Inquiry, notes: Sequence[str] = (), told: Told = silent, *, 
         survivors = surviving(probability) if verdict == "ambiguous" else []
         rivals = [fitted[n] for n in survivors if n in fitted and fitted[n] is not best][:3]
         among = [c for c in (best, *rivals) if c]
-        experiment = next_experiment(campaign, among or nearest, explain=bool(among))
+        experiment = system.experiment(campaign, among or nearest, explain=bool(among))
     return Findings(
         verdict=verdict,
         causes=causes,
         judgement=judgement,
         located=[] if verdict == "complete" else located,
         wandering=wander,
-        where=sentence([] if verdict == "complete" else located, wander),
+        where=sentence([] if verdict == "complete" else located, wander, system.channels),
         says=_says(verdict, causes, probability, found),
         best=best,
-        straw=straw,
-        parameters=constants_of(best) if best else {},
-        held=hold_out(straw_of, found.null, fit, located) if found.whole else None,
+        model=model,
+        written=there.system.written(model),
+        parameters=constants_of(system, best) if best else {},
+        held=hold_out(there, found.null, fit, located) if found.whole else None,
         smallest=smallest_seen(campaign, found) if verdict == "complete" else {},
         indistinguishable=[causes] if verdict == "ambiguous" and len(causes) > 1 else [],
         experiment=experiment,
@@ -137,7 +136,7 @@ def conclude(found: Inquiry, notes: Sequence[str] = (), told: Told = silent, *, 
     )
 
 
-def verdict_of(probability: Mapping[str, float]) -> tuple[str, list[str]]:
+def verdict_of(probability: Mapping[str, float], faults: Collection[str]) -> tuple[str, list[str]]:
     """The contract's verdict and the causes it names, from probabilities, largest first."""
     top = next(iter(probability))
     names = [n for n in surviving(probability) if n != "unknown"] or [top]
@@ -149,9 +148,9 @@ def verdict_of(probability: Mapping[str, float]) -> tuple[str, list[str]]:
     certain = [cause for cause, p in marginal.items() if p >= NAMED_ALONE]
     if probability[top] >= NAMED_ALONE or (certain and set(certain) == set(top.split("+"))):
         causes = sorted(top.split("+"), key=lambda c: -marginal[c])
-        return ("measurement_fault" if set(causes) <= set(MEASUREMENT) else "missing_physics"), causes
+        return ("measurement_fault" if set(causes) <= set(faults) else "missing_physics"), causes
     if certain:  # one cause is sure, only what stands beside it is not
-        return ("measurement_fault" if set(certain) <= set(MEASUREMENT) else "missing_physics"), certain
+        return ("measurement_fault" if set(certain) <= set(faults) else "missing_physics"), certain
     told = [cause for name in names if name != "complete" for cause in name.split("+")]
     return "ambiguous", sorted(set(told), key=lambda c: -marginal.get(c, 0.0))
 
@@ -187,10 +186,7 @@ def _doubts(found: Inquiry) -> list[str]:
         out.append(
             f"{len(runs)} run{'s' if len(runs) > 1 else ''}: nothing could be held out, and repeats are not known"
         )
-    if not any(len(o.snaps_s) for o in runs):
-        out.append("no run shows a snap: what acts only in snaps (film, cohesion, inertia, drag) was not tested")
-    if len({o.run.cycle for o in runs}) < 2:
-        out.append("all runs are of the same cycle: wear was not tested")
+    out += found.campaign.system.doubts(runs)
     if found.campaign.tally["failed"]:
         out.append(f"{found.campaign.tally['failed']} simulations could not follow and counted as very wrong")
     return out

@@ -139,7 +139,7 @@ class Formed(Campaign):
     @classmethod
     def of(cls, campaign: Campaign, curve: tuple[Unknown, ...], to_u: Floats) -> Formed:
         """The campaign with the curve's unknowns as such sums."""
-        out = cls(campaign.observations, campaign.straw, campaign.pool, campaign.stop, campaign.level)
+        out = cls(campaign.observations, campaign.system, campaign.pool, campaign.stop, campaign.level)
         out.tally, out.random_effects = campaign.tally, campaign.random_effects
         out.curve, out.to_u = curve, to_u
         return out

@@ -13,6 +13,10 @@ from replay.diagnose.judge import Judgement, judge
 Told = Callable[[str, int, int], None]
 
 
+def silent(_what: str, _done: int, _total: int) -> None:
+    """Say nothing."""
+
+
 @dataclass(eq=False)
 class Inquiry:
     """What has been found so far; usable at any time after the base fit."""

@@ -17,15 +17,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from replay.diagnose.base import base_fit
 from replay.diagnose.campaign import Campaign
 from replay.diagnose.explain import random_effects
 from replay.diagnose.fit import fitted
 from replay.diagnose.judge import unexplained
-from replay.diagnose.missing import Missing, missing_force
-from replay.diagnose.observation import observe
 from replay.diagnose.settings import ROUNDS
-from replay.diagnose.states import STATES
+from replay.diagnose.systems.straw.base import base_fit
+from replay.diagnose.systems.straw.missing import Missing, missing_force
+from replay.diagnose.systems.straw.observation import observe
+from replay.diagnose.systems.straw.states import STATES
+from replay.diagnose.systems.straw.system import StrawSystem
 from tests.apparatus.campaign import campaign
 from tests.apparatus.effects import Cause
 from tests.benchmarks.concealed import BASE, SIX
@@ -100,7 +101,7 @@ def main() -> None:
             continue
         observations = [observe(run) for run in campaign((planted.cause,), 4, SIX)]
         with ThreadPoolExecutor() as pool:
-            here = Campaign(observations, BASE, pool)
+            here = Campaign(observations, StrawSystem(BASE), pool)
             null, _ = base_fit(here)
             random_effects(here, null)
             null = fitted(here, null.unknowns, null.u, rounds=ROUNDS)

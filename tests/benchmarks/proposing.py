@@ -21,13 +21,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.observation import observe
 from replay.diagnose.propose.dataset import Number, numbers
 from replay.diagnose.propose.learned import Learned, load, shipped
 from replay.diagnose.propose.network import LOG_SD
 from replay.diagnose.propose.proposal import Proposal, propose
 from replay.diagnose.propose.train import HELD_OUT, gathered
 from replay.diagnose.propose.train import asked as asked_of
+from replay.diagnose.systems.straw.observation import observe
 from replay.gather import gather
 from replay.progress import progress_bar
 from rig.run import Run

@@ -9,14 +9,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.base import C_PHI, C_ZETA, R_CH, base_fit, different_runs, logarithmic
 from replay.diagnose.campaign import Campaign
 from replay.diagnose.explain import random_effects
 from replay.diagnose.fit import Fit, evaluated, fitted
-from replay.diagnose.hypothesis import REPEATS, REPEATS_MOUNT, Unknown, base_unknowns
-from replay.diagnose.library import causes, hypothesis
-from replay.diagnose.observation import Observation
+from replay.diagnose.hypothesis import Unknown
 from replay.diagnose.robust import weights
+from replay.diagnose.systems.straw.base import C_PHI, C_ZETA, R_CH, base_fit, different_runs, logarithmic
+from replay.diagnose.systems.straw.constants import REPEATS, REPEATS_MOUNT, base_unknowns
+from replay.diagnose.systems.straw.library import causes, hypothesis
+from replay.diagnose.systems.straw.observation import Observation
+from replay.diagnose.systems.straw.of import straw_of
 from replay.progress import say
 
 Floats = NDArray[np.float64]
@@ -101,7 +103,7 @@ def settled(campaign: Campaign, fit: Fit, rounds: int = 6) -> Fit:
 def by_itself(campaign: Campaign) -> Fit:
     """One run fitted by itself with the campaign's straw, from a grid of the three constants with the delay that
     brings the first snap to its time and without one."""
-    unknowns = alone_unknowns(base_unknowns(campaign.straw))
+    unknowns = alone_unknowns(base_unknowns(straw_of(campaign)))
     points = [
         at(unknowns, dict(zip((f"straw.{name}" for name in WISHED), values, strict=True)))
         for values in itertools.product(C_ZETA[::2], C_PHI[::2], R_CH[2::2])
@@ -119,7 +121,7 @@ def by_itself(campaign: Campaign) -> Fit:
 
 def near_own(campaign: Campaign) -> Fit:
     """One run fitted by itself from the campaign's straw's own constants and no delay: nothing further off is tried."""
-    unknowns = alone_unknowns(base_unknowns(campaign.straw))
+    unknowns = alone_unknowns(base_unknowns(straw_of(campaign)))
     return fitted(campaign, unknowns, np.zeros(len(unknowns)), rounds=8)
 
 
@@ -134,9 +136,9 @@ def improved_for_all(campaign: Campaign) -> Fit:
     Which cell snaps first is a matter of which is weaker, and no descent crosses from one order to another: each cell
     that snaps in the runs is tried as the weaker one, and none.
     """
-    laws = hypothesis(TERMS, campaign.straw.cells).unknowns
+    laws = hypothesis(TERMS, straw_of(campaign).cells).unknowns
     laws = tuple(_alike(k) if ".frustum_spread." in k.target else k for k in laws)
-    unknowns = (*base_unknowns(campaign.straw), *laws)
+    unknowns = (*base_unknowns(straw_of(campaign)), *laws)
     loose = campaign.coarse()
     few = loose.only(different_runs(campaign.observations))
     ends = []

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from model.parameters import StrawParameters
-from replay.diagnose.observation import Observation
-from replay.diagnose.simulated import simulated
+from replay.diagnose.systems.straw.observation import Observation
+from replay.diagnose.systems.straw.simulated import simulated
 from replay.paper.style import figure
 
 from .puzzle_fits import DELAY, Number

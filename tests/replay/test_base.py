@@ -10,18 +10,17 @@ import numpy as np
 import pytest
 
 from model.parameters import StrawParameters
-from replay.diagnose import base
-from replay.diagnose.base import base_fit, telling_runs
 from replay.diagnose.campaign import Campaign
-from replay.diagnose.observation import observe
 from replay.diagnose.settings import FAR_OFF
+from replay.diagnose.systems.straw import base
+from replay.diagnose.systems.straw.base import base_fit, telling_runs
+from replay.diagnose.systems.straw.observation import observe
+from replay.diagnose.systems.straw.system import StrawSystem
 from tests.apparatus.campaign import NONE, campaign
 
 
 def _run(name: str, deployed: tuple[int, ...], snaps: int) -> SimpleNamespace:
-    run = SimpleNamespace(initial_deployed=deployed)
-    tip = np.array([[0.0, 1e-3 * snaps]])
-    return SimpleNamespace(name=name, run=run, snaps_s=np.arange(snaps), tip=tip)
+    return SimpleNamespace(name=name, kind=deployed, events_s=np.arange(snaps), seen=np.array([[0.0, 1e-3 * snaps]]))
 
 
 RUNS = [
@@ -55,7 +54,7 @@ def test_damping_and_channel_are_found_from_a_straw_whose_constants_are_far_off(
     given = StrawParameters(r_ch_m=0.34e-3, c_zeta_n_s_per_m=150.0, c_phi_n_m_s_per_rad=0.4e-3)
     seen = [observe(run) for run in campaign((), 3, ("fold-25kPa", "deploy-35kPa-1"), NONE)]
     with ThreadPoolExecutor() as pool:
-        fit, _ = base_fit(Campaign(seen, given, pool))
+        fit, _ = base_fit(Campaign(seen, StrawSystem(given), pool))
     assert fit.cost < 1.1 * len(fit.residual)  # noise only
     assert fit.values["straw.r_ch_m"] == pytest.approx(truth.r_ch_m, rel=0.01)
     assert fit.values["straw.c_phi_n_m_s_per_rad"] == pytest.approx(2e-3, rel=0.1)

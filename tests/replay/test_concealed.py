@@ -15,10 +15,11 @@ from replay.diagnose.diagnosis import inquire
 from replay.diagnose.explain import random_effects
 from replay.diagnose.findings import Findings, conclude
 from replay.diagnose.fit import fitted
-from replay.diagnose.hypothesis import base_unknowns
 from replay.diagnose.judge import NOISE_LEAVES, unexplained
-from replay.diagnose.library import hypothesis
-from replay.diagnose.observation import observe
+from replay.diagnose.systems.straw.constants import base_unknowns
+from replay.diagnose.systems.straw.library import hypothesis
+from replay.diagnose.systems.straw.observation import observe
+from replay.diagnose.systems.straw.system import StrawSystem
 from tests.apparatus.campaign import campaign
 from tests.apparatus.effects import Cause
 
@@ -30,7 +31,7 @@ def diagnosed(cause: Cause | None, seed: int, library: tuple[str, ...] | None = 
     """What is said of a specimen and repeats drawn by chance; all of the library by default."""
     seen = [observe(run) for run in campaign((cause,) if cause else (), seed, RUNS[:runs])]
     with ThreadPoolExecutor(2) as pool:
-        return conclude(inquire(seen, BASE, library=library, executor=pool), brief=True)
+        return conclude(inquire(seen, StrawSystem(BASE), library=library, executor=pool), brief=True)
 
 
 def test_a_crease_that_hardens_is_named_and_improves_runs_it_did_not_fit() -> None:
@@ -50,7 +51,7 @@ def test_the_law_of_a_wall_that_relaxes_takes_up_two_times_and_spares_the_bendin
     base, law = base_unknowns(BASE), hypothesis(["viscoelasticity"], BASE.cells)
     start = np.concatenate([np.zeros(len(base)), law.starts[0]])
     with ThreadPoolExecutor(2) as pool:
-        whole = Campaign(seen, BASE, pool)
+        whole = Campaign(seen, StrawSystem(BASE), pool)
         coarse = fitted(whole.coarse(), (*base, *law.unknowns), start, rounds=20)
         random_effects(whole, fitted(whole, coarse.unknowns, coarse.u, rounds=20))
         found = fitted(whole, coarse.unknowns, coarse.u, rounds=20)

@@ -16,8 +16,8 @@ from replay.commands.demo import figures
 from replay.compare import CHANNELS
 from replay.demo.campaign import PLANS, FaultyGauge, protocol_of
 from replay.demo.conceal import DRAWER, NOTHING, Concealed, Seal, draw, named, opened, story
-from replay.diagnose.instrument import Instrument
-from replay.diagnose.library import causes
+from replay.diagnose.systems.straw.instrument import Instrument
+from replay.diagnose.systems.straw.library import causes
 
 BASE = StrawParameters()
 

@@ -15,20 +15,21 @@ from model.simulate import sampled
 from replay.cli import main
 from replay.diagnose.campaign import Campaign
 from replay.diagnose.diagnosis import inquire
-from replay.diagnose.experiment import Choice, _toml, menu
 from replay.diagnose.explain import from_each_other, screen
 from replay.diagnose.findings import _says, conclude, verdict_of
 from replay.diagnose.fit import Contestant, Fit, evaluated, fitted
-from replay.diagnose.hypothesis import base_unknowns
 from replay.diagnose.inquiry import Inquiry
-from replay.diagnose.instrument import Instrument
 from replay.diagnose.judge import UNKNOWN_AT_MOST, by_cause, surviving, unknown_leaves, weighed
-from replay.diagnose.library import causes
-from replay.diagnose.misfit import bend_basis, misfit, whitened
-from replay.diagnose.observation import observe
 from replay.diagnose.settings import COARSE_TOLERANCE_M, TOLERANCE_M
-from replay.diagnose.simulated import most_steps_per_s
-from replay.diagnose.snaps import crossings, levels_of
+from replay.diagnose.systems.straw.constants import MEASUREMENT, base_unknowns
+from replay.diagnose.systems.straw.experiment import Choice, _toml, menu
+from replay.diagnose.systems.straw.instrument import Instrument
+from replay.diagnose.systems.straw.library import causes
+from replay.diagnose.systems.straw.misfit import bend_basis, misfit, whitened
+from replay.diagnose.systems.straw.observation import observe
+from replay.diagnose.systems.straw.simulated import most_steps_per_s
+from replay.diagnose.systems.straw.snaps import crossings, levels_of
+from replay.diagnose.systems.straw.system import StrawSystem
 from replay.paper.runs import DEPLOYMENT
 from rig.protocol_toml import load_protocol
 from tests.apparatus.campaign import NONE, campaign
@@ -106,20 +107,22 @@ def test_the_clock_is_bent_at_the_snaps_and_nowhere_far_from_them():
 @pytest.mark.parametrize(("complete", "verdict"), [(0.6, "complete"), (0.45, "ambiguous")])
 def test_nothing_is_called_missing_only_where_that_is_more_probable_than_not(complete, verdict):
     rest = {"cohesion": (1 - complete) / 2, "squeeze_film": (1 - complete) / 2}
-    assert verdict_of({"complete": complete, **rest})[0] == verdict
+    assert verdict_of({"complete": complete, **rest}, MEASUREMENT)[0] == verdict
 
 
 @pytest.mark.parametrize(("unknown", "verdict"), [(0.6, "unknown_physics"), (0.45, "ambiguous")])
 def test_a_cause_is_called_unknown_only_where_that_is_more_probable_than_not(unknown, verdict):
     rest = {"complete": (1 - unknown) / 2, "cohesion": (1 - unknown) / 2}
-    said, causes = verdict_of({"unknown": unknown, **rest})
+    said, causes = verdict_of({"unknown": unknown, **rest}, MEASUREMENT)
     assert said == verdict
     assert causes == (["unknown"] if verdict == "unknown_physics" else ["cohesion"])
 
 
 def test_what_cannot_be_told_apart_is_said_with_nothing_missing_and_what_no_hypothesis_holds(plain):
     with ThreadPoolExecutor() as pool:
-        found = Inquiry(Campaign(plain, BASE, pool), Fit((), np.zeros(0), np.zeros(0), np.zeros((0, 0)), 0.0))
+        found = Inquiry(
+            Campaign(plain, StrawSystem(BASE), pool), Fit((), np.zeros(0), np.zeros(0), np.zeros((0, 0)), 0.0)
+        )
     found.whole = True
     said = _says("ambiguous", ["cohesion"], {"unknown": 0.45, "complete": 0.3, "cohesion": 0.25}, found)
     assert "cannot tell cohesion from nothing missing from something no hypothesis holds (probability 0.25)" in said
@@ -137,7 +140,12 @@ def test_the_apparatus_own_straw_leaves_only_noise(plain):
 def test_the_base_finds_its_constants_again_from_wrong_ones(plain):
     unknowns = base_unknowns(BASE)
     with ThreadPoolExecutor() as pool:
-        fit = fitted(Campaign(plain, BASE, pool), unknowns, np.array([0.1, 0.2, -0.2, 0.5, 0.3, 0.3, -0.3]), rounds=20)
+        fit = fitted(
+            Campaign(plain, StrawSystem(BASE), pool),
+            unknowns,
+            np.array([0.1, 0.2, -0.2, 0.5, 0.3, 0.3, -0.3]),
+            rounds=20,
+        )
     found = fit.values
     assert found["straw.r_ch_m"] == pytest.approx(0.40e-3, rel=0.01)
     assert found["straw.c_phi_n_m_s_per_rad"] == pytest.approx(2e-3, rel=0.05)
@@ -163,7 +171,7 @@ def test_a_concealed_late_clock_is_named_measured_and_improves_runs_it_did_not_f
     runs = campaign((Cause("clock_offset", 0.05, "", 1),), 4, FEW, NONE)
     rivals = ("clock_offset", "line_lag", "gauge_gain")
     with ThreadPoolExecutor() as pool:
-        found = inquire([observe(run) for run in runs], BASE, library=rivals, executor=pool)
+        found = inquire([observe(run) for run in runs], StrawSystem(BASE), library=rivals, executor=pool)
         findings = conclude(found)
     assert findings.verdict == "measurement_fault"
     assert findings.causes == ["clock_offset"]
@@ -178,7 +186,7 @@ def test_a_concealed_late_clock_is_named_measured_and_improves_runs_it_did_not_f
 
 def test_an_inquiry_that_is_stopped_settles_nothing_and_holds_nothing_out(plain):
     with ThreadPoolExecutor() as pool:
-        findings = conclude(inquire(plain[:3], BASE, executor=pool, stop=lambda: True))
+        findings = conclude(inquire(plain[:3], StrawSystem(BASE), executor=pool, stop=lambda: True))
     assert findings.verdict == "ambiguous"
     assert findings.causes == []
     assert findings.held is None
@@ -202,7 +210,7 @@ def test_unknown_is_never_certain_and_leaves_the_rest_to_the_causes_that_come_ne
     assert sum(probability.values()) == pytest.approx(1.0)
     assert probability["gauge_gain"] < 0.02
     assert probability["complete"] < 1e-3
-    assert verdict_of(probability) == ("unknown_physics", ["unknown"])
+    assert verdict_of(probability, MEASUREMENT) == ("unknown_physics", ["unknown"])
 
 
 def test_a_cause_that_is_not_there_promises_nothing_and_one_that_is_promises_most(plain):
@@ -210,7 +218,7 @@ def test_a_cause_that_is_not_there_promises_nothing_and_one_that_is_promises_mos
     late = [observe(run) for run in campaign((Cause("gauge_gain", 0.03),), 3, FEW[:2], NONE)]
     with ThreadPoolExecutor(2) as pool:
         for seen, there in ((plain[:2], False), (late, True)):
-            here = Campaign(seen, BASE, pool)
+            here = Campaign(seen, StrawSystem(BASE), pool)
             null = fitted(here, base_unknowns(BASE), np.zeros(len(base_unknowns(BASE))), rounds=10)
             promised = screen(here, null, [here.hypothesis([name]) for name in ("gauge_gain", "dry_friction")])
             assert (promised[0].gain > 100) == there
@@ -222,7 +230,7 @@ def test_a_rival_whose_search_ended_far_away_is_fitted_again_from_the_winners_co
     concealed = Cause("gauge_offset", 1500.0)
     seen = [observe(run) for run in campaign((concealed,), 5, FEW[:2], NONE)]
     with ThreadPoolExecutor(2) as pool:
-        whole = Campaign(seen, BASE, pool, lambda: False)
+        whole = Campaign(seen, StrawSystem(BASE), pool, lambda: False)
         base = base_unknowns(BASE)
 
         def stands(name, at, own):
@@ -243,7 +251,7 @@ def test_a_rival_whose_search_ended_far_away_is_fitted_again_from_the_winners_co
 
 def test_simulations_that_fail_are_counted_also_in_a_part_of_the_campaign(plain):
     with ThreadPoolExecutor() as pool:
-        whole = Campaign(plain, BASE, pool)
+        whole = Campaign(plain, StrawSystem(BASE), pool)
         part = whole.only([plain[0].name]).coarse()
         part.misfits(base_unknowns(BASE), [np.array([0, 0, 0, 0, 60.0, 0, 0])])  # walls too thick for two states
     assert (whole.tally["played"], whole.tally["failed"]) == (1, 1)
@@ -261,7 +269,7 @@ def test_the_papers_livelier_straw_is_played_within_the_steps_that_are_allowed(t
 def test_a_straw_that_nothing_damps_is_given_up_as_one_that_fails(plain):
     undamped = BASE.replace(c_zeta_n_s_per_m=1e-2, c_phi_n_m_s_per_rad=1e-5)
     with ThreadPoolExecutor() as pool:
-        few = Campaign(plain[:1], undamped, pool)
+        few = Campaign(plain[:1], StrawSystem(undamped), pool)
         few.misfits((), [np.zeros(0)])
     assert (few.tally["played"], few.tally["failed"]) == (1, 1)
 

@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 
 from model.parameters import StrawParameters
-from replay.diagnose.library import causes
-from replay.diagnose.observation import Observation, observe
 from replay.diagnose.propose import network
 from replay.diagnose.propose.dataset import Examples
 from replay.diagnose.propose.learned import SHIPPED, load, shipped
@@ -17,6 +15,8 @@ from replay.diagnose.propose.proposal import Proposal, propose
 from replay.diagnose.propose.recorded import recorded
 from replay.diagnose.propose.simulate_campaigns import Group, simulated_group
 from replay.diagnose.propose.train import scales_of
+from replay.diagnose.systems.straw.library import causes
+from replay.diagnose.systems.straw.observation import Observation, observe
 from replay.errors import ReplayError
 from replay.gather import gather
 

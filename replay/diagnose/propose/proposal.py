@@ -16,14 +16,15 @@ from numpy.typing import NDArray
 
 from model.errors import ModelError
 from model.parameters import StrawParameters
-from replay.diagnose.hypothesis import Unknown, applied, base_unknowns
-from replay.diagnose.library import causes
-from replay.diagnose.observation import Observation
+from replay.diagnose.hypothesis import Unknown
 from replay.diagnose.propose.dataset import Number
 from replay.diagnose.propose.features import features
 from replay.diagnose.propose.learned import Learned, shipped
 from replay.diagnose.propose.network import LOG_SD
 from replay.diagnose.propose.seen import observed
+from replay.diagnose.systems.straw.constants import applied, base_unknowns
+from replay.diagnose.systems.straw.library import causes
+from replay.diagnose.systems.straw.observation import Observation
 
 Floats = NDArray[np.float64]
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from model.drive import Table
 from model.errors import ModelError
 from model.parameters import StrawParameters
-from replay.diagnose.observation import Observation
 from replay.diagnose.propose.simulate_campaigns import played
+from replay.diagnose.systems.straw.observation import Observation
 
 Floats = NDArray[np.float64]
 

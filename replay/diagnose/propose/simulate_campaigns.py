@@ -19,9 +19,7 @@ from model.drive import Table
 from model.errors import ModelError
 from model.parameters import StrawParameters, straw_from_toml
 from model.simulate import run
-from replay.diagnose.hypothesis import Unknown, applied, base_unknowns
-from replay.diagnose.instrument import Instrument
-from replay.diagnose.library import causes
+from replay.diagnose.hypothesis import Unknown
 from replay.diagnose.propose.protocols import USUAL, Protocol, drawn
 from replay.diagnose.propose.specimens import (
     another_time,
@@ -32,6 +30,9 @@ from replay.diagnose.propose.specimens import (
     nearness,
     nominal,
 )
+from replay.diagnose.systems.straw.constants import applied, base_unknowns
+from replay.diagnose.systems.straw.instrument import Instrument
+from replay.diagnose.systems.straw.library import causes
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]

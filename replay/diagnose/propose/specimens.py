@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from model.parameters import StrawParameters
 from model.terms import TERMS
-from replay.diagnose.hypothesis import MEASUREMENT, Unknown, base_unknowns
-from replay.diagnose.library import causes
+from replay.diagnose.hypothesis import Unknown
+from replay.diagnose.systems.straw.constants import MEASUREMENT, base_unknowns
+from replay.diagnose.systems.straw.library import causes
 
 Floats = NDArray[np.float64]
 

@@ -17,8 +17,6 @@ from scipy.signal import lfilter
 
 from model.parameters import StrawParameters
 from replay.diagnose.hypothesis import Unknown
-from replay.diagnose.matching import matched, without_odd
-from replay.diagnose.observation import REPEATABILITY_S, Observation
 from replay.diagnose.robust import robust_cost
 from replay.diagnose.settings import (
     COARSE_TOLERANCE_M,
@@ -31,7 +29,9 @@ from replay.diagnose.settings import (
     ROUGH_TIMING_S,
     TOLERANCE_M,
 )
-from replay.diagnose.simulated import Simulated, simulated
+from replay.diagnose.systems.straw.matching import matched, without_odd
+from replay.diagnose.systems.straw.observation import REPEATABILITY_S, Observation
+from replay.diagnose.systems.straw.simulated import Simulated, simulated
 
 Floats = NDArray[np.float64]
 

@@ -6,24 +6,25 @@ explains the runs best is tried out; what explains nothing is said to.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.base import telling_runs
 from replay.diagnose.campaign import Campaign
-from replay.diagnose.dictionary import atoms
 from replay.diagnose.fit import Fit, evaluated, fitted
 from replay.diagnose.formula import Formula, formula, tangent
-from replay.diagnose.hypothesis import applied
+from replay.diagnose.inquiry import Told, silent
 from replay.diagnose.judge import NOISE_LEAVES, unexplained
-from replay.diagnose.observation import Observation
 from replay.diagnose.robust import weights
-from replay.diagnose.simulated import simulated
-from replay.diagnose.states import STATES, State, points
+from replay.diagnose.systems.straw.base import telling_runs
+from replay.diagnose.systems.straw.constants import applied
+from replay.diagnose.systems.straw.dictionary import atoms
+from replay.diagnose.systems.straw.of import straw_of, with_straw
+from replay.diagnose.systems.straw.simulated import simulated
+from replay.diagnose.systems.straw.states import STATES, State, points
 
 Floats = NDArray[np.float64]
 
@@ -41,12 +42,6 @@ RIVAL = 1.5
 TELLS = 0.5
 #: Constants of the base that are taken from its fit; elasticity and geometry start as given.
 TAKEN_ALONG = ("straw.r_ch_m", "straw.c_zeta_n_s_per_m", "straw.c_phi_n_m_s_per_rad")
-#: Said with (what is being done, steps done, steps in all).
-Told = Callable[[str, int, int], None]
-
-
-def silent(_what: str, _done: int, _total: int) -> None:
-    """Say nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +139,7 @@ def missing_force(
     shares = [max(0.0, 1 - max(0.0, unexplained(campaign, c.fit) - NOISE_LEAVES) / left) for c in found]
     best, state, base = found[0], found[0].state, len(null.u)
     fit, rough = best.fit, best.smooth[:, base:]
-    seen, at = tangent(fit, base, rough), best.at * state.scale(campaign.straw)
+    seen, at = tangent(fit, base, rough), best.at * state.scale(straw_of(campaign))
     sigmas = np.sqrt(np.diag(np.linalg.inv(seen.H + seen.smooth)))
     law = None
     if shares[0] >= TELLS:
@@ -192,7 +187,7 @@ def curves(campaign: Campaign, null: Fit, told: Told = silent, states: Sequence[
     found: list[Curve] = []
     for k, curve in enumerate(first):
         told(curve.state.name, len(states) + FITTED + k, len(states) + 2 * FITTED)
-        here = campaign.with_straw(curve.campaign.straw)
+        here = campaign.with_system(curve.campaign.system)
         rival = len(found) < FINISHED and curve.fit.cost < RIVAL * first[0].fit.cost
         found.append(_carried_on(curve, here, ROUNDS if rival else 0, 2e-3))
     return sorted(found, key=lambda c: c.fit.cost)
@@ -206,19 +201,19 @@ def _carried_on(curve: Curve, campaign: Campaign, rounds: int, share: float) -> 
 
 
 def _starts(
-    campaign: Campaign, null: Fit, observations: Sequence[Observation], told: Told, states: Sequence[State]
+    campaign: Campaign, null: Fit, observations: Sequence[Any], told: Told, states: Sequence[State]
 ) -> Iterator[_Start]:
     """Every state's curve at zero with its slopes; its points lie where all of the observations pass."""
     base = null.unknowns
-    straw, _ = applied(campaign.straw, base, null.u)
-    seen = [(o, simulated(o, campaign.straw, base, null.u).prediction) for o in observations]
+    straw, _ = applied(straw_of(campaign), base, null.u)
+    seen = [(o, simulated(o, straw_of(campaign), base, null.u).prediction) for o in observations]
     for k, state in enumerate(states):
         told(state.name, k, len(states) + 2 * FITTED)
         at = points(state, [state.visited(straw, o, p) for o, p in seen])
         if at is None:
             continue
         free = ~((at == 0) & state.zero)
-        here = campaign.with_straw(state.straw_with(campaign.straw, at))
+        here = with_straw(campaign, state.straw_with(straw_of(campaign), at))
         rows = rows_for(state, at, free)
         smooth = np.hstack([np.zeros((len(rows), len(base))), rows])
         unknowns = (*base, *state.unknowns(at))

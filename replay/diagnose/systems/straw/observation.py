@@ -16,9 +16,10 @@ from model.parameters import StrawParameters
 from model.rest import rest_state
 from model.simulate import sampled
 from replay.compare import CHANNELS
-from replay.diagnose.envelope import Envelope, envelope_of
-from replay.diagnose.gauge import quieted
-from replay.diagnose.snaps import Levels, crossings, levels_of
+from replay.diagnose.system import Stretch
+from replay.diagnose.systems.straw.envelope import Envelope, envelope_of
+from replay.diagnose.systems.straw.gauge import quieted
+from replay.diagnose.systems.straw.snaps import Levels, crossings, levels_of, stretches
 from replay.driving import driving_pressure
 from replay.errors import ReplayError
 from replay.fit import UNSTATED
@@ -57,6 +58,41 @@ class Observation:
     def name(self) -> str:
         """The run's name."""
         return self.run.run_id
+
+    @property
+    def seen(self) -> Floats:
+        """What the channels show: the tip."""
+        return self.tip
+
+    @property
+    def events_s(self) -> Floats:
+        """Snaps."""
+        return self.snaps_s
+
+    @property
+    def kind(self) -> tuple[int, ...] | None:
+        """The start configuration."""
+        return self.run.initial_deployed
+
+    def floor(self) -> Floats:
+        """Noise, with what a snap's time is repeatable to, (3, n)."""
+        return self.sigma(REPEATABILITY_S)
+
+    def conditions(self) -> dict[str, float]:
+        """Pressure, wear, and whether a cell snaps."""
+        log = self.run.pressure
+        assert log is not None
+        most = float(log.pressure_pa[np.argmax(np.abs(log.pressure_pa))])
+        return {
+            "the direction of the pressure": float(np.sign(most)),
+            "the size of the pressure": abs(most),
+            "the number of cycles before": float(self.run.cycle),
+            "whether a cell snaps": float(len(self.snaps_s) > 0),
+        }
+
+    def stretches(self) -> list[Stretch]:
+        """Before, during and after each snap."""
+        return stretches(self.time_s, self.snaps_s)
 
     @cached_property
     def envelope(self) -> Envelope:

@@ -13,7 +13,7 @@ from model.simulate import Prediction
 from model.table import POINTS
 from model.terms.missing_force import HEIGHTS
 from replay.diagnose.hypothesis import Unknown
-from replay.diagnose.observation import Observation
+from replay.diagnose.systems.straw.observation import Observation
 
 Floats = NDArray[np.float64]
 

@@ -14,8 +14,9 @@ from model.errors import ModelError
 from model.simulate import simulate
 from replay.diagnose.campaign import Campaign
 from replay.diagnose.fit import Contestant
-from replay.diagnose.hypothesis import applied
 from replay.diagnose.settings import SIMULATED_EVERY_S, TOLERANCE_M
+from replay.diagnose.systems.straw.constants import applied
+from replay.diagnose.systems.straw.of import straw_of
 
 Floats = NDArray[np.float64]
 
@@ -79,7 +80,7 @@ def next_experiment(campaign: Campaign, survivors: Sequence[Contestant], *, expl
     if len(survivors) < 2:
         return None
     best: tuple[float, Choice] | None = None
-    for choice in menu(campaign.straw.cells):
+    for choice in menu(straw_of(campaign).cells):
         seen = [s for s in (_played(campaign, c, choice) for c in survivors) if s is not None]
         if len(seen) < 2:
             continue
@@ -99,7 +100,7 @@ def next_experiment(campaign: Campaign, survivors: Sequence[Contestant], *, expl
 
 def _played(campaign: Campaign, contestant: Contestant, choice: Choice) -> Floats | None:
     """Tip (3, n) under a choice as a hypothesis sees it; None where it cannot be played."""
-    straw, instrument = applied(campaign.straw, contestant.fit.unknowns, contestant.fit.u)
+    straw, instrument = applied(straw_of(campaign), contestant.fit.unknowns, contestant.fit.u)
     length = 0.5 + sum(seconds for _, seconds in choice.holds)
     grid = np.arange(0.0, length, SIMULATED_EVERY_S)
     begins = 0.5 + np.cumsum([0.0, *(seconds for _, seconds in choice.holds)])[:-1]

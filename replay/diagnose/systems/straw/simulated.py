@@ -15,9 +15,7 @@ from model.drive import Table
 from model.parameters import StrawParameters
 from model.simulate import Prediction
 from model.simulate import run as simulate
-from replay.diagnose.hypothesis import Unknown, applied
-from replay.diagnose.instrument import Instrument
-from replay.diagnose.observation import Observation
+from replay.diagnose.hypothesis import Unknown
 from replay.diagnose.settings import (
     EXTRA_TIME_S,
     FINER_M,
@@ -27,7 +25,10 @@ from replay.diagnose.settings import (
     STEPS_GROW,
     TOLERANCE_M,
 )
-from replay.diagnose.snaps import SMOOTHED_S, cell_snaps, crossings
+from replay.diagnose.systems.straw.constants import applied
+from replay.diagnose.systems.straw.instrument import Instrument
+from replay.diagnose.systems.straw.observation import Observation
+from replay.diagnose.systems.straw.snaps import SMOOTHED_S, cell_snaps, crossings
 
 Floats = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from replay.diagnose.formula import Atom
-from replay.diagnose.states import State
+from replay.diagnose.systems.straw.states import State
 
 Floats = NDArray[np.float64]
 

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from replay.diagnose.system import Stretch
+
 Floats = NDArray[np.float64]
 
 #: Shares of the run's largest excursion of Phi at which a snap has begun and at which it is over (a Schmitt trigger:
@@ -18,6 +20,8 @@ SMALLEST_RAD = 0.08
 SMOOTHED_S = 4e-3
 #: A snap that begins this soon after another has ended is its ringing, s.
 RINGS_S = 0.06
+#: A snap's stretch begins this long before Phi shows it and ends this long after; shorter ones are none, s.
+BEFORE_S, AFTER_S, SHORTEST_S = 0.12, 0.05, 0.01
 #: A cell has passed to the other side when zeta is beyond this, m; what Phi shows this near belongs to it, s.
 PASSED_M, NEAR_S = 1e-3, 0.05
 
@@ -74,6 +78,24 @@ def _without_rings(crossed_s: Floats) -> Floats:
     gaps = crossed_s[2::2] - crossed_s[1:-1:2]
     drop = 2 * np.flatnonzero(gaps < RINGS_S) + 1
     return np.delete(crossed_s, np.concatenate([drop, drop + 1]))
+
+
+def stretches(time_s: Floats, snaps_s: Floats) -> list[Stretch]:
+    """Stretches before, during and after each snap of a run with samples at times (n,) and these snap times (k,)."""
+    begins, ends = snaps_s[::2], snaps_s[1::2]
+    start, end = float(time_s[0]), float(time_s[-1])
+    if len(begins) == 0:
+        return [Stretch("no snap", start, end)]
+    out, at = [], start
+    for k, begin in enumerate(begins, 1):
+        until = float(ends[k - 1]) if k <= len(ends) else end
+        first = max(at, float(begin) - BEFORE_S)
+        last = min(end, until + AFTER_S)
+        out.append(Stretch(f"before snap {k}" if k == 1 else f"between snaps {k - 1} and {k}", at, first, k, True))
+        out.append(Stretch(f"during snap {k}", first, last, k, True))
+        at = last
+    out.append(Stretch(f"after snap {len(begins)}", at, end, len(begins)))
+    return [one for one in out if one.to_s - one.from_s > SHORTEST_S]
 
 
 def cell_snaps(time_s: Floats, zeta_m: Floats, crossed_s: Floats) -> Floats:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from replay.diagnose.campaign import Campaign
 from replay.diagnose.fit import Fit, cost_at, fitted
-from replay.diagnose.hypothesis import Unknown, base_unknowns
+from replay.diagnose.hypothesis import Unknown
 from replay.diagnose.judge import run_by_run
-from replay.diagnose.observation import Observation
 from replay.diagnose.settings import FAR_OFF, FIRST_ROUNDS, ROUNDS
-from replay.errors import ReplayError
+from replay.diagnose.system import Recording
+from replay.diagnose.systems.straw.constants import base_unknowns
+from replay.diagnose.systems.straw.of import straw_of
 
 Floats = NDArray[np.float64]
 
@@ -32,7 +33,7 @@ def base_fit(campaign: Campaign, proposed: Sequence[Floats] = ()) -> tuple[Fit, 
     The volume that has come in, so X, tells the channel's radius whatever the damping; then damping is looked for on a
     grid, in a few runs, and the best starts are followed.
     """
-    unknowns = base_unknowns(campaign.straw)
+    unknowns = base_unknowns(straw_of(campaign))
     few = campaign.only(_most_telling(campaign.observations)).coarse()
     own = np.zeros(len(unknowns))
     radii = [own, *(_moved(unknowns, own, r_ch_m=r) for r in R_CH)]
@@ -57,26 +58,26 @@ def telling_runs(campaign: Campaign, fit: Fit) -> list[str]:
     leaves most, if more than noise: what only shows there is seen nowhere else."""
     observations, left = campaign.observations, run_by_run(campaign, fit)
     few = different_runs(observations)
-    seen = {o.run.initial_deployed for o in observations if o.name in few}
-    others = [(-x, o.name) for o, x in zip(observations, left, strict=True) if o.run.initial_deployed not in seen]
+    seen = {o.kind for o in observations if o.name in few}
+    others = [(-x, o.name) for o, x in zip(observations, left, strict=True) if o.kind not in seen]
     return few + [name for x, name in sorted(others) if -x > FAR_OFF][:1]
 
 
-def different_runs(observations: Sequence[Observation]) -> list[str]:
+def different_runs(observations: Sequence[Recording]) -> list[str]:
     """Names of a few runs that differ most, and of one that does not snap."""
-    still = [o.name for o in observations if len(o.snaps_s) == 0]
+    still = [o.name for o in observations if len(o.events_s) == 0]
     few = _most_telling(observations)
     return few + [name for name in still if name not in few][:1]
 
 
-def _most_telling(observations: Sequence[Observation]) -> list[str]:
+def _most_telling(observations: Sequence[Recording]) -> list[str]:
     """Names of a few runs that differ most: of each start configuration the one that snaps most."""
-    best: dict[tuple[int, ...] | None, Observation] = {}
+    best: dict[Hashable, Recording] = {}
     for o in observations:
-        key = o.run.initial_deployed
-        if key not in best or len(o.snaps_s) > len(best[key].snaps_s):
+        key = o.kind
+        if key not in best or len(o.events_s) > len(best[key].events_s):
             best[key] = o
-    ranked = sorted(best.values(), key=lambda o: (-np.ptp(o.tip[0]), o.name))
+    ranked = sorted(best.values(), key=lambda o: (-np.ptp(o.seen[0]), o.name))
     return [o.name for o in ranked[:LOOKED_AT]]
 
 
@@ -96,14 +97,3 @@ def _lengths(campaign: Campaign, unknowns: Sequence[Unknown], points: list[Float
         float(sum(1.0 if one is None else np.mean(np.abs(one.plain[0] - np.median(one.plain[0]))) for one in row))
         for row in campaign.misfits(unknowns, points)
     ]
-
-
-def check_simulated(campaign: Campaign, fit: Fit) -> None:
-    """Raise ReplayError for a run that cannot be simulated with the base's fit."""
-    (row,) = campaign.misfits(fit.unknowns, [fit.u])
-    for observed, one in zip(campaign.observations, row, strict=True):
-        if one is None:
-            raise ReplayError(
-                f"run {observed.name}: the straw cannot be simulated from where this run starts, neither with the "
-                "constants given nor with those that fit; check initial_deployed and the straw, or leave the run out"
-            )
