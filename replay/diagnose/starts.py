@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from replay.diagnose.campaign import Campaign
 from replay.diagnose.fit import Fit, clipped, cost_at, fitted
+from replay.diagnose.hypothesis import Unknown
 from replay.diagnose.settings import FIRST_ROUNDS, ROUNDS
 from replay.errors import ReplayError
 
@@ -21,7 +22,7 @@ DRAWN, FOLLOWED = 32, 3
 def fit_from_priors(campaign: Campaign, proposed: Sequence[Floats] = ()) -> tuple[Fit, Fit]:
     """The base fitted to all samples and to the coarse comparison, from what was given and from across the priors."""
     unknowns = campaign.system.base
-    points = [np.zeros(len(unknowns)), *proposed, *_drawn(campaign)]
+    points = [np.zeros(len(unknowns)), *proposed, *scattered(unknowns)]
     costs = logarithmic(campaign, points)
     best = np.argsort(costs, kind="stable")[:FOLLOWED] if len(unknowns) else [0]
     ends = [fitted(campaign, unknowns, points[k], rounds=FIRST_ROUNDS) for k in best]
@@ -38,11 +39,10 @@ def logarithmic(campaign: Campaign, points: Sequence[Floats]) -> list[float]:
     ]
 
 
-def _drawn(campaign: Campaign) -> list[Floats]:
+def scattered(unknowns: Sequence[Unknown]) -> list[Floats]:
     """Points u from the priors, evenly."""
     from scipy.stats import norm, qmc
 
-    unknowns = campaign.system.base
     if not unknowns:
         return []
     even = qmc.Sobol(len(unknowns), scramble=True, rng=np.random.default_rng(0)).random(DRAWN)
