@@ -27,6 +27,10 @@ SHOWN = 6
 
 def run(args: argparse.Namespace) -> int:
     """Diagnose; 0 when nothing is missing, 1 when something is, is not told apart, or is unknown."""
+    if args.system:
+        from replay.commands import diagnose_system
+
+        return diagnose_system.run(args)
     straw = load_straw(args.straw)
     system = StrawSystem(straw)
     library = [name for name in system.causes if name not in args.without]

@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from replay.diagnose.campaign import Campaign
+from replay.diagnose.discover.blocks import BLOCKS
 from replay.diagnose.discover.formulas import formulas
 from replay.diagnose.discover.inline import Inline, never
 from replay.diagnose.discover.screen import Candidate, screened
-from replay.diagnose.discover.trial import Trial, rough, tried
+from replay.diagnose.discover.trial import LAST_ROUNDS, LAST_SHARE, Trial, noise_in, rough, tried
 from replay.diagnose.fit import cost_at
 from replay.diagnose.inquiry import Told, silent
 from replay.diagnose.systems.function.kernel import (
@@ -97,8 +98,8 @@ def discover(
     """Fit the base, then add laws while recordings ask for them; stopped, what was accepted so far counts."""
     told("base model", 0, LAWS + 1)
     whole, recordings = recordings, thinned(system, recordings)
-    base = base_trial(system, recordings)
-    noise = np.max([one.noise for one in recordings], axis=0)
+    base = with_unseen(base_trial(system, recordings), whole)
+    noise = noise_in(recordings)
     held = [held_out(base, whole)]
     steps: list[Step] = []
     if not np.all(held[0] <= TO_NOISE * noise):
@@ -118,7 +119,7 @@ def discover(
 def base_trial(system: FunctionSystem, recordings: Sequence[Recorded]) -> Trial:
     """The base from its file's values and from across their ranges, sigma following the fit."""
     spread = [float(np.nanstd(np.concatenate([o.seen[k] for o in recordings]))) for k in range(len(system.channels))]
-    noise = np.max([one.noise for one in recordings], axis=0)
+    noise = noise_in(recordings)
     wide = replace(system, sigma=tuple(float(x) for x in np.maximum(0.1 * np.array(spread), noise)))
     wide = replace(wide, longest_s=longest_step(wide, recordings))
     campaign = Campaign(recordings, wide, Inline())
@@ -173,6 +174,30 @@ def held_out(trial: Trial, recordings: Sequence[Recorded]) -> Floats:
     return np.asarray(np.sqrt(total / np.maximum(count, 1)))
 
 
+def with_unseen(trial: Trial, recordings: Sequence[Recorded]) -> Trial:
+    """The trial with its squared errors where nothing was fitted, by blocks, in its unit."""
+    out = []
+    total = max(sum(int(one.held.sum()) for one in recordings), 1)
+    runs = [one for one in trial.campaign.observations if isinstance(one, Recorded)]
+    fewer = sum(int(one.fitted.sum()) for one in runs) / total
+    for one in recordings:
+        if not one.held.any():
+            continue
+        shown = trial.system.simulated(one, trial.fit.unknowns, trial.fit.u)
+        off = ((shown - one.seen) / trial.unit[:, None])[:, one.held]
+        square = np.nansum(np.nan_to_num(off, nan=0.0, posinf=1e6, neginf=-1e6) ** 2, axis=0)
+        out += [float(part.sum()) for part in np.array_split(square, max(1, round(BLOCKS * one.held.sum() / total)))]
+    # what is held out counts as much as what is fitted, whichever is longer
+    return replace(trial, unseen=np.array(out) * fewer)
+
+
+def polished(trial: Trial, recordings: Sequence[Recorded]) -> Trial:
+    """A trial fitted to its end."""
+    start = trial.fit
+    end = tried(trial.campaign, start.unknowns, start.u, trial.unit, rounds=LAST_ROUNDS, share=LAST_SHARE)
+    return with_unseen(end, recordings)
+
+
 def one_round(
     current: Trial, recordings: Sequence[Recorded], held: Floats, unit: Floats, pool: Executor, stop: Callable[[], bool]
 ) -> Step:
@@ -188,9 +213,15 @@ def one_round(
     every = [*tables]
     for job in more:
         every += job.result()
+    every = [job.result() for job in [pool.submit(with_unseen, one, recordings) for one in every]]
     every.sort(key=lambda one: one.predicts)
     left = [one for one in written(every) if of_note(one, current)]
     accepted = next((one for one in left if better(one, held, held_out(one, recordings))), None)
+    if accepted is not None:
+        last = polished(accepted, recordings)
+        if last.predicts < accepted.predicts and better(last, held, held_out(last, recordings)):
+            every[every.index(accepted)] = left[left.index(accepted)] = last
+            accepted = last
     alike = tuple(one for one in left if accepted and one is not accepted and not apart(one, accepted))
     return Step(accepted, tuple(every), alike, tuple(promised[:FITTED]))
 
@@ -224,21 +255,23 @@ def better(one: Trial, held_before: Floats, held_after: Floats) -> bool:
     return bool(after < HELD * before)
 
 
-def simplest(one: Trial) -> tuple[float, float, float, float]:
+def simplest(one: Trial) -> tuple[float, ...]:
     """Of laws that predict alike a formula comes before a table, fewer constants before more, and a law in an equation
     before the same written as what a constant, an input or an instrument does."""
     law = one.laws[-1]
     order = (RATE, CHANNEL, STRENGTH, FACTOR, DELAY, INPUT, CLOCK).index(law.place.kind)
-    own = law.place.kind == CHANNEL and law.state.kind in (OF_SHOWN, OF_TIME)
+    own = law.place.kind == CHANNEL and law.state.kind == OF_SHOWN
+    # over time anything can be laid, as nothing repeats there
+    drifts = law.state.kind == OF_TIME and law.place.kind != CLOCK
     constants = len(law.unknowns(0)) + 2 * (law.state.lag_s is not None)
-    return float(law.shape == TABLE), float(constants), float(order + 4 * own), one.predicts
+    return float(drifts), float(law.shape == TABLE), float(constants), float(order + 4 * own), one.predicts
 
 
 def apart(one: Trial, other: Trial) -> bool:
     """Whether the first is worse than the second: by a share of note, and block by block by more than chance."""
     if OF_NOTE * one.predicts <= other.predicts:
         return False
-    difference = (one.error - other.error)[one.error > 0]
+    difference = (one.errors - other.errors)[one.errors > 0]
     spread = float(np.std(difference, ddof=1)) * np.sqrt(len(difference)) if len(difference) > 1 else 0.0
     return float(np.sum(difference)) > TOLD_APART * spread
 

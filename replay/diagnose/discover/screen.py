@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from replay.diagnose.discover.blocks import blocks, predicted
 from replay.diagnose.discover.trial import Trial, rough
 from replay.diagnose.inquiry import Told
+from replay.diagnose.numerical import STEP_U
 from replay.diagnose.systems.function.kernel import OF_INPUT, OF_NOTHING, OF_RATE, OF_STATE
 from replay.diagnose.systems.function.laws import Law
 from replay.diagnose.systems.function.places import Passed, makes_sense, passed, places, points, smooth, states
@@ -45,7 +46,8 @@ def screened(trial: Trial, pool: Executor, told: Told) -> tuple[list[Candidate],
     number, unknowns = len(system.laws), trial.fit.unknowns
     extended = [_with_measured(one) for one in recordings]
     base = system.at(trial.values)
-    jobs = [pool.submit(_columns, base, extended, _measured(system, law), number) for law in laws]
+    starts = [system.profiled(one, trial.values) for one in recordings]
+    jobs = [pool.submit(_columns, base, extended, starts, _measured(system, law), number) for law in laws]
     alone = blocks(campaign, trial.fit.residual, trial.fit.slopes)
     own = float(predicted(alone, unknowns, trial.fit.u)[0].sum())
     out = []
@@ -98,15 +100,29 @@ def _measured(system: FunctionSystem, law: Law) -> Law:
     return replace(law, state=replace(law.state, kind=OF_INPUT, which=row))
 
 
-def _columns(base: FunctionSystem, recordings: Sequence[Recorded], law: Law, number: int) -> Floats | None:
-    """Derivatives (m, values) of all recordings by a law's strengths at none of it; None where nothing follows."""
+def _columns(
+    base: FunctionSystem,
+    recordings: Sequence[Recorded],
+    starts: Sequence[tuple[Floats, Floats, Floats]],
+    law: Law,
+    number: int,
+) -> Floats | None:
+    """Derivatives (m, values) of all recordings by a law's strengths at none of it; None where nothing follows.
+
+    One-sided differences: laws are linear in their strengths. ``starts`` are the recordings' as profiled without it.
+    """
     system = base.with_laws(*base.laws, law)
     unknowns = tuple(k for k in law.unknowns(number) if not k.target.endswith("lag_s"))
     rows = []
-    for one in recordings:
-        found = system.misfit(one, unknowns, np.zeros(len(unknowns)), derivatives=True)
-        if found is None:
-            return None
-        rows.append(found.jacobian)
+    for one, (shown, start, own) in zip(recordings, starts, strict=True):
+        columns = np.zeros((one.seen.size + 1, len(unknowns)))
+        for k in range(len(unknowns)) if one.fitted.any() else ():
+            values = system.values(unknowns, STEP_U * np.eye(len(unknowns))[k])
+            moved = (system.played(one, values, start)[0] - shown) / STEP_U / np.array(system.sigma)[:, None]
+            columns[:-1, k] = np.where(one.fitted & np.isfinite(one.seen), moved, 0.0).ravel()
+        if own.size and one.fitted.any():
+            q, _ = np.linalg.qr(np.vstack([own, np.zeros((1, own.shape[1]))]))
+            columns -= q @ (q.T @ columns)
+        rows.append(columns)
     out = np.concatenate(rows)
     return out if np.isfinite(out).all() else None

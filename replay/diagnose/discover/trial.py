@@ -7,7 +7,8 @@ only its worst samples would count (tempering). It ends at what the fit leaves, 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,9 @@ from replay.diagnose.systems.function.system import FunctionSystem
 Floats = NDArray[np.float64]
 
 #: Times that sigma follows the fit; evaluations of each; the share of the cost that a step must gain.
-TEMPERED, ROUNDS, SHARE = 3, 8, 2e-3
+TEMPERED, ROUNDS, SHARE = 3, 12, 1e-3
+#: The same for a law that is accepted.
+LAST_ROUNDS, LAST_SHARE = 30, 1e-5
 #: Sigma has followed where it changes by less than this share.
 FOLLOWS = 0.1
 #: How far a point of a table may be off the line between its neighbours, in what moves its place by its own size.
@@ -47,6 +50,8 @@ class Trial:
     error: Floats
     unit: Floats
     worth: float
+    noise: float  # what the recordings' noise alone would leave of the error, in the same sigmas
+    unseen: Floats = field(default_factory=lambda: np.zeros(0))  # squared error of blocks that no fit saw, likewise
 
     @property
     def system(self) -> FunctionSystem:
@@ -61,8 +66,13 @@ class Trial:
 
     @property
     def predicts(self) -> float:
-        """Predicted squared error in all."""
-        return float(self.error.sum())
+        """Squared error in all where it was not fitted, and no less than noise leaves: below that nothing is told."""
+        return max(float(self.errors.sum()), self.noise)
+
+    @property
+    def errors(self) -> Floats:
+        """Squared errors by blocks: predicted of those fitted, and of those that no fit saw."""
+        return np.concatenate([self.error, self.unseen])
 
     def evidence(self, worth: float) -> float:
         """Schwarz' criterion on n independent samples, smaller is better: n log(mean square) + constants log n."""
@@ -106,18 +116,32 @@ def squares(campaign: Campaign, fit: Fit) -> Floats:
 
 def sigma_of(campaign: Campaign, squared: Floats) -> tuple[float, ...]:
     """What counts as one sigma after a fit that leaves this, (channels,)."""
-    noise = np.max([one.noise for one in campaign.observations], axis=0)  # type: ignore[attr-defined]
+    noise = noise_in(campaign.observations)
     return tuple(float(x) for x in np.maximum(np.sqrt(squared), NOISE * noise))
 
 
-def tried(campaign: Campaign, unknowns: Sequence[Unknown], u: Floats, unit: Floats, tempered: int = TEMPERED) -> Trial:
+def noise_in(recordings: Sequence[Any]) -> Floats:
+    """Noise of a channel of recordings, (channels,): the median of theirs."""
+    return np.asarray(np.median([one.noise for one in recordings], axis=0))
+
+
+def tried(
+    campaign: Campaign,
+    unknowns: Sequence[Unknown],
+    u: Floats,
+    unit: Floats,
+    tempered: int = TEMPERED,
+    *,
+    rounds: int = ROUNDS,
+    share: float = SHARE,
+) -> Trial:
     """A fit from u, sigma following it, and its predicted error in sigmas of ``unit`` (channels,)."""
     system = campaign.system
     assert isinstance(system, FunctionSystem)
     smooth = rough(unknowns, system.laws)
     squared = np.array(system.sigma) ** 2
     for k in range(max(tempered, 1)):
-        fit = fitted(campaign, unknowns, u, rounds=ROUNDS, share=SHARE, smooth=smooth)
+        fit = fitted(campaign, unknowns, u, rounds=rounds, share=share, smooth=smooth)
         squared = squares(campaign, fit)
         sigma = sigma_of(campaign, squared)
         u = fit.u
@@ -136,7 +160,10 @@ def weighed(campaign: Campaign, fit: Fit, squared: Floats, smooth: Floats | None
     own = blocks(campaign, fit.residual, fit.slopes)
     told = blocks(campaign, fit.residual * scale, fit.slopes * scale[:, None])
     error, _ = predicted(own, fit.unknowns, fit.u, smooth, told)
-    return Trial(campaign, fit, squared, error, unit, independent(campaign, fit.residual))
+    asked = float(np.sum(told.count[told.fold >= 0])) / len(unit)
+    noise = noise_in(campaign.observations)
+    least = asked * float(np.sum((NOISE * noise / unit) ** 2))
+    return Trial(campaign, fit, squared, error, unit, independent(campaign, fit.residual), least)
 
 
 def row_scale(campaign: Campaign, by: Floats) -> Floats:
