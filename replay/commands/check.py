@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from replay.diagnose.systems.function.check import defects
-from replay.output import write_json
+from straw.replay.diagnose.systems.function.check import defects
+from straw.replay.output import write_json
 
 
 def run(args: argparse.Namespace) -> int:

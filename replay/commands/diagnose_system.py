@@ -5,17 +5,17 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 
-from replay.diagnose.discover.discover import discover
-from replay.diagnose.discover.findings import SystemFindings, text
-from replay.diagnose.discover.page import page
-from replay.diagnose.systems.function.model import load_model
-from replay.diagnose.systems.function.recording import read_recordings
-from replay.diagnose.systems.function.system import FunctionSystem
-from replay.errors import ReplayError
-from replay.output import write_json, write_text
-from replay.progress import progress_bar
-from replay.workers import threads
-from rig.interrupts import Interrupts
+from straw.replay.diagnose.discover.discover import discover
+from straw.replay.diagnose.discover.findings import SystemFindings, text
+from straw.replay.diagnose.discover.page import page
+from straw.replay.diagnose.systems.function.model import load_model
+from straw.replay.diagnose.systems.function.recording import read_recordings
+from straw.replay.diagnose.systems.function.system import FunctionSystem
+from straw.replay.errors import ReplayError
+from straw.replay.output import write_json, write_text
+from straw.replay.progress import progress_bar
+from straw.replay.workers import threads
+from straw.rig.interrupts import Interrupts
 
 
 def run(args: argparse.Namespace) -> int:

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.hypothesis import Unknown
 
 Floats = NDArray[np.float64]
 

@@ -13,15 +13,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.discover.blocks import BLOCKS
-from replay.diagnose.discover.formulas import formulas
-from replay.diagnose.discover.inline import Inline, never
-from replay.diagnose.discover.screen import Candidate, screened
-from replay.diagnose.discover.trial import LAST_ROUNDS, LAST_SHARE, Trial, noise_in, rough, tried
-from replay.diagnose.fit import cost_at
-from replay.diagnose.inquiry import Told, silent
-from replay.diagnose.systems.function.kernel import (
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.discover.blocks import BLOCKS
+from straw.replay.diagnose.discover.formulas import formulas
+from straw.replay.diagnose.discover.inline import Inline, never
+from straw.replay.diagnose.discover.screen import Candidate, screened
+from straw.replay.diagnose.discover.trial import LAST_ROUNDS, LAST_SHARE, Trial, noise_in, rough, tried
+from straw.replay.diagnose.fit import cost_at
+from straw.replay.diagnose.inquiry import Told, silent
+from straw.replay.diagnose.systems.function.kernel import (
     CHANNEL,
     CLOCK,
     DELAY,
@@ -32,9 +32,9 @@ from replay.diagnose.systems.function.kernel import (
     RATE,
     STRENGTH,
 )
-from replay.diagnose.systems.function.recording import Recorded
-from replay.diagnose.systems.function.shapes import TABLE
-from replay.diagnose.systems.function.system import FunctionSystem
+from straw.replay.diagnose.systems.function.recording import Recorded
+from straw.replay.diagnose.systems.function.shapes import TABLE
+from straw.replay.diagnose.systems.function.system import FunctionSystem
 
 Floats = NDArray[np.float64]
 

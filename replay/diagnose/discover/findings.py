@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.discover.discover import TO_NOISE, Discovery, of_note
-from replay.diagnose.discover.trial import Trial
-from replay.diagnose.discover.words import Told, as_json, is_fault, law_text, told
-from replay.diagnose.systems.function.recording import Recorded
+from straw.replay.diagnose.discover.discover import TO_NOISE, Discovery, of_note
+from straw.replay.diagnose.discover.trial import Trial
+from straw.replay.diagnose.discover.words import Told, as_json, is_fault, law_text, told
+from straw.replay.diagnose.systems.function.recording import Recorded
 
 Floats = NDArray[np.float64]
 

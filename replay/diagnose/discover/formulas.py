@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from replay.diagnose.discover.trial import Trial, tried
-from replay.diagnose.systems.function.kernel import CLOCK
-from replay.diagnose.systems.function.laws import Law
-from replay.diagnose.systems.function.places import Passed, values_over
-from replay.diagnose.systems.function.shapes import CONSTANT, CUBE, LINEAR, POWER, SHAPES, SIGN, STEP
+from straw.replay.diagnose.discover.trial import Trial, tried
+from straw.replay.diagnose.systems.function.kernel import CLOCK
+from straw.replay.diagnose.systems.function.laws import Law
+from straw.replay.diagnose.systems.function.places import Passed, values_over
+from straw.replay.diagnose.systems.function.shapes import CONSTANT, CUBE, LINEAR, POWER, SHAPES, SIGN, STEP
 
 Floats = NDArray[np.float64]
 

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.discover.findings import SystemFindings
-from replay.diagnose.discover.words import Told, law_text
-from replay.diagnose.report import STYLE
-from replay.diagnose.systems.function.recording import Recorded
-from replay.diagnose.systems.function.shapes import TABLE
+from straw.replay.diagnose.discover.findings import SystemFindings
+from straw.replay.diagnose.discover.words import Told, law_text
+from straw.replay.diagnose.report import STYLE
+from straw.replay.diagnose.systems.function.recording import Recorded
+from straw.replay.diagnose.systems.function.shapes import TABLE
 
 Floats = NDArray[np.float64]
 

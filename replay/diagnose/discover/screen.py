@@ -14,16 +14,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.discover.blocks import blocks, predicted
-from replay.diagnose.discover.trial import Trial, rough
-from replay.diagnose.inquiry import Told
-from replay.diagnose.numerical import STEP_U
-from replay.diagnose.systems.function.kernel import OF_INPUT, OF_NOTHING, OF_RATE, OF_STATE
-from replay.diagnose.systems.function.laws import Law
-from replay.diagnose.systems.function.places import Passed, makes_sense, passed, places, points, smooth, states
-from replay.diagnose.systems.function.recording import Recorded
-from replay.diagnose.systems.function.shapes import CONSTANT, LINEAR, TABLE
-from replay.diagnose.systems.function.system import FunctionSystem
+from straw.replay.diagnose.discover.blocks import blocks, predicted
+from straw.replay.diagnose.discover.trial import Trial, rough
+from straw.replay.diagnose.inquiry import Told
+from straw.replay.diagnose.numerical import STEP_U
+from straw.replay.diagnose.systems.function.kernel import OF_INPUT, OF_NOTHING, OF_RATE, OF_STATE
+from straw.replay.diagnose.systems.function.laws import Law
+from straw.replay.diagnose.systems.function.places import Passed, makes_sense, passed, places, points, smooth, states
+from straw.replay.diagnose.systems.function.recording import Recorded
+from straw.replay.diagnose.systems.function.shapes import CONSTANT, LINEAR, TABLE
+from straw.replay.diagnose.systems.function.system import FunctionSystem
 
 Floats = NDArray[np.float64]
 

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.discover.blocks import blocks, independent, predicted
-from replay.diagnose.fit import Fit, fitted
-from replay.diagnose.hypothesis import Unknown
-from replay.diagnose.systems.function.laws import Law
-from replay.diagnose.systems.function.recording import Recorded
-from replay.diagnose.systems.function.shapes import TABLE
-from replay.diagnose.systems.function.system import FunctionSystem
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.discover.blocks import blocks, independent, predicted
+from straw.replay.diagnose.fit import Fit, fitted
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.systems.function.laws import Law
+from straw.replay.diagnose.systems.function.recording import Recorded
+from straw.replay.diagnose.systems.function.shapes import TABLE
+from straw.replay.diagnose.systems.function.system import FunctionSystem
 
 Floats = NDArray[np.float64]
 

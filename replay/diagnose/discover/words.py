@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.discover.trial import Trial
-from replay.diagnose.robust import weights
-from replay.diagnose.systems.function.kernel import (
+from straw.replay.diagnose.discover.trial import Trial
+from straw.replay.diagnose.robust import weights
+from straw.replay.diagnose.systems.function.kernel import (
     CHANNEL,
     CLOCK,
     DELAY,
@@ -22,8 +22,8 @@ from replay.diagnose.systems.function.kernel import (
     RATE,
     STRENGTH,
 )
-from replay.diagnose.systems.function.laws import Law
-from replay.diagnose.systems.function.shapes import SHAPES, TABLE
+from straw.replay.diagnose.systems.function.laws import Law
+from straw.replay.diagnose.systems.function.shapes import SHAPES, TABLE
 
 Floats = NDArray[np.float64]
 

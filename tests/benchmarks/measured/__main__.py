@@ -17,13 +17,13 @@ from pathlib import Path
 
 import numpy as np
 
-from replay.diagnose.discover.discover import discover
-from replay.diagnose.discover.findings import SystemFindings, text
-from replay.diagnose.discover.page import page
-from replay.diagnose.systems.function.model import Model, load_model
-from replay.diagnose.systems.function.recording import read_recordings
-from replay.diagnose.systems.function.system import FunctionSystem
-from replay.output import write_json, write_text
+from straw.replay.diagnose.discover.discover import discover
+from straw.replay.diagnose.discover.findings import SystemFindings, text
+from straw.replay.diagnose.discover.page import page
+from straw.replay.diagnose.systems.function.model import Model, load_model
+from straw.replay.diagnose.systems.function.recording import read_recordings
+from straw.replay.diagnose.systems.function.system import FunctionSystem
+from straw.replay.output import write_json, write_text
 from tests.benchmarks.measured.cases import CASES, SHARED, Case
 
 

@@ -6,13 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import replay.demo
+import straw.replay.demo
 from tests.benchmarks.measured.systems import falling_balls
 
 #: Where the data are: beside the checkout, as for the tests.
 SHARED = Path(__file__).parents[4] / "shared" / "realdata"
 SYSTEMS = Path(__file__).with_name("systems")
-SHIPPED = Path(str(replay.demo.__file__)).parent / "measured"
+SHIPPED = Path(str(straw.replay.demo.__file__)).parent / "measured"
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from replay.diagnose.systems.function.model import Model, load_model
-from replay.errors import ReplayError
+from straw.replay.diagnose.systems.function.model import Model, load_model
+from straw.replay.errors import ReplayError
 
 
 def defects(path: Path) -> list[str]:

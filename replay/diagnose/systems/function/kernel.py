@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.systems.function.compiled import compiled
-from replay.diagnose.systems.function.shapes import value
+from straw.replay.diagnose.systems.function.compiled import compiled
+from straw.replay.diagnose.systems.function.shapes import value
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.hypothesis import Unknown
-from replay.diagnose.systems.function.kernel import STRENGTH
-from replay.diagnose.systems.function.shapes import CONSTANT, FADES, POWER, SHAPES, TABLE, values_of
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.systems.function.kernel import STRENGTH
+from straw.replay.diagnose.systems.function.shapes import CONSTANT, FADES, POWER, SHAPES, TABLE, values_of
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]

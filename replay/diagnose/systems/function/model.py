@@ -19,9 +19,9 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.systems.function.compiled import compiled
-from replay.diagnose.systems.function.kernel import built
-from replay.errors import ReplayError
+from straw.replay.diagnose.systems.function.compiled import compiled
+from straw.replay.diagnose.systems.function.kernel import built
+from straw.replay.errors import ReplayError
 
 Floats = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from replay.diagnose.systems.function.kernel import (
+from straw.replay.diagnose.systems.function.kernel import (
     CHANNEL,
     CLOCK,
     DELAY,
@@ -24,9 +24,9 @@ from replay.diagnose.systems.function.kernel import (
     RATE,
     STRENGTH,
 )
-from replay.diagnose.systems.function.laws import Place, State
-from replay.diagnose.systems.function.recording import Recorded
-from replay.diagnose.systems.function.system import FunctionSystem
+from straw.replay.diagnose.systems.function.laws import Place, State
+from straw.replay.diagnose.systems.function.recording import Recorded
+from straw.replay.diagnose.systems.function.system import FunctionSystem
 
 Floats = NDArray[np.float64]
 

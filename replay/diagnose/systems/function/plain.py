@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.systems.function.kernel import CHANNEL, FACTOR, INPUT, OF_INPUT, OF_SHOWN, OF_TIME, STRENGTH
-from replay.diagnose.systems.function.model import Model, fields
-from replay.diagnose.systems.function.shapes import values_of
-from replay.errors import ReplayError
+from straw.replay.diagnose.systems.function.kernel import CHANNEL, FACTOR, INPUT, OF_INPUT, OF_SHOWN, OF_TIME, STRENGTH
+from straw.replay.diagnose.systems.function.model import Model, fields
+from straw.replay.diagnose.systems.function.shapes import values_of
+from straw.replay.errors import ReplayError
 
 Floats = NDArray[np.float64]
 

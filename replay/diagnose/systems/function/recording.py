@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from replay.diagnose.system import Stretch
-from replay.diagnose.systems.function.model import Model, Signal
-from replay.diagnose.systems.function.table import column, read_table
-from replay.errors import ReplayError
+from straw.replay.diagnose.system import Stretch
+from straw.replay.diagnose.systems.function.model import Model, Signal
+from straw.replay.diagnose.systems.function.table import column, read_table
+from straw.replay.errors import ReplayError
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.systems.function.compiled import compiled
+from straw.replay.diagnose.systems.function.compiled import compiled
 
 Floats = NDArray[np.float64]
 

@@ -13,19 +13,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.fit import Fit, fitted
-from replay.diagnose.hypothesis import Hypothesis, Unknown
-from replay.diagnose.numerical import jacobian
-from replay.diagnose.robust import robust_cost, weights
-from replay.diagnose.settings import FIRST_ROUNDS, ROUNDS
-from replay.diagnose.starts import logarithmic, scattered
-from replay.diagnose.system import Channel, Differences, Level, System
-from replay.diagnose.systems.function.kernel import CHANNEL, CLOCK, DELAY, INPUT, OF_TIME
-from replay.diagnose.systems.function.laws import Law, encoded
-from replay.diagnose.systems.function.model import Constant, Model
-from replay.diagnose.systems.function.plain import plain_march
-from replay.diagnose.systems.function.recording import Recorded
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.fit import Fit, fitted
+from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
+from straw.replay.diagnose.numerical import jacobian
+from straw.replay.diagnose.robust import robust_cost, weights
+from straw.replay.diagnose.settings import FIRST_ROUNDS, ROUNDS
+from straw.replay.diagnose.starts import logarithmic, scattered
+from straw.replay.diagnose.system import Channel, Differences, Level, System
+from straw.replay.diagnose.systems.function.kernel import CHANNEL, CLOCK, DELAY, INPUT, OF_TIME
+from straw.replay.diagnose.systems.function.laws import Law, encoded
+from straw.replay.diagnose.systems.function.model import Constant, Model
+from straw.replay.diagnose.systems.function.plain import plain_march
+from straw.replay.diagnose.systems.function.recording import Recorded
 
 Floats = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.errors import ReplayError
+from straw.replay.errors import ReplayError
 
 Floats = NDArray[np.float64]
 
