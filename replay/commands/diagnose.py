@@ -5,21 +5,21 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 
-from model.parameters import load_straw
-from replay.diagnose import figures
-from replay.diagnose.diagnosis import inquire
-from replay.diagnose.findings import Findings, conclude
-from replay.diagnose.report import report
-from replay.diagnose.system import Channel
-from replay.diagnose.systems.straw.observation import observe
-from replay.diagnose.systems.straw.system import StrawSystem
-from replay.errors import ReplayError
-from replay.gather import gather
-from replay.output import check_new, write_json, write_text
-from replay.progress import prepare, progress_bar, say
-from replay.workers import threads
-from rig.interrupts import Interrupts
-from rig.run import Run
+from straw.model.parameters import load_straw
+from straw.replay.diagnose import figures
+from straw.replay.diagnose.diagnosis import inquire
+from straw.replay.diagnose.findings import Findings, conclude
+from straw.replay.diagnose.report import report
+from straw.replay.diagnose.system import Channel
+from straw.replay.diagnose.systems.straw.observation import observe
+from straw.replay.diagnose.systems.straw.system import StrawSystem
+from straw.replay.errors import ReplayError
+from straw.replay.gather import gather
+from straw.replay.output import check_new, write_json, write_text
+from straw.replay.progress import prepare, progress_bar, say
+from straw.replay.workers import threads
+from straw.rig.interrupts import Interrupts
+from straw.rig.run import Run
 
 #: How many hypotheses the table shows.
 SHOWN = 6

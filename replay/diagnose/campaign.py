@@ -9,9 +9,9 @@ from concurrent.futures import Executor
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.hypothesis import Hypothesis, Unknown
-from replay.diagnose.settings import FAILED_SIGMAS
-from replay.diagnose.system import Level, Misfit, Recording, System
+from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
+from straw.replay.diagnose.settings import FAILED_SIGMAS
+from straw.replay.diagnose.system import Level, Misfit, Recording, System
 
 Floats = NDArray[np.float64]
 

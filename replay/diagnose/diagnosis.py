@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.explain import explain
-from replay.diagnose.inquiry import Inquiry, Told, silent
-from replay.diagnose.system import Recording, System
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.explain import explain
+from straw.replay.diagnose.inquiry import Inquiry, Told, silent
+from straw.replay.diagnose.system import Recording, System
 
 
 def inquire(

@@ -13,14 +13,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.fit import Contestant, Fit, clipped, cost_at, evaluated, fitted
-from replay.diagnose.hypothesis import Hypothesis, Unknown
-from replay.diagnose.inquiry import Inquiry, Told
-from replay.diagnose.judge import COUNTS_AS_ONE, unexplained
-from replay.diagnose.propose.proposal import Proposal
-from replay.diagnose.robust import weights
-from replay.diagnose.settings import (
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.fit import Contestant, Fit, clipped, cost_at, evaluated, fitted
+from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
+from straw.replay.diagnose.inquiry import Inquiry, Told
+from straw.replay.diagnose.judge import COUNTS_AS_ONE, unexplained
+from straw.replay.diagnose.propose.proposal import Proposal
+from straw.replay.diagnose.robust import weights
+from straw.replay.diagnose.settings import (
     CLOSE,
     COARSE_ROUNDS,
     FAINT,
@@ -39,7 +39,7 @@ from replay.diagnose.settings import (
     STAGES,
     STARTS,
 )
-from replay.diagnose.starts import check_simulated
+from straw.replay.diagnose.starts import check_simulated
 
 Floats = NDArray[np.float64]
 

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.fit import Contestant, Fit, fitted
-from replay.diagnose.hypothesis import Unknown
-from replay.diagnose.inquiry import Inquiry
-from replay.diagnose.judge import COUNTS_AS_ONE
-from replay.diagnose.locate import Located
-from replay.diagnose.robust import weights
-from replay.diagnose.system import System
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.fit import Contestant, Fit, fitted
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.inquiry import Inquiry
+from straw.replay.diagnose.judge import COUNTS_AS_ONE
+from straw.replay.diagnose.locate import Located
+from straw.replay.diagnose.robust import weights
+from straw.replay.diagnose.system import System
 
 Floats = NDArray[np.float64]
 

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.figures import Held, constants_of, hold_out, smallest_seen
-from replay.diagnose.fit import Contestant
-from replay.diagnose.inquiry import Inquiry, Told, silent
-from replay.diagnose.judge import COVERED, Judgement, by_cause, surviving
-from replay.diagnose.locate import Located, Wandering, locate, sentence, wandering
+from straw.replay.diagnose.figures import Held, constants_of, hold_out, smallest_seen
+from straw.replay.diagnose.fit import Contestant
+from straw.replay.diagnose.inquiry import Inquiry, Told, silent
+from straw.replay.diagnose.judge import COVERED, Judgement, by_cause, surviving
+from straw.replay.diagnose.locate import Located, Wandering, locate, sentence, wandering
 
 Floats = NDArray[np.float64]
 

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.hypothesis import Hypothesis, Unknown
-from replay.diagnose.robust import ROBUST_SIGMAS, robust_cost
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
+from straw.replay.diagnose.robust import ROBUST_SIGMAS, robust_cost
 
 Floats = NDArray[np.float64]
 
@@ -89,7 +89,7 @@ def fitted(
 ) -> Fit:
     """The fit found from u in at most so many evaluations; it ends when a step gains less than ``share`` of the cost.
 
-    Minimises the sum of rho(r_i) + ((u_k - mean_k) / sd_k)^2 with rho the soft-L1 loss (`replay.diagnose.robust`),
+    Minimises the sum of rho(r_i) + ((u_k - mean_k) / sd_k)^2 with rho the soft-L1 loss (`straw.replay.diagnose.robust`),
     and |smooth u|^2 for ``smooth`` (k, unknowns): what a table's values are charged for being rough.
     """
     problem = _Problem(campaign, tuple(unknowns), smooth)

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.fit import Fit, prior_cost
-from replay.diagnose.fit import fitted as fitted_unknowns
-from replay.diagnose.hypothesis import Unknown
-from replay.diagnose.robust import robust_cost, weights
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.fit import Fit, prior_cost
+from straw.replay.diagnose.fit import fitted as fitted_unknowns
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.robust import robust_cost, weights
 
 Floats = NDArray[np.float64]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.fit import Contestant, Fit
-from replay.diagnose.judge import Judgement, judge
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.fit import Contestant, Fit
+from straw.replay.diagnose.judge import Judgement, judge
 
 #: Said with (what is being done, steps done, steps in all).
 Told = Callable[[str, int, int], None]

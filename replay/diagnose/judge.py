@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.fit import Contestant, Fit
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.fit import Contestant, Fit
 
 Floats = NDArray[np.float64]
 

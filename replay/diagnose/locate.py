@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.fit import Fit
-from replay.diagnose.robust import weights
-from replay.diagnose.system import Channel, Misfit, Recording
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.fit import Fit
+from straw.replay.diagnose.robust import weights
+from straw.replay.diagnose.system import Channel, Misfit, Recording
 
 Floats = NDArray[np.float64]
 

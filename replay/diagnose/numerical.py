@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.hypothesis import Unknown
 
 Floats = NDArray[np.float64]
 

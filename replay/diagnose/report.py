@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.findings import Findings
-from replay.diagnose.fit import Fit
-from replay.diagnose.inquiry import Inquiry
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.findings import Findings
+from straw.replay.diagnose.fit import Fit
+from straw.replay.diagnose.inquiry import Inquiry
 
 Floats = NDArray[np.float64]
 

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.fit import Fit, clipped, cost_at, fitted
-from replay.diagnose.settings import FIRST_ROUNDS, ROUNDS
-from replay.errors import ReplayError
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.fit import Fit, clipped, cost_at, fitted
+from straw.replay.diagnose.settings import FIRST_ROUNDS, ROUNDS
+from straw.replay.errors import ReplayError
 
 Floats = NDArray[np.float64]
 

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.hypothesis import Hypothesis, Unknown
+from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
 
 if TYPE_CHECKING:  # what a system may bring of its own is asked for with the engine's own words
-    from replay.diagnose.campaign import Campaign
-    from replay.diagnose.fit import Contestant, Fit
+    from straw.replay.diagnose.campaign import Campaign
+    from straw.replay.diagnose.fit import Contestant, Fit
 
 Floats = NDArray[np.float64]
 
@@ -186,7 +186,7 @@ class System(ABC):
 
     def fit_base(self, campaign: Campaign, proposed: Sequence[Floats]) -> tuple[Fit, Fit]:
         """The base fitted to all samples, and to the coarse comparison: by default from what was given."""
-        from replay.diagnose.starts import fit_from_priors
+        from straw.replay.diagnose.starts import fit_from_priors
 
         return fit_from_priors(campaign, proposed)
 

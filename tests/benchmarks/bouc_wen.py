@@ -15,12 +15,12 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.diagnosis import inquire
-from replay.diagnose.findings import verdict_of
-from replay.diagnose.fit import Fit, fitted
-from replay.diagnose.locate import kind_of
-from replay.diagnose.systems.oscillator.system import (
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.diagnosis import inquire
+from straw.replay.diagnose.findings import verdict_of
+from straw.replay.diagnose.fit import Fit, fitted
+from straw.replay.diagnose.locate import kind_of
+from straw.replay.diagnose.systems.oscillator.system import (
     BASE,
     FINE,
     LIBRARY,

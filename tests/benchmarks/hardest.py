@@ -14,10 +14,10 @@ import os
 import time
 from concurrent.futures import ThreadPoolExecutor
 
-from replay.diagnose.diagnosis import inquire
-from replay.diagnose.findings import conclude
-from replay.diagnose.systems.straw.observation import observe
-from replay.diagnose.systems.straw.system import StrawSystem
+from straw.replay.diagnose.diagnosis import inquire
+from straw.replay.diagnose.findings import conclude
+from straw.replay.diagnose.systems.straw.observation import observe
+from straw.replay.diagnose.systems.straw.system import StrawSystem
 from tests.apparatus.cases import deck, generate
 from tests.benchmarks.concealed import BASE
 

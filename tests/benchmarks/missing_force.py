@@ -17,16 +17,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.explain import random_effects
-from replay.diagnose.fit import fitted
-from replay.diagnose.judge import unexplained
-from replay.diagnose.settings import ROUNDS
-from replay.diagnose.systems.straw.base import base_fit
-from replay.diagnose.systems.straw.missing import Missing, missing_force
-from replay.diagnose.systems.straw.observation import observe
-from replay.diagnose.systems.straw.states import STATES
-from replay.diagnose.systems.straw.system import StrawSystem
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.explain import random_effects
+from straw.replay.diagnose.fit import fitted
+from straw.replay.diagnose.judge import unexplained
+from straw.replay.diagnose.settings import ROUNDS
+from straw.replay.diagnose.systems.straw.base import base_fit
+from straw.replay.diagnose.systems.straw.missing import Missing, missing_force
+from straw.replay.diagnose.systems.straw.observation import observe
+from straw.replay.diagnose.systems.straw.states import STATES
+from straw.replay.diagnose.systems.straw.system import StrawSystem
 from tests.apparatus.campaign import campaign
 from tests.apparatus.effects import Cause
 from tests.benchmarks.concealed import BASE, SIX

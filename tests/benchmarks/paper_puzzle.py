@@ -17,14 +17,14 @@ from pathlib import Path
 
 import numpy as np
 
-from model.parameters import StrawParameters
-from replay.compare import CHANNELS
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.fit import Fit
-from replay.diagnose.systems.straw.constants import applied
-from replay.diagnose.systems.straw.observation import REPEATABILITY_S, observe
-from replay.diagnose.systems.straw.system import StrawSystem
-from replay.output import write_json
+from straw.model.parameters import StrawParameters
+from straw.replay.compare import CHANNELS
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.fit import Fit
+from straw.replay.diagnose.systems.straw.constants import applied
+from straw.replay.diagnose.systems.straw.observation import REPEATABILITY_S, observe
+from straw.replay.diagnose.systems.straw.system import StrawSystem
+from straw.replay.output import write_json
 
 from .puzzle_fits import (
     DELAY,

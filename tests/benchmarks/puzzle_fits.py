@@ -9,17 +9,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.explain import random_effects
-from replay.diagnose.fit import Fit, evaluated, fitted
-from replay.diagnose.hypothesis import Unknown
-from replay.diagnose.robust import weights
-from replay.diagnose.systems.straw.base import C_PHI, C_ZETA, R_CH, base_fit, different_runs, logarithmic
-from replay.diagnose.systems.straw.constants import REPEATS, REPEATS_MOUNT, base_unknowns
-from replay.diagnose.systems.straw.library import causes, hypothesis
-from replay.diagnose.systems.straw.observation import Observation
-from replay.diagnose.systems.straw.of import straw_of
-from replay.progress import say
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.explain import random_effects
+from straw.replay.diagnose.fit import Fit, evaluated, fitted
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.robust import weights
+from straw.replay.diagnose.systems.straw.base import C_PHI, C_ZETA, R_CH, base_fit, different_runs, logarithmic
+from straw.replay.diagnose.systems.straw.constants import REPEATS, REPEATS_MOUNT, base_unknowns
+from straw.replay.diagnose.systems.straw.library import causes, hypothesis
+from straw.replay.diagnose.systems.straw.observation import Observation
+from straw.replay.diagnose.systems.straw.of import straw_of
+from straw.replay.progress import say
 
 Floats = NDArray[np.float64]
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from model.parameters import StrawParameters
-from replay.diagnose.systems.straw.observation import Observation
-from replay.diagnose.systems.straw.simulated import simulated
-from replay.paper.style import figure
+from straw.model.parameters import StrawParameters
+from straw.replay.diagnose.systems.straw.observation import Observation
+from straw.replay.diagnose.systems.straw.simulated import simulated
+from straw.replay.paper.style import figure
 
 from .puzzle_fits import DELAY, Number
 

@@ -9,13 +9,13 @@ from typing import cast
 import numpy as np
 import pytest
 
-from model.parameters import StrawParameters
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.settings import FAR_OFF
-from replay.diagnose.systems.straw import base
-from replay.diagnose.systems.straw.base import base_fit, telling_runs
-from replay.diagnose.systems.straw.observation import observe
-from replay.diagnose.systems.straw.system import StrawSystem
+from straw.model.parameters import StrawParameters
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.settings import FAR_OFF
+from straw.replay.diagnose.systems.straw import base
+from straw.replay.diagnose.systems.straw.base import base_fit, telling_runs
+from straw.replay.diagnose.systems.straw.observation import observe
+from straw.replay.diagnose.systems.straw.system import StrawSystem
 from tests.apparatus.campaign import NONE, campaign
 
 

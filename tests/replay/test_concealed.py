@@ -9,17 +9,17 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from model.parameters import StrawParameters
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.diagnosis import inquire
-from replay.diagnose.explain import random_effects
-from replay.diagnose.findings import Findings, conclude
-from replay.diagnose.fit import fitted
-from replay.diagnose.judge import NOISE_LEAVES, unexplained
-from replay.diagnose.systems.straw.constants import base_unknowns
-from replay.diagnose.systems.straw.library import hypothesis
-from replay.diagnose.systems.straw.observation import observe
-from replay.diagnose.systems.straw.system import StrawSystem
+from straw.model.parameters import StrawParameters
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.diagnosis import inquire
+from straw.replay.diagnose.explain import random_effects
+from straw.replay.diagnose.findings import Findings, conclude
+from straw.replay.diagnose.fit import fitted
+from straw.replay.diagnose.judge import NOISE_LEAVES, unexplained
+from straw.replay.diagnose.systems.straw.constants import base_unknowns
+from straw.replay.diagnose.systems.straw.library import hypothesis
+from straw.replay.diagnose.systems.straw.observation import observe
+from straw.replay.diagnose.systems.straw.system import StrawSystem
 from tests.apparatus.campaign import campaign
 from tests.apparatus.effects import Cause
 

@@ -9,29 +9,29 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from model.parameters import StrawParameters, straw_from_toml
-from model.simulate import run as simulate
-from model.simulate import sampled
-from replay.cli import main
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.diagnosis import inquire
-from replay.diagnose.explain import from_each_other, screen
-from replay.diagnose.findings import _says, conclude, verdict_of
-from replay.diagnose.fit import Contestant, Fit, evaluated, fitted
-from replay.diagnose.inquiry import Inquiry
-from replay.diagnose.judge import UNKNOWN_AT_MOST, by_cause, surviving, unknown_leaves, weighed
-from replay.diagnose.settings import COARSE_TOLERANCE_M, TOLERANCE_M
-from replay.diagnose.systems.straw.constants import MEASUREMENT, base_unknowns
-from replay.diagnose.systems.straw.experiment import Choice, _toml, menu
-from replay.diagnose.systems.straw.instrument import Instrument
-from replay.diagnose.systems.straw.library import causes
-from replay.diagnose.systems.straw.misfit import bend_basis, misfit, whitened
-from replay.diagnose.systems.straw.observation import observe
-from replay.diagnose.systems.straw.simulated import most_steps_per_s
-from replay.diagnose.systems.straw.snaps import crossings, levels_of
-from replay.diagnose.systems.straw.system import StrawSystem
-from replay.paper.runs import DEPLOYMENT
-from rig.protocol_toml import load_protocol
+from straw.model.parameters import StrawParameters, straw_from_toml
+from straw.model.simulate import run as simulate
+from straw.model.simulate import sampled
+from straw.replay.cli import main
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.diagnosis import inquire
+from straw.replay.diagnose.explain import from_each_other, screen
+from straw.replay.diagnose.findings import _says, conclude, verdict_of
+from straw.replay.diagnose.fit import Contestant, Fit, evaluated, fitted
+from straw.replay.diagnose.inquiry import Inquiry
+from straw.replay.diagnose.judge import UNKNOWN_AT_MOST, by_cause, surviving, unknown_leaves, weighed
+from straw.replay.diagnose.settings import COARSE_TOLERANCE_M, TOLERANCE_M
+from straw.replay.diagnose.systems.straw.constants import MEASUREMENT, base_unknowns
+from straw.replay.diagnose.systems.straw.experiment import Choice, _toml, menu
+from straw.replay.diagnose.systems.straw.instrument import Instrument
+from straw.replay.diagnose.systems.straw.library import causes
+from straw.replay.diagnose.systems.straw.misfit import bend_basis, misfit, whitened
+from straw.replay.diagnose.systems.straw.observation import observe
+from straw.replay.diagnose.systems.straw.simulated import most_steps_per_s
+from straw.replay.diagnose.systems.straw.snaps import crossings, levels_of
+from straw.replay.diagnose.systems.straw.system import StrawSystem
+from straw.replay.paper.runs import DEPLOYMENT
+from straw.rig.protocol_toml import load_protocol
 from tests.apparatus.campaign import NONE, campaign
 from tests.apparatus.campaign import write as write_run
 from tests.apparatus.effects import Cause
@@ -285,7 +285,7 @@ def test_runs_of_two_specimens_or_one_run_twice_are_one_line(tmp_path, capsys):
 
 def test_a_run_that_starts_where_no_straw_can_rest_is_one_line(tmp_path, capsys):
 
-    from rig.run import PressureLog
+    from straw.rig.run import PressureLog
 
     (run,) = campaign((), 3, FEW[3:], NONE)
     high = PressureLog(run.pressure.time_s, run.pressure.pressure_pa + 90e3, run.pressure.sigma_pa)

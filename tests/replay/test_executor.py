@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from model.parameters import StrawParameters
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.systems.straw.constants import base_unknowns
-from replay.diagnose.systems.straw.observation import observe
-from replay.diagnose.systems.straw.system import StrawSystem
+from straw.model.parameters import StrawParameters
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.systems.straw.constants import base_unknowns
+from straw.replay.diagnose.systems.straw.observation import observe
+from straw.replay.diagnose.systems.straw.system import StrawSystem
 from tests.apparatus.campaign import NONE, campaign
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from replay.diagnose.fit import cost_at, fitted
-from replay.diagnose.hypothesis import Unknown
-from replay.diagnose.robust import ROBUST_SIGMAS
+from straw.replay.diagnose.fit import cost_at, fitted
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.robust import ROBUST_SIGMAS
 
 OFFSET, LENGTH = (Unknown(name, 1.0, sd=10.0, low=-8.0, high=8.0) for name in ("offset", "length"))
 FIRST, SECOND = (Unknown(name, 1.0, kind="linear", sd=10.0) for name in ("first", "second"))

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from model.parameters import StrawParameters
-from model.terms import CAUSES
-from replay.diagnose.hypothesis import Unknown
-from replay.diagnose.systems.straw.constants import MEASUREMENT, applied, base_unknowns
-from replay.diagnose.systems.straw.instrument import Instrument
-from replay.diagnose.systems.straw.library import causes, hypothesis
+from straw.model.parameters import StrawParameters
+from straw.model.terms import CAUSES
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.systems.straw.constants import MEASUREMENT, applied, base_unknowns
+from straw.replay.diagnose.systems.straw.instrument import Instrument
+from straw.replay.diagnose.systems.straw.library import causes, hypothesis
 
 BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from model.parameters import StrawParameters
-from replay.diagnose.robust import robust_cost
-from replay.diagnose.settings import MISSING_EVENT_SIGMAS
-from replay.diagnose.systems.straw.matching import matched, without_odd
-from replay.diagnose.systems.straw.misfit import coarse_misfit, misfit
-from replay.diagnose.systems.straw.observation import observe
+from straw.model.parameters import StrawParameters
+from straw.replay.diagnose.robust import robust_cost
+from straw.replay.diagnose.settings import MISSING_EVENT_SIGMAS
+from straw.replay.diagnose.systems.straw.matching import matched, without_odd
+from straw.replay.diagnose.systems.straw.misfit import coarse_misfit, misfit
+from straw.replay.diagnose.systems.straw.observation import observe
 from tests.apparatus.campaign import NONE, campaign
 
 BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)

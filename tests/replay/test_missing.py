@@ -7,18 +7,18 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from model.parameters import StrawParameters, straw_from_toml
-from model.simulate import simulate
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.fit import fitted
-from replay.diagnose.formula import Formula, Tangent, sparse
-from replay.diagnose.systems.straw.constants import applied, base_unknowns
-from replay.diagnose.systems.straw.dictionary import atoms
-from replay.diagnose.systems.straw.instrument import Instrument
-from replay.diagnose.systems.straw.missing import missing_force
-from replay.diagnose.systems.straw.observation import observe
-from replay.diagnose.systems.straw.states import STATES, points
-from replay.diagnose.systems.straw.system import StrawSystem
+from straw.model.parameters import StrawParameters, straw_from_toml
+from straw.model.simulate import simulate
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.fit import fitted
+from straw.replay.diagnose.formula import Formula, Tangent, sparse
+from straw.replay.diagnose.systems.straw.constants import applied, base_unknowns
+from straw.replay.diagnose.systems.straw.dictionary import atoms
+from straw.replay.diagnose.systems.straw.instrument import Instrument
+from straw.replay.diagnose.systems.straw.missing import missing_force
+from straw.replay.diagnose.systems.straw.observation import observe
+from straw.replay.diagnose.systems.straw.states import STATES, points
+from straw.replay.diagnose.systems.straw.system import StrawSystem
 from tests.apparatus.campaign import NONE, campaign
 from tests.apparatus.effects import Cause
 

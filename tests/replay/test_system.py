@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import replay.diagnose
-from replay.diagnose.diagnosis import inquire
-from replay.diagnose.findings import conclude
-from replay.diagnose.systems.oscillator.system import (
+import straw.replay.diagnose
+from straw.replay.diagnose.diagnosis import inquire
+from straw.replay.diagnose.findings import conclude
+from straw.replay.diagnose.systems.oscillator.system import (
     FINE,
     LIBRARY,
     RATE_HZ,
@@ -74,7 +74,7 @@ def test_a_system_travels_to_workers():
 
 def test_the_engine_imports_nothing_of_a_system():
     """Files of the engine's own room; what is learned of straws (`propose`) is handed over as an object."""
-    for path in Path(str(replay.diagnose.__file__)).parent.glob("*.py"):
+    for path in Path(str(straw.replay.diagnose.__file__)).parent.glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and node.module:
-                assert not node.module.startswith(("replay.diagnose.systems", "model", "rig")), path
+                assert not node.module.startswith(("straw.replay.diagnose.systems", "model", "rig")), path

@@ -15,13 +15,13 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from model.drive import Table
-from model.errors import ModelError
-from model.parameters import StrawParameters, straw_from_toml
-from model.simulate import run
-from replay.diagnose.hypothesis import Unknown
-from replay.diagnose.propose.protocols import USUAL, Protocol, drawn
-from replay.diagnose.propose.specimens import (
+from straw.model.drive import Table
+from straw.model.errors import ModelError
+from straw.model.parameters import StrawParameters, straw_from_toml
+from straw.model.simulate import run
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.propose.protocols import USUAL, Protocol, drawn
+from straw.replay.diagnose.propose.specimens import (
     another_time,
     base_by_chance,
     causes_by_chance,
@@ -30,9 +30,9 @@ from replay.diagnose.propose.specimens import (
     nearness,
     nominal,
 )
-from replay.diagnose.systems.straw.constants import applied, base_unknowns
-from replay.diagnose.systems.straw.instrument import Instrument
-from replay.diagnose.systems.straw.library import causes
+from straw.replay.diagnose.systems.straw.constants import applied, base_unknowns
+from straw.replay.diagnose.systems.straw.instrument import Instrument
+from straw.replay.diagnose.systems.straw.library import causes
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]

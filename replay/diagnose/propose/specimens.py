@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from model.parameters import StrawParameters
-from model.terms import TERMS
-from replay.diagnose.hypothesis import Unknown
-from replay.diagnose.systems.straw.constants import MEASUREMENT, base_unknowns
-from replay.diagnose.systems.straw.library import causes
+from straw.model.parameters import StrawParameters
+from straw.model.terms import TERMS
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.systems.straw.constants import MEASUREMENT, base_unknowns
+from straw.replay.diagnose.systems.straw.library import causes
 
 Floats = NDArray[np.float64]
 

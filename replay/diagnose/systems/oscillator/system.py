@@ -14,9 +14,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.hypothesis import Hypothesis, Unknown
-from replay.diagnose.numerical import jacobian
-from replay.diagnose.system import Channel, Differences, Level, Stretch, System
+from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
+from straw.replay.diagnose.numerical import jacobian
+from straw.replay.diagnose.system import Channel, Differences, Level, Stretch, System
 
 Floats = NDArray[np.float64]
 

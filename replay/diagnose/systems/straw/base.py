@@ -7,14 +7,14 @@ from collections.abc import Hashable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.fit import Fit, cost_at, fitted
-from replay.diagnose.hypothesis import Unknown
-from replay.diagnose.judge import run_by_run
-from replay.diagnose.settings import FAR_OFF, FIRST_ROUNDS, ROUNDS
-from replay.diagnose.system import Recording
-from replay.diagnose.systems.straw.constants import base_unknowns
-from replay.diagnose.systems.straw.of import straw_of
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.fit import Fit, cost_at, fitted
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.judge import run_by_run
+from straw.replay.diagnose.settings import FAR_OFF, FIRST_ROUNDS, ROUNDS
+from straw.replay.diagnose.system import Recording
+from straw.replay.diagnose.systems.straw.constants import base_unknowns
+from straw.replay.diagnose.systems.straw.of import straw_of
 
 Floats = NDArray[np.float64]
 

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.parameters import StrawParameters
-from replay.diagnose.hypothesis import Unknown
-from replay.diagnose.systems.straw.instrument import Instrument
+from straw.model.parameters import StrawParameters
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.systems.straw.instrument import Instrument
 
 Floats = NDArray[np.float64]
 

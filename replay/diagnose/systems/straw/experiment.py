@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import ModelError
-from model.simulate import simulate
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.fit import Contestant
-from replay.diagnose.settings import SIMULATED_EVERY_S, TOLERANCE_M
-from replay.diagnose.systems.straw.constants import applied
-from replay.diagnose.systems.straw.of import straw_of
+from straw.model.errors import ModelError
+from straw.model.simulate import simulate
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.fit import Contestant
+from straw.replay.diagnose.settings import SIMULATED_EVERY_S, TOLERANCE_M
+from straw.replay.diagnose.systems.straw.constants import applied
+from straw.replay.diagnose.systems.straw.of import straw_of
 
 Floats = NDArray[np.float64]
 

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from model.parameters import StrawParameters
-from replay.diagnose.hypothesis import Unknown
-from replay.diagnose.robust import robust_cost
-from replay.diagnose.settings import (
+from straw.model.parameters import StrawParameters
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.robust import robust_cost
+from straw.replay.diagnose.settings import (
     COARSE_TOLERANCE_M,
     LANDMARK_AFTER_S,
     LANDMARK_BEFORE_S,
@@ -29,9 +29,9 @@ from replay.diagnose.settings import (
     ROUGH_TIMING_S,
     TOLERANCE_M,
 )
-from replay.diagnose.systems.straw.matching import matched, without_odd
-from replay.diagnose.systems.straw.observation import REPEATABILITY_S, Observation
-from replay.diagnose.systems.straw.simulated import Simulated, simulated
+from straw.replay.diagnose.systems.straw.matching import matched, without_odd
+from straw.replay.diagnose.systems.straw.observation import REPEATABILITY_S, Observation
+from straw.replay.diagnose.systems.straw.simulated import Simulated, simulated
 
 Floats = NDArray[np.float64]
 

@@ -13,18 +13,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.fit import Fit, evaluated, fitted
-from replay.diagnose.formula import Formula, formula, tangent
-from replay.diagnose.inquiry import Told, silent
-from replay.diagnose.judge import NOISE_LEAVES, unexplained
-from replay.diagnose.robust import weights
-from replay.diagnose.systems.straw.base import telling_runs
-from replay.diagnose.systems.straw.constants import applied
-from replay.diagnose.systems.straw.dictionary import atoms
-from replay.diagnose.systems.straw.of import straw_of, with_straw
-from replay.diagnose.systems.straw.simulated import simulated
-from replay.diagnose.systems.straw.states import STATES, State, points
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.fit import Fit, evaluated, fitted
+from straw.replay.diagnose.formula import Formula, formula, tangent
+from straw.replay.diagnose.inquiry import Told, silent
+from straw.replay.diagnose.judge import NOISE_LEAVES, unexplained
+from straw.replay.diagnose.robust import weights
+from straw.replay.diagnose.systems.straw.base import telling_runs
+from straw.replay.diagnose.systems.straw.constants import applied
+from straw.replay.diagnose.systems.straw.dictionary import atoms
+from straw.replay.diagnose.systems.straw.of import straw_of, with_straw
+from straw.replay.diagnose.systems.straw.simulated import simulated
+from straw.replay.diagnose.systems.straw.states import STATES, State, points
 
 Floats = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, cast
 
-from model.parameters import StrawParameters
-from replay.diagnose.campaign import Campaign
+from straw.model.parameters import StrawParameters
+from straw.replay.diagnose.campaign import Campaign
 
 
 def straw_of(campaign: Campaign) -> StrawParameters:

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from model.derivative import Derivatives, differentiate
-from model.direction import Direction
-from model.drive import Table
-from model.parameters import StrawParameters
-from model.simulate import Prediction
-from model.simulate import run as simulate
-from replay.diagnose.hypothesis import Unknown
-from replay.diagnose.settings import (
+from straw.model.derivative import Derivatives, differentiate
+from straw.model.direction import Direction
+from straw.model.drive import Table
+from straw.model.parameters import StrawParameters
+from straw.model.simulate import Prediction
+from straw.model.simulate import run as simulate
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.settings import (
     EXTRA_TIME_S,
     FINER_M,
     LIVELIEST_PER_S,
@@ -25,10 +25,10 @@ from replay.diagnose.settings import (
     STEPS_GROW,
     TOLERANCE_M,
 )
-from replay.diagnose.systems.straw.constants import applied
-from replay.diagnose.systems.straw.instrument import Instrument
-from replay.diagnose.systems.straw.observation import Observation
-from replay.diagnose.systems.straw.snaps import SMOOTHED_S, cell_snaps, crossings
+from straw.replay.diagnose.systems.straw.constants import applied
+from straw.replay.diagnose.systems.straw.instrument import Instrument
+from straw.replay.diagnose.systems.straw.observation import Observation
+from straw.replay.diagnose.systems.straw.snaps import SMOOTHED_S, cell_snaps, crossings
 
 Floats = NDArray[np.float64]
 

@@ -9,28 +9,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import ModelError
-from model.parameters import StrawParameters
-from model.terms import TERMS
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.fit import Contestant, Fit, evaluated
-from replay.diagnose.hypothesis import Hypothesis, Unknown
-from replay.diagnose.inquiry import Told
-from replay.diagnose.system import Channel, Differences, Level, Misfit, System
-from replay.diagnose.systems.straw.base import base_fit, telling_runs
-from replay.diagnose.systems.straw.constants import (
+from straw.model.errors import ModelError
+from straw.model.parameters import StrawParameters
+from straw.model.terms import TERMS
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.fit import Contestant, Fit, evaluated
+from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
+from straw.replay.diagnose.inquiry import Told
+from straw.replay.diagnose.system import Channel, Differences, Level, Misfit, System
+from straw.replay.diagnose.systems.straw.base import base_fit, telling_runs
+from straw.replay.diagnose.systems.straw.constants import (
     MEASUREMENT,
     REPEATS_MOUNT,
     applied,
     base_unknowns,
     repeat_steps,
 )
-from replay.diagnose.systems.straw.experiment import Experiment, next_experiment
-from replay.diagnose.systems.straw.library import causes, hypothesis
-from replay.diagnose.systems.straw.misfit import coarse_misfit, misfit
-from replay.diagnose.systems.straw.missing import Missing, missing_force
-from replay.diagnose.systems.straw.observation import Observation
-from replay.diagnose.systems.straw.simulated import simulated
+from straw.replay.diagnose.systems.straw.experiment import Experiment, next_experiment
+from straw.replay.diagnose.systems.straw.library import causes, hypothesis
+from straw.replay.diagnose.systems.straw.misfit import coarse_misfit, misfit
+from straw.replay.diagnose.systems.straw.missing import Missing, missing_force
+from straw.replay.diagnose.systems.straw.observation import Observation
+from straw.replay.diagnose.systems.straw.simulated import simulated
 
 Floats = NDArray[np.float64]
 
@@ -121,7 +121,7 @@ class StrawSystem(System):
 
     def propose(self, recordings: Sequence[Observation], names: Sequence[str]) -> Any:
         """The proposal learned from simulated campaigns."""
-        from replay.diagnose.propose.proposal import propose
+        from straw.replay.diagnose.propose.proposal import propose
 
         return propose(recordings, self.straw, names)
 
