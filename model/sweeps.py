@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import allocates_nothing, called, compiled
-from model.constants import Constants
-from model.links import Links
+from straw.model.compiled import allocates_nothing, called, compiled
+from straw.model.constants import Constants
+from straw.model.links import Links
 
 Floats = NDArray[np.float64]
 
