@@ -27,13 +27,13 @@ __all__ = [
 
 #: Where each public name lives.
 _PLACES = {
-    "Prediction": "model.simulate",
-    "PressureProtocol": "rig.protocol",
-    "StrawParameters": "model.parameters",
-    "load_protocol": "rig.protocol_toml",
-    "load_straw": "model.parameters",
-    "read_run": "rig.run_read",
-    "simulate": "model.simulate",
+    "Prediction": "straw.model.simulate",
+    "PressureProtocol": "straw.rig.protocol",
+    "StrawParameters": "straw.model.parameters",
+    "load_protocol": "straw.rig.protocol_toml",
+    "load_straw": "straw.model.parameters",
+    "read_run": "straw.rig.run_read",
+    "simulate": "straw.model.simulate",
 }
 _ROOMS = ("model", "replay", "rig", "tracking")
 
@@ -41,7 +41,7 @@ _ROOMS = ("model", "replay", "rig", "tracking")
 def __getattr__(name: str) -> object:
     """Load a public name, or a room."""
     if name in _PLACES:
-        value: object = getattr(import_module(f"straw.{_PLACES[name]}"), name)
+        value: object = getattr(import_module(_PLACES[name]), name)
     elif name in _ROOMS:
         value = import_module(f"straw.{name}")
     elif name == "__version__":
