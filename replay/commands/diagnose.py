@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
-from straw.model.parameters import load_straw
+from straw.model.parameters import StrawParameters, load_straw
 from straw.replay.diagnose import figures
 from straw.replay.diagnose.diagnosis import inquire
 from straw.replay.diagnose.findings import Findings, conclude
@@ -27,10 +27,7 @@ SHOWN = 6
 def run(args: argparse.Namespace) -> int:
     """Diagnose; 0 when nothing is missing, 1 when something is, is not told apart, or is unknown."""
     straw = load_straw(args.straw)
-    library = [name for name in causes(straw.cells) if name not in args.without]
-    for name in args.without:
-        if name not in causes(straw.cells):
-            raise ReplayError(f"--without {name}: no such cause; known: {', '.join(causes(straw.cells))}")
+    library = chosen(straw, args.without)
     for path in (args.output, args.experiment):
         if path:
             check_new(path)
@@ -78,6 +75,15 @@ def run(args: argparse.Namespace) -> int:
     if written:
         print(f"\nlook at {', '.join(map(str, written))}")
     return 0 if findings.verdict == "complete" else 1
+
+
+def chosen(straw: StrawParameters, without: Sequence[str]) -> list[str]:
+    """The causes that are tried: all but some; ReplayError for one that there is not."""
+    known = causes(straw.cells)
+    for name in without:
+        if name not in known:
+            raise ReplayError(f"--without {name}: no such cause; known: {', '.join(known)}")
+    return [name for name in known if name not in without]
 
 
 def check_campaign(runs: Sequence[Run], cells: int) -> None:
