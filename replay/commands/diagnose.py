@@ -10,7 +10,7 @@ from straw.replay.diagnose import figures
 from straw.replay.diagnose.diagnosis import inquire
 from straw.replay.diagnose.findings import Findings, conclude
 from straw.replay.diagnose.report import report
-from straw.replay.diagnose.system import Channel
+from straw.replay.diagnose.system import Channel, System
 from straw.replay.diagnose.systems.straw.observation import observe
 from straw.replay.diagnose.systems.straw.system import StrawSystem
 from straw.replay.errors import ReplayError
@@ -33,10 +33,7 @@ def run(args: argparse.Namespace) -> int:
         return diagnose_system.run(args)
     straw = load_straw(args.straw)
     system = StrawSystem(straw)
-    library = [name for name in system.causes if name not in args.without]
-    for name in args.without:
-        if name not in system.causes:
-            raise ReplayError(f"--without {name}: no such cause; known: {', '.join(system.causes)}")
+    library = chosen(system, args.without)
     for path in (args.output, args.experiment):
         if path:
             check_new(path)
@@ -83,6 +80,14 @@ def run(args: argparse.Namespace) -> int:
     if written:
         print(f"\nlook at {', '.join(map(str, written))}")
     return 0 if findings.verdict == "complete" else 1
+
+
+def chosen(system: System, without: Sequence[str]) -> list[str]:
+    """The causes that are tried: all but some; ReplayError for one that there is not."""
+    for name in without:
+        if name not in system.causes:
+            raise ReplayError(f"--without {name}: no such cause; known: {', '.join(system.causes)}")
+    return [name for name in system.causes if name not in without]
 
 
 def check_campaign(runs: Sequence[Run], cells: int) -> None:

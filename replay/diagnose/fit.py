@@ -89,8 +89,9 @@ def fitted(
 ) -> Fit:
     """The fit found from u in at most so many evaluations; it ends when a step gains less than ``share`` of the cost.
 
-    Minimises the sum of rho(r_i) + ((u_k - mean_k) / sd_k)^2 with rho the soft-L1 loss (`straw.replay.diagnose.robust`),
-    and |smooth u|^2 for ``smooth`` (k, unknowns): what a table's values are charged for being rough.
+    Minimises the sum of rho(r_i) + ((u_k - mean_k) / sd_k)^2 with rho the soft-L1 loss
+    (`straw.replay.diagnose.robust`), and |smooth u|^2 for ``smooth`` (k, unknowns): what a table's values are charged
+    for being rough.
     """
     problem = _Problem(campaign, tuple(unknowns), smooth)
     low, high = (np.array([getattr(k, name) for k in unknowns]) for name in ("low", "high"))
