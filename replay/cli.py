@@ -212,7 +212,11 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--given", action="append", default=[], metavar="C=VALUE,LOW,HIGH", help="a constant known better than the file"
     )
-    p.add_argument("--tolerance", metavar="Y=0.1,...", help="what is good enough by channel (of a system)")
+    p.add_argument(
+        "--tolerance",
+        metavar="x=0.1mm,phi=2mrad",
+        help="what may remain (RMS), by channel or as a share of the motion: 2%%",
+    )
     p.add_argument("--report", type=Path, metavar="R.html", help="one page, from the verdict to the evidence")
     p.add_argument("-o", "--output", type=Path, metavar="S.toml", help="the improved straw")
     p.add_argument("--experiment", type=Path, metavar="P.toml", help="the protocol that would tell what survives")

@@ -13,6 +13,7 @@ from straw.replay.diagnose.report import report
 from straw.replay.diagnose.system import Channel, System
 from straw.replay.diagnose.systems.straw.observation import observe
 from straw.replay.diagnose.systems.straw.system import StrawSystem
+from straw.replay.diagnose.tolerance import parse_tolerance
 from straw.replay.errors import ReplayError
 from straw.replay.gather import gather
 from straw.replay.output import check_new, write_json, write_text
@@ -34,6 +35,7 @@ def run(args: argparse.Namespace) -> int:
     straw = load_straw(args.straw)
     system = StrawSystem(straw)
     library = chosen(system, args.without)
+    tolerance = parse_tolerance(args.tolerance, system.channels) if args.tolerance else None
     for path in (args.output, args.experiment):
         if path:
             check_new(path)
@@ -58,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
             told=told,
             stop=lambda: interrupts.pending is not None,
         )
-        findings = conclude(found, _about(runs), told)
+        findings = conclude(found, _about(runs), told, tolerance=tolerance)
         page = report(findings, found) if args.report else ""
     print(text(findings, system.channels))
     written = []
@@ -79,7 +81,7 @@ def run(args: argparse.Namespace) -> int:
         written.append(args.json)
     if written:
         print(f"\nlook at {', '.join(map(str, written))}")
-    return 0 if findings.verdict == "complete" else 1
+    return 0 if findings.verdict in ("complete", "within_tolerance") else 1
 
 
 def chosen(system: System, without: Sequence[str]) -> list[str]:
@@ -123,6 +125,12 @@ def text(f: Findings, channels: Sequence[Channel]) -> str:
             before, after, floor = (channel.shown_per_si * row[channel.name] for row in held)
             unit = channel.shown_unit
             lines.append(f"  {channel.short:<4} {before:8.3f} -> {after:8.3f} {unit}, noise {floor:.3f} {unit}")
+        for one in f.held.explained():
+            shares = ", ".join(f"{100 * share:.0f} % in {channel}" for channel, share in one["share"].items())
+            lines.append(f"  {one['cause'].replace('_', ' ')} explains {shares} of the mean squared misfit above noise")
+        left = f.held.remainder
+        rest = [f"{c.short} {c.shown_per_si * left[c.name]:.3g} {c.shown_unit}" for c in channels]
+        lines.append(f"  what remains above noise: {', '.join(rest)} RMS")
     if f.smallest:
         lines.append("the smallest effects that would have been seen:")
         lines += [f"  {cause.replace('_', ' ')}: {size}" for cause, size in sorted(f.smallest.items())]

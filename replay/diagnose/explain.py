@@ -69,7 +69,7 @@ def explain(campaign: Campaign, names: Sequence[str], told: Told, proposal: Prop
     far = unexplained(campaign, found.null) > FAR
     if far:  # to first order around a fit that is far off nothing is told
         _large(found, hypotheses, wide_known, proposal, steps)
-    if not far or _unexplained(found):
+    if not found.contestants or not far or _unexplained(found):
         steps("causes that are small")
         left = _unexplained(found)
         for start in screen(campaign, found.null, hypotheses)[:SCREENED]:
@@ -99,9 +99,14 @@ def _telling(found: Inquiry) -> Campaign:
 def _large(
     found: Inquiry, hypotheses: Sequence[Hypothesis], base: Fit, proposal: Proposal | None, steps: _Steps
 ) -> None:
-    """Causes fitted coarsely from their starts, those that the proposal puts first before the others."""
+    """Causes fitted coarsely from their starts, those that the proposal puts first before the others.
+
+    Where the base explains the coarse comparison to noise (reduced chi-square below one), no cause can show there.
+    """
     wide = _telling(found)
     known = evaluated(wide, base.unknowns, base.u)
+    if known.cost < len(known.residual):
+        return
     given = _starts(found.campaign, proposal)
     for group in _in_turn(hypotheses, proposal):
         steps("causes that are large")

@@ -1,20 +1,16 @@
-"""Figures of a fit: its constants with their sigmas, how it does on runs held out, the smallest effect seen."""
+"""Figures of a fit: its constants with their sigmas, the smallest effect seen."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.fit import Contestant, Fit, fitted
-from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.fit import Contestant
 from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.judge import COUNTS_AS_ONE
-from straw.replay.diagnose.locate import Located
 from straw.replay.diagnose.robust import weights
 from straw.replay.diagnose.system import System
 
@@ -22,19 +18,6 @@ Floats = NDArray[np.float64]
 
 #: Squared sigmas that are one deviation of a constant: six instruments' constants were 0.04 to 2.2 of these off.
 ONE_DEVIATION = 20.0
-
-
-@dataclass(frozen=True)
-class Held:
-    """RMS by channel (SI) on runs that were not fitted: base model, improved model, and the recordings' noise."""
-
-    train: tuple[str, ...]
-    heldout: tuple[str, ...]
-    chi2_before: float
-    chi2_after: float
-    before: dict[str, float]
-    after: dict[str, float]
-    floor: dict[str, float]
 
 
 def constants_of(system: System, best: Contestant) -> dict[str, dict[str, dict[str, Any]]]:
@@ -63,43 +46,6 @@ def told(constants: dict[str, dict[str, Any]]) -> list[str]:
         f"{name} = {found['value']:.4g} ± {found['sigma']:.2g} {found['unit']}".removesuffix(" 1")
         for name, found in constants.items()
     ]
-
-
-def hold_out(campaign: Campaign, null: Fit, better: Fit, located: Sequence[Located]) -> Held | None:
-    """Base and improved model (or the base again) fitted once more without some runs, and how far each is off on those.
-
-    Held out are runs in which the misfit is, of different kinds, and at most a third; None with fewer than three runs.
-    """
-    names = [o.name for o in campaign.observations]
-    if len(names) < 3:
-        return None
-    blamed = list(dict.fromkeys(one.run for one in located)) + list(reversed(names))
-    configurations: list[Any] = []
-    out: list[str] = []
-    for name in blamed:
-        configuration = next(o.kind for o in campaign.observations if o.name == name)
-        if name not in out and configuration not in configurations and len(out) < max(1, len(names) // 4):
-            out.append(name)
-            configurations.append(configuration)
-    train, rest = campaign.only([n for n in names if n not in out]), campaign.only(out)
-    fits = [
-        (f.unknowns, fitted(train, f.unknowns, f.u, rounds=3)) for f in ([null] if better is null else [null, better])
-    ]
-    rms = [_plain_rms(rest, unknowns, fit.u) for unknowns, fit in fits]
-    floor = {
-        c.name: float(np.sqrt(np.mean(np.concatenate([o.floor()[i] ** 2 for o in rest.observations]))))
-        for i, c in enumerate(campaign.system.channels)
-    }
-    chi2 = [float(np.mean(fit.residual**2)) for _, fit in fits]
-    return Held(tuple(n for n in names if n not in out), tuple(out), chi2[0], chi2[-1], rms[0], rms[-1], floor)
-
-
-def _plain_rms(campaign: Campaign, unknowns: Sequence[Unknown], u: Floats) -> dict[str, float]:
-    rows = [one for one in campaign.misfits(unknowns, [u])[0] if one is not None]
-    return {
-        c.name: float(np.sqrt(np.mean(np.concatenate([one.plain[i] for one in rows]) ** 2))) if rows else float("nan")
-        for i, c in enumerate(campaign.system.channels)
-    }
 
 
 def smallest_seen(campaign: Campaign, found: Inquiry) -> dict[str, str]:

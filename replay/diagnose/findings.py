@@ -9,11 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.replay.diagnose.figures import Held, constants_of, hold_out, smallest_seen
-from straw.replay.diagnose.fit import Contestant
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.figures import constants_of, smallest_seen
+from straw.replay.diagnose.fit import Contestant, Fit
+from straw.replay.diagnose.heldout import Held, hold_out, moves, noise_floor, plain_rms
 from straw.replay.diagnose.inquiry import Inquiry, Told, silent
 from straw.replay.diagnose.judge import COVERED, Judgement, by_cause, surviving
 from straw.replay.diagnose.locate import Located, Wandering, locate, sentence, wandering
+from straw.replay.diagnose.tolerance import Tolerance
 
 Floats = NDArray[np.float64]
 
@@ -44,6 +47,7 @@ class Findings:
     experiment: Any
     notes: tuple[str, ...]
     missing: Any = None  # what stands for the cause where it is unknown
+    discovered: dict[str, Any] | None = None  # the same in the contract's words, where runs held out got better by it
 
     def as_json(self) -> dict[str, Any]:
         """The contract's Findings."""
@@ -73,6 +77,9 @@ class Findings:
                     "noise_floor": held.floor if held else {},
                 },
             },
+            "explained": held.explained() if held else [],
+            "remainder": held.remainder if held else {},
+            "discovered": self.discovered,
             "smallest_effect_seen": self.smallest,
             "indistinguishable": self.indistinguishable,
             "next_experiment": self.experiment.as_json() if self.experiment else None,
@@ -82,9 +89,19 @@ class Findings:
         }
 
 
-def conclude(found: Inquiry, notes: Sequence[str] = (), told: Told = silent, *, brief: bool = False) -> Findings:
+def conclude(
+    found: Inquiry,
+    notes: Sequence[str] = (),
+    told: Told = silent,
+    *,
+    brief: bool = False,
+    tolerance: Tolerance | None = None,
+) -> Findings:
     """Findings of an inquiry, finished or cut short. An unknown cause is looked for as a curve, a minute, and the next
-    experiment is chosen, unless ``brief``.
+    experiment is chosen, unless ``brief``. Where the base is within the ``tolerance``, that is the verdict.
+
+    What makes runs that were held out worse is not shown as an improvement: a cause is then not named alone, and a
+    curve is located but explains nothing.
     """
     campaign, judgement = found.campaign, found.judgement()
     probability = judgement.probability
@@ -98,15 +115,31 @@ def conclude(found: Inquiry, notes: Sequence[str] = (), told: Told = silent, *, 
     if verdict == "ambiguous":
         best = next((fitted[n] for n in probability if n in fitted), None)
     fit, there = best.fit if best else found.null, campaign
-    missing = None
-    if found.whole and verdict == "unknown_physics" and not brief:
-        missing = system.missing(campaign, found.null, told)
-    if missing and missing.formula:
-        fit, there = missing.curve.fit, missing.curve.campaign
-    model = there.system.fitted(fit.unknowns, fit.u)
     located = locate(campaign, found.null)
     wander = wandering(campaign, found.null)
     notes = [*notes, *_doubts(found)]
+    held = hold_out(campaign, found.null, fit, located, _added(found, best)) if found.whole else None
+    if best and held and held.worse and verdict != "ambiguous":
+        verdict = "ambiguous"
+        notes.append(f"{best.name} makes {_channels(held.worse)} worse in the runs held out, so it is not named alone")
+    missing, discovered = None, None
+    if found.whole and verdict == "unknown_physics" and not brief:
+        missing = system.missing(campaign, found.null, told)
+    if missing and missing.formula:
+        curve = missing.curve
+        tried = hold_out(curve.campaign, found.null, curve.fit, located)
+        if tried is None or not tried.better:
+            notes.append("the curve of what is missing does not make the runs held out better: located, not explained")
+        else:
+            fit, there, held = curve.fit, curve.campaign, tried
+            discovered = missing.discovered()
+    within = tolerance is not None and _within(tolerance, campaign, found.null, held)
+    if tolerance is not None and verdict != "complete":
+        if within:
+            verdict, causes = "within_tolerance", []
+        elif held and tolerance.holds(held.remainder, held.moves):
+            notes.append("what the improved model leaves is within the tolerance")
+    model = there.system.fitted(fit.unknowns, fit.u)
     experiment = None
     if found.whole and verdict in ("ambiguous", "unknown_physics") and not brief:
         nearest = sorted(found.singles.values(), key=lambda c: c.cost)[:2]  # of what is not the answer, but something
@@ -127,13 +160,39 @@ def conclude(found: Inquiry, notes: Sequence[str] = (), told: Told = silent, *, 
         model=model,
         written=there.system.written(model),
         parameters=constants_of(system, best) if best else {},
-        held=hold_out(there, found.null, fit, located) if found.whole else None,
+        held=held,
         smallest=smallest_seen(campaign, found) if verdict == "complete" else {},
         indistinguishable=[causes] if verdict == "ambiguous" and len(causes) > 1 else [],
         experiment=experiment,
         notes=tuple(notes),
         missing=missing,
+        discovered=discovered,
     )
+
+
+def _added(found: Inquiry, best: Contestant | None) -> list[tuple[str, Fit]]:
+    """Fits with the first of the best hypothesis' causes, with two, ...; that comes first which explains most alone."""
+    if best is None:
+        return []
+    alone = [found.singles[cause] for cause in best.hypothesis.causes if cause in found.singles]
+    if len(best.hypothesis.causes) == 1 or not alone:
+        return [("+".join(best.hypothesis.causes), best.fit)]
+    first = min(alone, key=lambda c: c.cost)
+    rest = [cause for cause in best.hypothesis.causes if cause != first.name]
+    return [(first.name, first.fit), ("+".join(rest), best.fit)]
+
+
+def _within(tolerance: Tolerance, campaign: Campaign, null: Fit, held: Held | None) -> bool:
+    """Whether the base is good enough, on the runs held out or, where there are none, on all."""
+    if held is not None:
+        return tolerance.holds(held.above_noise(held.before), held.moves)
+    rms, floor = plain_rms(campaign, null.unknowns, null.u), noise_floor(campaign)
+    left = {name: float(np.sqrt(max(0.0, value**2 - floor[name] ** 2))) for name, value in rms.items()}
+    return tolerance.holds(left, moves(campaign))
+
+
+def _channels(names: Sequence[str]) -> str:
+    return ", ".join(name.split("_")[0] for name in names)
 
 
 def verdict_of(probability: Mapping[str, float], faults: Collection[str]) -> tuple[str, list[str]]:
@@ -164,6 +223,8 @@ def _says(verdict: str, causes: Sequence[str], probability: Any, found: Inquiry)
         return f"Stopped before every cause was looked at: nothing is named and nothing excluded{so_far}."
     if verdict == "complete":
         return f"Nothing is missing: the base model, its constants refitted, explains all {runs} runs to repeatability."
+    if verdict == "within_tolerance":
+        return f"Complete within the tolerance: the refitted base model is good enough for these {runs} runs."
     if verdict == "unknown_physics":
         return f"Something is missing that no hypothesis in the library explains in these {runs} runs; none is named."
     sure = f"(probability {sum(p for n, p in probability.items() if set(causes) & set(n.split('+'))):.2f})"
