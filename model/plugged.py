@@ -7,17 +7,18 @@ environment (which processes that are started inherit), by `add_laws`, or by a p
 
 from __future__ import annotations
 
-import hashlib
 import os
 import sys
-import tomllib
-import traceback
 from functools import cache
-from importlib import metadata, util
+from importlib import util
 from pathlib import Path
-from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 from straw.model.errors import ModelError
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+    from types import ModuleType
 
 VARIABLE = "STRAW_LAWS"
 GROUP = "straw.laws"
@@ -50,6 +51,8 @@ def add_laws(*paths: str | Path) -> None:
 
 def sha256_of(path: Path) -> str:
     """The SHA-256 of a law's file; ModelError where it cannot be read."""
+    import hashlib
+
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError as error:
@@ -59,8 +62,10 @@ def sha256_of(path: Path) -> str:
 
 
 @cache
-def packages() -> tuple[tuple[metadata.EntryPoint, Path], ...]:
+def packages() -> tuple[tuple[EntryPoint, Path], ...]:
     """Entry points of installed packages, with the file that each law is in, by name."""
+    from importlib import metadata  # takes as long as all else that `straw --help` needs
+
     found = []
     for entry in sorted(metadata.entry_points(group=GROUP), key=lambda e: e.name):
         spec = util.find_spec(entry.module)
@@ -79,20 +84,23 @@ def sources() -> list[Path]:
 
 def laws_named_in(straw_file: Path) -> list[Path]:
     """Files of laws that a straw file names, without reading anything else of it; empty where it is no straw file."""
-    try:
-        document = tomllib.loads(straw_file.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return []  # whoever reads all of it says what is wrong
-    return [path for path, _ in laws_of(document.get("laws", []), straw_file.parent, str(straw_file)) if path]
+    given = _read(straw_file).get("laws", [])
+    return [path for path, _ in laws_of(given, straw_file.parent, str(straw_file)) if path]
 
 
 def straw_of_rig(rig_file: Path) -> Path | None:
     """The straw file that a rig file names, if it does."""
-    try:
-        straw = tomllib.loads(rig_file.read_text(encoding="utf-8")).get("straw")
-    except (OSError, ValueError):
-        return None
+    straw = _read(rig_file).get("straw")
     return rig_file.parent / straw if isinstance(straw, str) else None
+
+
+def _read(path: Path) -> dict[str, Any]:
+    import tomllib
+
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}  # whoever reads all of it says what is wrong
 
 
 def laws_of(given: object, folder: Path, name: str) -> list[tuple[Path | None, str]]:
@@ -131,6 +139,8 @@ def module_of(path: Path, what: str) -> ModuleType:
 
 def said(error: BaseException, path: Path | None = None) -> str:
     """An error of somebody's code in one line, with the line it came from."""
+    import traceback
+
     text = " ".join(str(error).split())
     lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if path and Path(f.filename) == path]
     where = f"line {lines[-1]}: " if lines else ""
