@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from typing import NoReturn
 
+from straw.model.plugged import add_laws, laws_named_in, straw_of_rig
 from straw.replay.errors import USER_ERRORS
 from straw.replay.shell.options import design_options, shell_options, solid_options
 
@@ -228,10 +229,6 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--partial", action="store_true", help="take damaged or cut recordings for what is left of them")
     _json(p)
 
-    p = _command(commands, "check", "the contract test over a system of your own")
-    p.add_argument("part", type=Path, metavar="SYSTEM.py")
-    _json(p)
-
     p = _command(commands, "paper", "the paper's numbers beside the model's, and its figures drawn anew")
     p.add_argument("--out", type=Path, default=Path("paper"), metavar="DIR", help="folder for the figures (paper)")
     p.add_argument(
@@ -251,6 +248,11 @@ def parser() -> argparse.ArgumentParser:
     p = _command(commands, "solid", "the straw as a body for a printer (STL) or a mould (STEP)")
     solid_options(p)
     _straw(p)
+
+    p = _command(commands, "check", "a law, or another part of your own: does it do what it must, in one line")
+    p.add_argument("part", type=Path, metavar="PART.py", help="a LAW, a CONTROLLER, or a system")
+    p.add_argument("--run", action="store_true", help="run the straw with the law as well: compiles, a minute or two")
+    _json(p)
 
     p = _command(commands, "terms", "the laws that can be added to a straw, and what each does to the paper's two runs")
     _json(p)
@@ -351,7 +353,9 @@ def _rig(p: argparse.ArgumentParser) -> None:
 
 
 def _controller(p: argparse.ArgumentParser, default: str | None = "ob1-mk4") -> None:
-    p.add_argument("--controller", default=default, metavar="NAME", help="ob1-mk4 (default), ob1-sdk or alicat")
+    p.add_argument(
+        "--controller", default=default, metavar="NAME", help="ob1-mk4 (default), ob1-sdk, alicat, or a file D.py"
+    )
     p.add_argument("--limits", metavar="MIN,MAX[,RATE]", help="in kPa, kPa/s, below all else: --limits=-40,60,50")
     p.add_argument("--setting", action="append", default=[], metavar="KEY=VALUE", help="of the driver, as unit=B")
 
@@ -359,7 +363,9 @@ def _controller(p: argparse.ArgumentParser, default: str | None = "ob1-mk4") -> 
 def _port(p: argparse.ArgumentParser) -> None:
     p.add_argument("--port", metavar="URL", help="serial port, by-id path, or socket://host:port (all that are known)")
     p.add_argument(
-        "--controller", metavar="NAME", help="ob1-mk4, ob1-sdk or alicat (what was driven there, or ob1-mk4)"
+        "--controller",
+        metavar="NAME",
+        help="ob1-mk4, ob1-sdk, alicat or D.py (what was driven there, or ob1-mk4)",
     )
     p.add_argument("--setting", action="append", default=[], metavar="KEY=VALUE", help="of the driver, as unit=B")
     p.set_defaults(action=p.prog.split()[-1], limits=None)
@@ -389,6 +395,9 @@ def _command(
 
 def _straw(p: argparse.ArgumentParser, text: str = "the straw") -> None:
     p.add_argument("--straw", type=Path, metavar="S.toml", help=f"{text}: constants that differ from the paper's")
+    p.add_argument(
+        "--laws", type=Path, nargs="+", default=[], metavar="L.py", help="laws of your own, beside those it names"
+    )
 
 
 def _identified(p: argparse.ArgumentParser) -> None:
@@ -402,10 +411,23 @@ def _json(p: argparse.ArgumentParser) -> None:
     p.add_argument("--json", type=Path, metavar="FILE", help="the result for machines")
 
 
+def plug(args: argparse.Namespace) -> None:
+    """Make laws of the user's own part of the model, before a command loads it: those named, and the straw file's."""
+    straw, rig = getattr(args, "straw", None), getattr(args, "rig", None)
+    named = [*getattr(args, "laws", [])]
+    if isinstance(rig, Path) and straw is None:
+        straw = straw_of_rig(rig)
+    if isinstance(straw, Path):
+        named += laws_named_in(straw)
+    if named:
+        add_laws(*named)
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run one command; 0 ok, 1 the answer is no, 2 bad input in one line, 130 interrupted."""
     args = parser().parse_args(argv)
     try:
+        plug(args)
         return int(importlib.import_module(f"straw.replay.commands.{args.module}").run(args))
     except USER_ERRORS as error:
         print(f"straw: {' '.join(str(error).split())}", file=sys.stderr)

@@ -55,7 +55,13 @@ def write_predicted(
     path: Path, straw: StrawParameters, protocol: PressureProtocol, p: Prediction | LongPrediction
 ) -> None:
     """Write a protocol's prediction as a recording whose zero is the protocol's."""
-    metadata = {"run_id": protocol.name, **protocol.metadata, "cells": str(straw.cells), "straw": straw.to_toml()}
+    metadata = {
+        "run_id": protocol.name,
+        **protocol.metadata,
+        "cells": str(straw.cells),
+        **straw.laws,
+        "straw": straw.to_toml(),
+    }
     since_zero_s = p.time_s - protocol.zero_s
     write_prediction(
         path,

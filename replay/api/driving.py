@@ -59,7 +59,7 @@ def run_protocol(
     """
     the, what, path = the_straw(straw), the_protocol(protocol), Path(output)
     check_new(path)
-    about: dict[str, Any] = dict(metadata or {})
+    about: dict[str, Any] = {**(metadata or {}), **the.laws}
 
     def work(driver: Controller) -> Recording:
         return read_recording(drive(driver, what, path, the.cells, rate_hz, **about).path)

@@ -81,7 +81,7 @@ def write_predicted(folder: Path, c: Comparison) -> Path:
     write_prediction(
         path,
         "straw",
-        {**c.run.metadata, "straw": c.straw.to_toml(), "driven_by": "/pressure/measured"},
+        {**c.run.metadata, **c.straw.laws, "straw": c.straw.to_toml(), "driven_by": "/pressure/measured"},
         parent_sha256=c.run.sha256,
         zero_time_ns=c.run.zero_time_ns,
         tip=trace_of(c.prediction, c.prediction.time_s),

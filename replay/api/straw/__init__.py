@@ -9,6 +9,8 @@ if TYPE_CHECKING:
     from straw.model.direction import Direction
     from straw.model.errors import ModelError
     from straw.model.parameters import StrawParameters, load_straw
+    from straw.model.plugged import add_laws
+    from straw.model.term import Constant, Law
     from straw.replay.api.comparing import Comparison, Replay, replay
     from straw.replay.api.diagnosing import Diagnosis, diagnose
     from straw.replay.api.driving import controller, controllers, emulated, run_protocol
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
     from straw.rig.controller import Controller
     from straw.rig.errors import RigError
     from straw.rig.limits import PressureLimits
+    from straw.rig.reading import Answer, Reading
     from straw.rig.run import Event, PressureLog
     from straw.tracking.board import Board
     from straw.tracking.camera import Camera, load_camera
@@ -29,20 +32,24 @@ if TYPE_CHECKING:
 
 __all__ = [
     "USER_ERRORS",
+    "Answer",
     "Board",
     "Camera",
     "Comparison",
+    "Constant",
     "Controller",
     "Derivatives",
     "Diagnosis",
     "Direction",
     "Event",
+    "Law",
     "LongPrediction",
     "ModelError",
     "Prediction",
     "PressureLimits",
     "PressureLog",
     "Protocol",
+    "Reading",
     "Recording",
     "Replay",
     "ReplayError",
@@ -52,6 +59,7 @@ __all__ = [
     "Track",
     "TrackingError",
     "__version__",
+    "add_laws",
     "controller",
     "controllers",
     "diagnose",
@@ -70,6 +78,11 @@ __all__ = [
 
 #: Where each public name lives. `replay` is the room, which can be called.
 _PLACES = {
+    "Answer": "straw.rig.reading",
+    "Reading": "straw.rig.reading",
+    "add_laws": "straw.model.plugged",
+    "Constant": "straw.model.term",
+    "Law": "straw.model.term",
     "Board": "straw.tracking.board",
     "Camera": "straw.tracking.camera",
     "Comparison": "straw.replay.api.comparing",

@@ -7,10 +7,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from straw.model.term import Law
+from straw.model.terms import CAUSES
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
 
 #: Sizes from which to look for a cause are this far from each other, in units of u.
 NEXT_SIZE = 0.6
+#: Smallest size from which a law is looked for that nobody wrote starts for, in its units: as most of those below.
+LEAST = 0.3
+#: The largest, as u: a step before the bound.
+MOST = 7.4
 
 
 def _positive(target: str, scale: float) -> Unknown:
@@ -176,7 +182,42 @@ def causes(cells: int) -> dict[str, tuple[tuple[Unknown, ...], tuple[tuple[float
         field = {"clock_offset": "clock_offset_s", "camera_roll": "camera_roll_rad", "tip_offset": "tip_offset_m"}
         field["gauge_offset"] = "gauge_offset_pa"
         out[name] = ((_signed(f"instrument.{field.get(name, name)}", scale),), ((0.5,), (-0.5,)))
-    return out
+    return out | {name: library_of(law) for name, law in CAUSES.items() if name not in out}
+
+
+def library_of(law: Law) -> tuple[tuple[Unknown, ...], tuple[tuple[float, ...], ...]]:
+    """Unknowns and starts of a law that has none above, from its constants' plausible ranges.
+
+    A strength is in units of the bottom of its range, which is what is well seen of it, or of a tenth of its top where
+    the range has no bottom; it starts small and goes to the top, to both sides where its range does. All others start
+    from their default: over the range on a log scale where it has a bottom, else linear.
+    """
+    unknowns: list[Unknown] = []
+    alike: list[bool] = []
+    sizes: tuple[float, ...] = (1.0,)
+    for c in law.constants:
+        target = f"term.{law.name}.{c.name}"
+        if c.name in law.strengths:
+            top = max(abs(c.low), abs(c.high))
+            unit = c.low if c.low > 0 else top / 10
+            unknowns.append(_signed(target, unit) if c.low < 0 else _positive(target, unit))
+            if not alike:
+                sizes = _sizes(min(LEAST, top / unit), min(top / unit, float(np.sinh(MOST))))
+                sizes = (*sizes, *(-size for size in sizes)) if c.low < 0 else sizes
+            alike.append(True)
+        elif c.low > 0 and c.default > 0:
+            unknowns.append(_shape(target, c.default, c.low, c.high))
+            alike.append(False)
+        else:
+            span = (c.high - c.low) / 4
+            unknowns.append(
+                Unknown(target, span, kind="linear", low=c.low / span, high=c.high / span, mean=c.default / span)
+            )
+            alike.append(False)
+    starts = [
+        tuple(size if like else unknown.mean for like, unknown in zip(alike, unknowns, strict=True)) for size in sizes
+    ]
+    return tuple(unknowns), tuple(starts)
 
 
 def hypothesis(names: Sequence[str], cells: int) -> Hypothesis:
