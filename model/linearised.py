@@ -179,6 +179,8 @@ def linearise(c: Constants, m: Motion, frusta: Floats, law: Floats, pushed: Floa
     dims, slots, moving = s.next.shape[1], len(s.slots), 2 * c.active
     if dims == JOINT and slots == 2 and moving == 2:  # sizes that the compiler knows: most straws, in half the time
         _linearise(c, m, frusta, law, pushed, s, JOINT, 2, 2)
+    elif dims == JOINT and slots == 3 and moving == 2:
+        _linearise(c, m, frusta, law, pushed, s, JOINT, 3, 2)
     else:
         _linearise(c, m, frusta, law, pushed, s, dims, slots, moving)
 
