@@ -103,15 +103,6 @@ def bench_for(c: Constants, given: Given, P: int) -> Bench:
 
 
 @allocates_nothing
-def moves(row: Floats) -> bool:
-    """Whether a row has anything but zeros."""
-    for p in range(len(row)):  # noqa: SIM110  (numba knows no generators)
-        if row[p] != 0:
-            return True
-    return False
-
-
-@allocates_nothing
 def add(share: float, row: Floats, out: Floats) -> None:
     """Add a share of a row to another."""
     for p in range(np.uint64(len(row))):

@@ -49,16 +49,16 @@ def _linearised(
     linearise(c, b.motion, b.slopes, b.law, b.pushed, b.links)
     eliminate(c, b.links, b.law, b.pushed, s.inside_pa[stage], hg, b.eliminating, b.sweeps)
     for i in range(c.cells):
-        for row in range(rows.q):
-            for p in range(np.uint64(block.shape[2])):
-                block[i, row, p] = 0.0
+        empty = b.sweeps.flat[i, : rows.q * block.shape[2]]
+        for x in range(np.uint64(len(empty))):
+            empty[x] = 0.0
         if given.odd_moves:
             odd = block[i, rows.rigid]
             for p in range(given.odd.shape[1]):
                 odd[p] = given.odd[i, p]
-    for row in range(rows.joint, rows.end):
-        for p in range(np.uint64(block.shape[2])):
-            block[0, row, p] = 0.0
+    at_base = b.sweeps.flat[0, rows.joint * block.shape[2] :]
+    for x in range(np.uint64(len(at_base))):
+        at_base[x] = 0.0
 
 
 @allocates_nothing
@@ -158,8 +158,8 @@ def _moved_on(c: Constants, stage: int, hg: float, b: Bench, rows: Rows, P: int)
                 q[p] += hg * hg * a
 
 
-@called
-def solve_stage(
+@allocates_nothing
+def _solve_stage(
     c: Constants,
     given: Given,
     table: Table,
@@ -197,7 +197,7 @@ def advance_columns(
     """Take the columns along an accepted step of h, whose stages are ``s``; ``state`` is still where it started."""
     P, rows, W, half = len(d.inside_pa), rows_of(c, b.links), b.sweeps.block.shape[2], d.qv.shape[1] // 2
     for stage in range(STAGES):
-        solve_stage(c, given, table, w, state, h, s, stage, d, b)
+        _solve_stage(c, given, table, w, state, h, s, stage, d, b)
     end = STAGES - 1
     for i in range(c.cells):
         copy(b.sweeps.flat[i, rows.q * W : rows.q * W + half], d.qv[i, :half])

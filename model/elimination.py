@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import allocates_nothing, called
+from model.compiled import called, fused
 from model.constants import Constants
 from model.links import ANGLE, AX, AZ, D_SPIN, JOINT, JOINT_IN_WORLD, LAW_IN, SPIN, VX, VZ, Links, X, Z
 from model.sweeps import Sweeps
@@ -19,7 +19,7 @@ from model.sweeps import Sweeps
 Floats = NDArray[np.float64]
 
 
-@allocates_nothing
+@fused
 def _invert(S: Floats, k: int, out: Floats) -> None:
     """Inverse of the k x k matrix S, which is overwritten, by Gauss and Jordan with pivots."""
     if k == 2:
@@ -51,7 +51,7 @@ def _invert(S: Floats, k: int, out: Floats) -> None:
                     out[row, j] -= factor * out[i, j]
 
 
-@allocates_nothing
+@fused
 def _tip(c: Constants, s: Links, law: Floats, pushed: Floats, inside_pa: float, A: Floats, wrench: Floats) -> None:
     """The sealing: how its wrench answers what the tip does, and the wrench."""
     dims, n, tip = s.next.shape[1], c.cells, s.joint[c.cells]
@@ -81,7 +81,7 @@ def _tip(c: Constants, s: Links, law: Floats, pushed: Floats, inside_pa: float, 
     wrench[2] = -c.I_tip * tip[D_SPIN] + torque
 
 
-@allocates_nothing
+@fused
 def _beyond(A: Floats, there: Floats, column: int, dims: int, r: int) -> tuple[float, float, float]:
     """Wrench from beyond the outer joint by a column: A times what the joint does, whose other rows are zero."""
     fx = fz = moment = 0.0
@@ -124,7 +124,7 @@ def eliminate(
         _eliminate(c, s, law, pushed, inside_pa, hg, work, e, k, r, dims)
 
 
-@allocates_nothing
+@fused
 def _eliminate(
     c: Constants,
     s: Links,

@@ -37,6 +37,7 @@ class Given(NamedTuple):
     in_world: bool  # forces act in the world's directions, or depend on where a body is
     odd_moves: bool  # heights of rigid odd frusta change
     scalars: Floats  # (len(SCALARS), P)
+    moves: NDArray[np.bool_]  # (len(SCALARS),) whether any column moves it
     odd: Floats  # (cells, P) heights of rigid odd frusta
     cell: Indices  # (E,)
     frustum: Indices  # (E,)
@@ -106,6 +107,7 @@ def given(straw: StrawParameters, table: Table, directions: Sequence[Direction])
         in_world=bool(body_terms or c.F_X != 0 or c.F_Z != 0),
         odd_moves=bool(rigid and odd.any()),
         scalars=scalars,
+        moves=scalars.any(axis=1),
         odd=odd if rigid else np.zeros_like(odd),
         cell=where[:, 0].copy(),
         frustum=where[:, 1].copy(),
