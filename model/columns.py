@@ -27,6 +27,7 @@ from model.pushing import add_pushed, body_slopes
 from model.scheme import COEFFICIENTS, GAMMA, STAGES, TIMES
 from model.stages import Stages, State, copy, stages_for
 from model.sweeps import Rows, rows_of, solve
+from model.vectors import plus
 from model.way_columns import advance_way
 
 Floats = NDArray[np.float64]
@@ -36,9 +37,7 @@ REST_S = 1e9
 
 
 @allocates_nothing
-def _linearised(
-    c: Constants, given: Given, s: Stages, stage: int, hg: float, b: Bench, rows: Rows
-) -> None:
+def _linearised(c: Constants, given: Given, s: Stages, stage: int, hg: float, b: Bench, rows: Rows) -> None:
     """Linearise the straw at what a stage found, and clear the block."""
     block = b.sweeps.block
     spread(c, s.q[stage], s.v[stage], s.a[stage], b.motion)
@@ -112,15 +111,13 @@ def _known(state: State, i: int, h: float, d: Columns, given: Given, b: Bench, r
     """What the columns of stage i start from, into the block, and displacements that follow from the known rates."""
     P, W, hg = np.uint64(len(d.inside_pa)), b.sweeps.block.shape[2], h * GAMMA
     many = d.qv.shape[1]
-    half = np.uint64(many // 2)
+    half = many // 2
     for cell in range(d.qv.shape[0]):
         qv, start = b.sweeps.flat[cell, rows.q * W : rows.q * W + many], d.qv[cell]
-        for x in range(np.uint64(many)):
-            qv[x] = start[x]
-        for j in range(i):
-            add(h * COEFFICIENTS[i, j], b.qv[j, cell], qv)
-        for x in range(half):
-            qv[x] += hg * qv[half + x]
+        plus(start, h * COEFFICIENTS[i, 0] if i > 0 else 0.0, b.qv[0, cell], qv)
+        for j in range(1, i):
+            plus(qv, h * COEFFICIENTS[i, j], b.qv[j, cell], qv)
+        plus(qv[:half], hg, qv[half:], qv[:half])
     for x in range(STATES):
         for p in range(P):
             b.known_way_in[x, p] = d.way_in[x, p]
@@ -147,15 +144,12 @@ def _moved_on(c: Constants, stage: int, hg: float, b: Bench, rows: Rows, P: int)
     W, k = b.sweeps.block.shape[2], 2 * c.active
     b.inside_pa[P] = -1.0  # of what a pascal does nothing is left in its own column
     for i in range(c.cells):
+        q, v = b.sweeps.flat[i, rows.q * W : rows.v * W], b.sweeps.flat[i, rows.v * W : rows.rigid * W]
+        q_rate, v_rate = b.qv[stage, i, : k * W], b.qv[stage, i, k * W :]
         for x in range(k):
-            q, v, found = b.sweeps.block[i, rows.q + x], b.sweeps.block[i, rows.v + x], b.found[i, x]
-            q_rate, v_rate = b.qv[stage, i, x * W : (x + 1) * W], b.qv[stage, i, (k + x) * W : (k + x + 1) * W]
-            by_pa = found[P]
-            for p in range(np.uint64(W)):
-                a = found[p] + by_pa * b.inside_pa[p]
-                v_rate[p] = a
-                q_rate[p] = v[p] + hg * a
-                q[p] += hg * hg * a
+            plus(b.found[i, x], b.found[i, x, P], b.inside_pa, v_rate[x * W : (x + 1) * W])
+        plus(v, hg, v_rate, q_rate)
+        plus(q, hg * hg, v_rate, q)
 
 
 @allocates_nothing

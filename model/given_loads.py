@@ -183,6 +183,7 @@ def _by_constant(
 ) -> tuple[float, float]:
     """Derivative of a frustum's force and moment by a constant of a term, whose law alone is asked."""
     k, f = c.terms[i, j], frustum_at(c, b.motion, i, j)
+    over = 0.5 / e if memory < 0 else -0.5 / e  # a memory is minus the force
     zeta = phi = 0.0
     if memory >= 0:
         zeta, phi = s.known_memory[stage, i, j, memory, 0], s.known_memory[stage, i, j, memory, 1]
@@ -192,8 +193,7 @@ def _by_constant(
     k[at] = held - e
     force2, moment2 = law_of(term, f, k, zeta, phi, hg)
     k[at] = held
-    sign = 2 * e if memory < 0 else -2 * e  # a memory is minus the force
-    return (force - force2) / sign, (moment - moment2) / sign
+    return (force - force2) * over, (moment - moment2) * over
 
 
 @allocates_nothing
@@ -210,7 +210,8 @@ def _by_number(
     else:
         f, g = base_force(c, b.motion, i, j, number, e)
         f2, g2 = base_force(c, b.motion, i, j, number, -e)
-        force, moment = (f - f2) / (2 * e), (g - g2) / (2 * e)
+        over = 0.5 / e
+        force, moment = (f - f2) * over, (g - g2) * over
     if c.plain:
         return force, moment
     up, down, known = b.remembering[0], b.remembering[1], s.known_memory[stage, i, j]

@@ -22,6 +22,7 @@ class Sweeps(NamedTuple):
     ahead: Floats  # (cells, moving + dims, 2 moving + slots + dims)
     block: Floats  # (cells, rows, wide) columns and behind them zeros
     flat: Floats  # (cells, rows wide) the same
+    spare: Floats  # (dims, wide) where answers go that nothing asks for: beyond the base, beyond the tip
 
 
 class Rows(NamedTuple):
@@ -54,14 +55,14 @@ def wide(columns: int) -> int:
 @compiled
 def sweeps_for(c: Constants, s: Links, columns: int) -> Sweeps:
     """Room for as many right sides."""
-    k, r, dims = 2 * c.active, len(s.slots), s.next.shape[1]
-    rows = rows_of(c, s)
+    k, dims, rows = 2 * c.active, s.next.shape[1], rows_of(c, s)
     block = np.zeros((c.cells, rows.end, wide(columns)))
     return Sweeps(
         np.zeros((c.cells, k + 3, rows.left)),
         np.zeros((c.cells, k + dims, rows.end - rows.q)),
         block,
         block.reshape((c.cells, rows.end * wide(columns))),
+        np.zeros((dims, wide(columns))),
     )
 
 
@@ -72,27 +73,21 @@ def solve(c: Constants, s: Links, e: Sweeps, accelerations: Floats) -> None:
     Given: force, known displacement and rate of all cells, the wrench on the tip (the last cell's ``beyond``) and what
     the first joint does.
     """
-    k, rows, column, columns = 2 * c.active, rows_of(c, s), 0, e.block.shape[2]
-    while column + 8 <= columns:
-        for i in range(c.cells - 1, -1, -1):
-            b = e.block[i]
-            product8(e.back[i, :k], b[: rows.left], b[rows.left : rows.joint], column)
-            if i > 0:
-                product8(e.back[i, k:], b[: rows.left], e.block[i - 1, rows.beyond : rows.q], column)
-        for i in range(c.cells):
+    k, rows, n, column, columns = 2 * c.active, rows_of(c, s), c.cells, 0, e.block.shape[2]
+    while column < columns:
+        eight = column + 8 <= columns
+        for i in range(n - 1, -1, -1):
+            b, left = e.block[i, : rows.left], e.block[i, rows.left : rows.joint]
+            beyond = e.block[i - 1, rows.beyond : rows.q] if i > 0 else e.spare[:3]
+            if eight:
+                product8(e.back[i], b, left, beyond, k, column)
+            else:
+                product4(e.back[i], b, left, beyond, k, column)
+        for i in range(n):
             b = e.block[i, rows.q :]
-            product8(e.ahead[i, :k], b, accelerations[i], column)
-            if i + 1 < c.cells:
-                product8(e.ahead[i, k:], b, e.block[i + 1, rows.joint :], column)
-        column += 8
-    if column < columns:
-        for i in range(c.cells - 1, -1, -1):
-            b = e.block[i]
-            product4(e.back[i, :k], b[: rows.left], b[rows.left : rows.joint], column)
-            if i > 0:
-                product4(e.back[i, k:], b[: rows.left], e.block[i - 1, rows.beyond : rows.q], column)
-        for i in range(c.cells):
-            b = e.block[i, rows.q :]
-            product4(e.ahead[i, :k], b, accelerations[i], column)
-            if i + 1 < c.cells:
-                product4(e.ahead[i, k:], b, e.block[i + 1, rows.joint :], column)
+            joint = e.block[i + 1, rows.joint :] if i + 1 < n else e.spare
+            if eight:
+                product8(e.ahead[i], b, accelerations[i], joint, k, column)
+            else:
+                product4(e.ahead[i], b, accelerations[i], joint, k, column)
+        column += 8 if eight else 4

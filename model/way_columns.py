@@ -13,6 +13,7 @@ from model.given import AREA, Given
 from model.stages import Stages
 from model.straw import volume_rate
 from model.sweeps import Rows
+from model.vectors import plus
 
 Floats = NDArray[np.float64]
 
@@ -34,9 +35,8 @@ def advance_way(
         b.flow[p] = 0.0
     for i in range(n):
         for x in range(c.active):
-            v, a = b.sweeps.block[i, rows.v + x], b.found[i, x]
-            for p in range(np.uint64(len(b.flow))):
-                b.flow[p] += c.S * (v[p] + hg * a[p])
+            plus(b.flow, c.S, b.sweeps.block[i, rows.v + x], b.flow)
+            plus(b.flow, c.S * hg, b.found[i, x], b.flow)
     add(rate, given.scalars[AREA], b.flow[:P])
     reservoir_pa, time_s = s.way_in[stage, 0], w.lag_s + hg
     for p in range(P):
