@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import allocates_nothing, compiled
-from model.constants import Constants
-from model.kinematics import Chain
+from straw.model.compiled import allocates_nothing, compiled
+from straw.model.constants import Constants
+from straw.model.kinematics import Chain
 
 Floats = NDArray[np.float64]
 

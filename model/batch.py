@@ -10,18 +10,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.drive import Table
-from model.errors import ModelError
-from model.integrate import integrate
-from model.parameters import StrawParameters
-from model.simulate import TOLERANCE_M, Prediction, run, sampled
+from straw.model.drive import Table
+from straw.model.errors import ModelError
+from straw.model.integrate import integrate
+from straw.model.parameters import StrawParameters
+from straw.model.simulate import TOLERANCE_M, Prediction, run, sampled
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Job:
-    """What one call of `model.simulate.simulate` takes."""
+    """What one call of `straw.model.simulate.simulate` takes."""
 
     straw: StrawParameters
     pressure: Callable[[Floats], Floats]

@@ -7,22 +7,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from model.channel import STATES
-from model.compiled import allocates_nothing, compiled
-from model.constants import Constants
-from model.frusta import MEMORIES
-from model.given import Given
-from model.kinematics import Chain, Motion, empty_chain, still_motion
-from model.links import JOINT, JOINT_IN_WORLD, LAW_IN, LAW_OUT, Links, links_for
-from model.load import Load, no_load
-from model.scheme import STAGES
-from model.sweeps import Sweeps, sweeps_for, wide
+from straw.model.channel import STATES
+from straw.model.compiled import allocates_nothing, compiled
+from straw.model.constants import Constants
+from straw.model.frusta import MEMORIES
+from straw.model.given import Given
+from straw.model.kinematics import Chain, Motion, empty_chain, still_motion
+from straw.model.links import JOINT, JOINT_IN_WORLD, LAW_IN, LAW_OUT, Links, links_for
+from straw.model.load import Load, no_load
+from straw.model.scheme import STAGES
+from straw.model.sweeps import Sweeps, sweeps_for, wide
 
 Floats = NDArray[np.float64]
 
 
 class Columns(NamedTuple):
-    """Derivatives of where a run stands by P parameters; coordinates of a cell as in `model.linearised`."""
+    """Derivatives of where a run stands by P parameters; coordinates of a cell as in `straw.model.linearised`."""
 
     qv: Floats  # (cells, 2 moving wide) displacements, then rates, row by row; zeros behind the columns of each
     memory: Floats  # (cells, 2, MEMORIES, 2, P)
@@ -60,7 +60,7 @@ class Bench(NamedTuple):
     pushed_by: Floats  # (cells + 1, LAW_OUT)
     unpushed: Floats  # (cells + 1, LAW_OUT) zero
     ends: Floats  # (2, cells, 7)
-    wall: Floats  # a row of model.terms.shell_energy
+    wall: Floats  # a row of straw.model.terms.shell_energy
 
 
 @compiled

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import fused
-from model.constants import Constants
-from model.kinematics import Motion
+from straw.model.compiled import fused
+from straw.model.constants import Constants
+from straw.model.kinematics import Motion
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -16,10 +16,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import allocates_nothing, compiled
-from model.constants import Constants
-from model.table import POINTS, table, table_moved
-from model.terms import COLUMNS
+from straw.model.compiled import allocates_nothing, compiled
+from straw.model.constants import Constants
+from straw.model.table import POINTS, table, table_moved
+from straw.model.terms import COLUMNS
 
 Floats = NDArray[np.float64]
 

@@ -11,24 +11,24 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from model.bench import Bench, Columns, add, bench_for
-from model.channel import STATES, Channel
-from model.compiled import allocates_nothing, called, compiled
-from model.constants import Constants
-from model.drive import Table, pressure_in
-from model.elimination import eliminate
-from model.frusta import MEMORIES
-from model.frusta_slopes import frusta_slopes
-from model.given import Given
-from model.given_loads import add_given
-from model.kinematics import place, spread
-from model.linearised import linearise
-from model.pushing import add_pushed, body_slopes
-from model.scheme import COEFFICIENTS, GAMMA, STAGES, TIMES
-from model.stages import Stages, State, copy, stages_for
-from model.sweeps import Rows, rows_of, solve
-from model.vectors import plus
-from model.way_columns import advance_way
+from straw.model.bench import Bench, Columns, add, bench_for
+from straw.model.channel import STATES, Channel
+from straw.model.compiled import allocates_nothing, called, compiled
+from straw.model.constants import Constants
+from straw.model.drive import Table, pressure_in
+from straw.model.elimination import eliminate
+from straw.model.frusta import MEMORIES
+from straw.model.frusta_slopes import frusta_slopes
+from straw.model.given import Given
+from straw.model.given_loads import add_given
+from straw.model.kinematics import place, spread
+from straw.model.linearised import linearise
+from straw.model.pushing import add_pushed, body_slopes
+from straw.model.scheme import COEFFICIENTS, GAMMA, STAGES, TIMES
+from straw.model.stages import Stages, State, copy, stages_for
+from straw.model.sweeps import Rows, rows_of, solve
+from straw.model.vectors import plus
+from straw.model.way_columns import advance_way
 
 Floats = NDArray[np.float64]
 

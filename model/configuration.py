@@ -7,9 +7,9 @@ from collections.abc import Collection, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import ModelError
-from model.frustum import Equilibrium, Frustum
-from model.parameters import StrawParameters
+from straw.model.errors import ModelError
+from straw.model.frustum import Equilibrium, Frustum
+from straw.model.parameters import StrawParameters
 
 Floats = NDArray[np.float64]
 

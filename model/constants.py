@@ -31,10 +31,10 @@ class Constants(NamedTuple):
     zeta0: Floats
     C1: Floats  # equation 6
     C2: Floats  # equation 6
-    wall: Floats  # (cells, 2, model.terms.shell_energy.ROW) what takes the place of C1, C2; zero for equation 7
+    wall: Floats  # (cells, 2, straw.model.terms.shell_energy.ROW) what takes the place of C1, C2; zero for equation 7
     c_zeta: Floats  # equation 4
     c_phi: Floats  # equation 4
     cycle: float  # how often the specimen was cycled before the run
     plain: bool  # no frustum term beyond the base model
     remembers: bool  # a term with memory among them
-    terms: Floats  # (cells, 2, model.terms.WIDTH) constants of the terms the base model lacks
+    terms: Floats  # (cells, 2, straw.model.terms.WIDTH) constants of the terms the base model lacks

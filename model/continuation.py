@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from model.parameters import StrawParameters
-from model.stiffness import length_scale, pressure_force, rest_force, stiffness_matrix
+from straw.model.parameters import StrawParameters
+from straw.model.stiffness import length_scale, pressure_force, rest_force, stiffness_matrix
 
 Floats = NDArray[np.float64]
 

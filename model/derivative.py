@@ -11,20 +11,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.bench import Columns
-from model.channel import STATES, channel_of, lost, lost_to_table_moved, way_slopes
-from model.columns import rest_columns
-from model.compiled import compiled
-from model.constants import Constants
-from model.direction import SCALARS, Direction
-from model.drive import Table
-from model.frusta import MEMORIES, MEMORY_TERMS
-from model.given import Given, given, linearised
-from model.integrate import FIRST_STEPS, at_rest
-from model.integrate_columns import Outputs, OutputsBy, integrate_columns
-from model.parameters import StrawParameters
-from model.rest import rest_state
-from model.simulate import (
+from straw.model.bench import Columns
+from straw.model.channel import STATES, channel_of, lost, lost_to_table_moved, way_slopes
+from straw.model.columns import rest_columns
+from straw.model.compiled import compiled
+from straw.model.constants import Constants
+from straw.model.direction import SCALARS, Direction
+from straw.model.drive import Table
+from straw.model.frusta import MEMORIES, MEMORY_TERMS
+from straw.model.given import Given, given, linearised
+from straw.model.integrate import FIRST_STEPS, at_rest
+from straw.model.integrate_columns import Outputs, OutputsBy, integrate_columns
+from straw.model.parameters import StrawParameters
+from straw.model.rest import rest_state
+from straw.model.simulate import (
     FIRST_STEP_S,
     MAX_STEP_S,
     MOST_STEPS_PER_S,
@@ -35,9 +35,9 @@ from model.simulate import (
     prediction,
     sampled,
 )
-from model.stages import limits_for
-from model.sweeps import wide
-from model.terms import COLUMNS
+from straw.model.stages import limits_for
+from straw.model.sweeps import wide
+from straw.model.terms import COLUMNS
 
 Floats = NDArray[np.float64]
 
@@ -121,7 +121,7 @@ def differentiate(
     most_steps_per_s: float = MOST_STEPS_PER_S,
     cells: bool = False,
 ) -> Derivatives:
-    """`model.simulate.simulate` (the same prediction to the last bit) and its derivatives along directions.
+    """`straw.model.simulate.simulate` (the same prediction to the last bit) and its derivatives along directions.
 
     ``pressure`` may be `sampled` already. With ``cells`` the derivatives of every frustum's zeta and phi come along.
     Raises ModelError where `simulate` does, and for a direction of another straw.

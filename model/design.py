@@ -1,8 +1,8 @@
 """Designing: geometries that snap at wanted pressures, have wanted lengths and states, by the reduced model.
 
 A sweep by Sobol's points over the ranges, then least squares from the best; the pressures are those of a frustum whose
-end is sealed (`model.frusta`'s closed form), without gravity. Cells that snap in an order are tuned one by one in the
-whole straw, with gravity, by their thickness.
+end is sealed (`straw.model.frusta`'s closed form), without gravity. Cells that snap in an order are tuned one by
+one in the whole straw, with gravity, by their thickness.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ import numpy as np
 from scipy.optimize import brentq, least_squares
 from scipy.stats import qmc
 
-from model.errors import ModelError
-from model.frustum import Frustum
-from model.parameters import Floats, StrawParameters
-from model.snap import snaps
+from straw.model.errors import ModelError
+from straw.model.frustum import Frustum
+from straw.model.parameters import Floats, StrawParameters
+from straw.model.snap import snaps
 
 #: What can be wanted, with the accuracy in which it counts, SI.
 WANTED = {

@@ -9,13 +9,13 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from model.constants import Constants
-from model.drive import Table
-from model.errors import ModelError
-from model.parameters import PER_FRUSTUM, StrawParameters
-from model.terms import COLUMNS, TERMS
-from model.terms.shell_energy import ROW
-from model.terms.shell_energy import SHARE as SHARE_AT
+from straw.model.constants import Constants
+from straw.model.drive import Table
+from straw.model.errors import ModelError
+from straw.model.parameters import PER_FRUSTUM, StrawParameters
+from straw.model.terms import COLUMNS, TERMS
+from straw.model.terms.shell_energy import ROW
+from straw.model.terms.shell_energy import SHARE as SHARE_AT
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -44,7 +44,7 @@ class Direction:
     cells: int
     scalars: Floats  # (len(SCALARS),)
     frusta: Floats  # (len(FRUSTA), cells, 2)
-    wall: Floats  # (cells, 2, ROW), see `model.terms.shell_energy`
+    wall: Floats  # (cells, 2, ROW), see `straw.model.terms.shell_energy`
     where: Indices = field(default_factory=lambda: np.empty((0, 3), np.int64))  # (k, 3) cell, frustum, column of terms
     terms: Floats = field(default_factory=lambda: np.empty(0))  # (k,)
     pressure: Drive | None = None  # external pressure, by time

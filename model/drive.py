@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import allocates_nothing, compiled
-from model.scheme import COEFFICIENTS, STAGES, TIMES
+from straw.model.compiled import allocates_nothing, compiled
+from straw.model.scheme import COEFFICIENTS, STAGES, TIMES
 
 Floats = NDArray[np.float64]
 

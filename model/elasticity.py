@@ -21,8 +21,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import ModelError
-from model.terms.shell_energy import HEAD, POWERS, ROW
+from straw.model.errors import ModelError
+from straw.model.terms.shell_energy import HEAD, POWERS, ROW
 
 Floats = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ REST_WIDTH, STIFFER = 0.08, 1.5
 
 @dataclass(frozen=True)
 class Elasticity:
-    """Coefficients (36,) of f_s, f_b, f_z by the powers of `model.terms.shell_energy`, and their geometry."""
+    """Coefficients (36,) of f_s, f_b, f_z by the powers of `straw.model.terms.shell_energy`, and their geometry."""
 
     r_i_m: float
     r_o_m: float
@@ -63,7 +63,7 @@ class Elasticity:
         return bending_share(self.r_i_m, self.r_o_m, self.h_m)
 
     def row(self, C1: float, C2: float, zeta0_m: float, r_i_m: float, r_o_m: float, share: float = 1.0) -> Floats:
-        """What `model.terms.shell_energy` takes for a frustum, (ROW,), scaled by its width."""
+        """What `straw.model.terms.shell_energy` takes for a frustum, (ROW,), scaled by its width."""
         w = r_o_m - r_i_m
         size = w / self.width_m
         c = self.stretching + C2 / (C1 * w**2) / self.bending_share * self.bending
@@ -120,7 +120,7 @@ def elasticity_of(name: str) -> Elasticity:
     """The elasticity a straw file names: "shell" for the paper's specimen, or a file's path; ModelError otherwise."""
     try:
         if name == SHIPPED:
-            text = (files("model") / "samples" / "elasticity.json").read_text(encoding="utf-8")
+            text = (files("straw.model") / "samples" / "elasticity.json").read_text(encoding="utf-8")
         else:
             text = Path(name).read_text(encoding="utf-8")
         data = json.loads(text)

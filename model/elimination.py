@@ -11,10 +11,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import called, fused
-from model.constants import Constants
-from model.links import ANGLE, AX, AZ, D_SPIN, JOINT, JOINT_IN_WORLD, LAW_IN, SPIN, VX, VZ, Links, X, Z
-from model.sweeps import Sweeps
+from straw.model.compiled import called, fused
+from straw.model.constants import Constants
+from straw.model.links import ANGLE, AX, AZ, D_SPIN, JOINT, JOINT_IN_WORLD, LAW_IN, SPIN, VX, VZ, Links, X, Z
+from straw.model.sweeps import Sweeps
 
 Floats = NDArray[np.float64]
 

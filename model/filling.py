@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from model.errors import ModelError
+from straw.model.errors import ModelError
 
 Floats = NDArray[np.float64]
 

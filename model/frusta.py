@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import allocates_nothing, called, composed
-from model.constants import Constants
-from model.kinematics import Motion
-from model.load import Load
-from model.term import Frustum
-from model.terms import COLUMNS, TERMS
-from model.terms.damping import damping_force
-from model.terms.elasticity import walls_energy, walls_force
+from straw.model.compiled import allocates_nothing, called, composed
+from straw.model.constants import Constants
+from straw.model.kinematics import Motion
+from straw.model.load import Load
+from straw.model.term import Frustum
+from straw.model.terms import COLUMNS, TERMS
+from straw.model.terms.damping import damping_force
+from straw.model.terms.elasticity import walls_energy, walls_force
 
 Floats = NDArray[np.float64]
 
@@ -133,7 +133,7 @@ def _force(plain: bool, f: Frustum, k: Floats, known: Floats, now: Floats, step_
 
 @allocates_nothing
 def add_frusta(c: Constants, m: Motion, known: Floats, now: Floats, step_s: float, load: Load) -> None:
-    """Add all frustum terms after an implicit step (see `model.term`); a step of zero leaves memories alone."""
+    """Add all frustum terms after an implicit step (see `straw.model.term`); a step of zero leaves memories alone."""
     for i in range(c.cells):
         for j in range(2 - c.active, 2):
             force, moment = _force(c.plain, frustum_at(c, m, i, j), c.terms[i, j], known[i, j], now[i, j], step_s)

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import allocates_nothing, called, composed
-from model.constants import Constants
-from model.frusta import MEMORIES, MEMORY_TERMS, beyond_base_law, frustum_at
-from model.kinematics import Motion
-from model.term import Frustum
-from model.terms import COLUMNS, TERMS
-from model.terms.elasticity import walls_force
+from straw.model.compiled import allocates_nothing, called, composed
+from straw.model.constants import Constants
+from straw.model.frusta import MEMORIES, MEMORY_TERMS, beyond_base_law, frustum_at
+from straw.model.kinematics import Motion
+from straw.model.term import Frustum
+from straw.model.terms import COLUMNS, TERMS
+from straw.model.terms.elasticity import walls_force
 
 Floats = NDArray[np.float64]
 
@@ -79,7 +79,7 @@ LAW_STEPS = (1e-8, 1e-6, 1e-7, 1e-5)
 
 @allocates_nothing
 def _with_constant(f: Frustum, field: int, more: float) -> Frustum:
-    """A frustum with one of the constants it carries moved; they are numbered as `model.term.Frustum` has them."""
+    """A frustum with one of the constants it carries moved, numbered as `straw.model.term.Frustum` has them."""
     return Frustum(
         f.zeta,
         f.phi,
@@ -106,7 +106,7 @@ def base_force(c: Constants, m: Motion, i: int, j: int, number: int, more: float
 
 @allocates_nothing
 def by_wall(c: Constants, m: Motion, i: int, j: int, way: Floats, e: float, row: Floats) -> tuple[float, float]:
-    """Derivative of a frustum's force and moment by its row of `model.terms.shell_energy` moving along ``way``."""
+    """Derivative of a frustum's force and moment: its row of `straw.model.terms.shell_energy` moves along ``way``."""
     f = frustum_at(c, m, i, j)
     force, moment = 0.0, 0.0
     for sign in (1.0, -1.0):
@@ -126,7 +126,7 @@ def by_wall(c: Constants, m: Motion, i: int, j: int, way: Floats, e: float, row:
 def beyond_base(
     c: Constants, m: Motion, i: int, j: int, number: int, more: float, known: Floats, now: Floats, step_s: float
 ) -> tuple[float, float]:
-    """What the terms beyond the base model do to a frustum with one of its numbers moved, see `model.term.Frustum`."""
+    """What terms beyond the base model do to a frustum with one number moved, see `straw.model.term.Frustum`."""
     f = frustum_at(
         c,
         m,

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import ModelError
-from model.parameters import StrawParameters
+from straw.model.errors import ModelError
+from straw.model.parameters import StrawParameters
 
 Floats = NDArray[np.float64]
 
@@ -55,7 +55,7 @@ class Frustum:
         area_m2 = float(c.S if sealed else c.C3)
         own = (float(c.C1[place]), float(c.C2[place]), float(c.r_i), float(c.zeta0[place]), area_m2)
         if c.wall[place][0] > 0:
-            from model.frustum_table import TableFrustum  # which is made from this class
+            from straw.model.frustum_table import TableFrustum  # which is made from this class
 
             return TableFrustum(*own, tuple(c.wall[place].tolist()))
         return cls(*own)

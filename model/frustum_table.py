@@ -1,4 +1,4 @@
-"""One frustum whose energy is a table of finite elements, at rest: the same questions as `model.frustum` answers."""
+"""One frustum whose energy is a table of finite elements, at rest: what `straw.model.frustum` answers, for it."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
-from model.frustum import Equilibrium, Frustum
-from model.terms.shell_energy import SHARE, shell_energy, shell_force, shell_stiffness
+from straw.model.frustum import Equilibrium, Frustum
+from straw.model.terms.shell_energy import SHARE, shell_energy, shell_force, shell_stiffness
 
 Floats = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ LARGEST_TILT = 0.95
 
 @dataclass(frozen=True)
 class TableFrustum(Frustum):
-    """A frustum with a row of `model.terms.shell_energy` in place of equation 7, or for its share beside it."""
+    """A frustum with a row of `straw.model.terms.shell_energy` in place of equation 7, or for its share beside it."""
 
     numbers: tuple[float, ...] = ()
 

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, root
 
-from model.elasticity import EQUATION_7
-from model.errors import ModelError
-from model.frustum import Frustum
-from model.parameters import StrawParameters
-from model.snap import snap_pair
+from straw.model.elasticity import EQUATION_7
+from straw.model.errors import ModelError
+from straw.model.frustum import Frustum
+from straw.model.parameters import StrawParameters
+from straw.model.snap import snap_pair
 
 Floats = NDArray[np.float64]
 

@@ -8,22 +8,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from model.channel import channel_of
-from model.constants import Constants
-from model.direction import FRUSTA, RANGE, SCALARS, Direction, at_times, moved, small
-from model.drive import Table
-from model.errors import ModelError
-from model.parameters import StrawParameters
-from model.term import Frustum
-from model.terms import COLUMNS, TERMS, WIDTH
-from model.terms.shell_energy import ROW
-from model.terms.shell_energy import SHARE as SHARE_AT
+from straw.model.channel import channel_of
+from straw.model.constants import Constants
+from straw.model.direction import FRUSTA, RANGE, SCALARS, Direction, at_times, moved, small
+from straw.model.drive import Table
+from straw.model.errors import ModelError
+from straw.model.parameters import StrawParameters
+from straw.model.term import Frustum
+from straw.model.terms import COLUMNS, TERMS, WIDTH
+from straw.model.terms.shell_energy import ROW
+from straw.model.terms.shell_energy import SHARE as SHARE_AT
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 R_I, R_O, RHO, GRAVITY, PHI_0, M_TIP, I_TIP, F_X, F_Z, M_Y, LOSS, AREA, C3, CYCLE = range(len(SCALARS))
-#: Rows of Given.way, as `model.channel.Channel` has them.
+#: Rows of Given.way, as `straw.model.channel.Channel` has them.
 WAY = ("loss", "resistance", "inertance", "lag_s", "line_pa_per_m3", "gas_m3", "exponent")
 #: Share of a constant's value, or of its plausible range where it is zero, by which its law's derivative moves it:
 #: central differences are off by its square. What memories do in a step may be a millionth of what they hold.
@@ -41,13 +41,13 @@ class Given(NamedTuple):
     odd: Floats  # (cells, P) heights of rigid odd frusta
     cell: Indices  # (E,)
     frustum: Indices  # (E,)
-    number: Indices  # (E,) of the constant in `model.term.Frustum`, or 12 + its column in the row of terms
+    number: Indices  # (E,) of the constant in `straw.model.term.Frustum`, or 12 + its column in the row of terms
     term: Indices  # (E,) place of the term among all, -1 for none
     step: Floats  # (E,)
     start: Indices  # (E + 1,) where its columns start
     column: NDArray[np.uint64]  # not signed, as none is counted from the end: that would have to be asked each time
     value: Floats
-    wall_cell: Indices  # (W,) rows of `model.terms.shell_energy`: of which frustum, in which column,
+    wall_cell: Indices  # (W,) rows of `straw.model.terms.shell_energy`: of which frustum, in which column,
     wall_frustum: Indices
     wall_column: Indices
     wall_by: Floats  # (W, ROW) which way they move,

@@ -7,15 +7,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from model.bench import Bench, add
-from model.compiled import allocates_nothing, called
-from model.constants import Constants
-from model.frusta import MEMORIES, frustum_at
-from model.frusta_slopes import MEMORY_OF, base_force, beyond_base, by_wall, law_of
-from model.given import AREA, C3, CYCLE, F_X, F_Z, GRAVITY, I_TIP, M_TIP, M_Y, PHI_0, R_I, R_O, RHO, Given
-from model.links import ANGLE, AX, AZ, D_SPIN, own_loads
-from model.stages import Stages
-from model.sweeps import Rows
+from straw.model.bench import Bench, add
+from straw.model.compiled import allocates_nothing, called
+from straw.model.constants import Constants
+from straw.model.frusta import MEMORIES, frustum_at
+from straw.model.frusta_slopes import MEMORY_OF, base_force, beyond_base, by_wall, law_of
+from straw.model.given import AREA, C3, CYCLE, F_X, F_Z, GRAVITY, I_TIP, M_TIP, M_Y, PHI_0, R_I, R_O, RHO, Given
+from straw.model.links import ANGLE, AX, AZ, D_SPIN, own_loads
+from straw.model.stages import Stages
+from straw.model.sweeps import Rows
 
 Floats = NDArray[np.float64]
 

@@ -12,14 +12,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from model.channel import channel_at_rest
-from model.compiled import allocates_nothing, compiled
-from model.constants import Constants
-from model.drive import Table, summed
-from model.frusta import MEMORIES
-from model.scheme import STAGES
-from model.stages import Stages, State, arrive, copy, limits_for, stages_for, work_for
-from model.step import DONE, take_step
+from straw.model.channel import channel_at_rest
+from straw.model.compiled import allocates_nothing, compiled
+from straw.model.constants import Constants
+from straw.model.drive import Table, summed
+from straw.model.frusta import MEMORIES
+from straw.model.scheme import STAGES
+from straw.model.stages import Stages, State, arrive, copy, limits_for, stages_for, work_for
+from straw.model.step import DONE, take_step
 
 Floats = NDArray[np.float64]
 

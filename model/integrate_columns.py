@@ -7,17 +7,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from model.bench import Columns, bench_for
-from model.columns import advance_columns
-from model.compiled import allocates_nothing, compiled
-from model.constants import Constants
-from model.drive import Table, summed
-from model.given import Given
-from model.integrate import between, fill_inside, fill_start
-from model.scheme import STAGES
-from model.stages import Limits, Stages, State, arrive, stages_for, work_for
-from model.step import DONE, take_step
-from model.sweeps import wide
+from straw.model.bench import Columns, bench_for
+from straw.model.columns import advance_columns
+from straw.model.compiled import allocates_nothing, compiled
+from straw.model.constants import Constants
+from straw.model.drive import Table, summed
+from straw.model.given import Given
+from straw.model.integrate import between, fill_inside, fill_start
+from straw.model.scheme import STAGES
+from straw.model.stages import Limits, Stages, State, arrive, stages_for, work_for
+from straw.model.step import DONE, take_step
+from straw.model.sweeps import wide
 
 Floats = NDArray[np.float64]
 
@@ -56,7 +56,7 @@ def integrate_columns(
 ) -> int:
     """`integrate` and its derivatives: ``by`` (outputs, ..) and the snaps of the even frusta; advances both in place.
 
-    ``linear`` are the constants to linearise at, see `model.given`.
+    ``linear`` are the constants to linearise at, see `straw.model.given`.
     """
     n, P, sums = len(state.q), len(columns.inside_pa), summed(table)
     s, w, b = stages_for(c, n), work_for(c, n), bench_for(linear, given, P)

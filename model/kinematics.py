@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import allocates_nothing, compiled
-from model.constants import Constants
+from straw.model.compiled import allocates_nothing, compiled
+from straw.model.constants import Constants
 
 Floats = NDArray[np.float64]
 

@@ -13,11 +13,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from model.body import I0, I1, L0, L1, L2, MASS, T0, T1, T2, X0, X1, X2, Body, second, shape_of
-from model.compiled import called, fused
-from model.constants import Constants
-from model.kinematics import Motion
-from model.links import (
+from straw.model.body import I0, I1, L0, L1, L2, MASS, T0, T1, T2, X0, X1, X2, Body, second, shape_of
+from straw.model.compiled import called, fused
+from straw.model.constants import Constants
+from straw.model.kinematics import Motion
+from straw.model.links import (
     ANGLE,
     AX,
     AZ,

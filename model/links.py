@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from model.body import I0, L0, MASS, T0, X0, Body, shape_of
-from model.compiled import compiled, fused
-from model.constants import Constants
-from model.kinematics import Motion
+from straw.model.body import I0, L0, MASS, T0, X0, Body, shape_of
+from straw.model.compiled import compiled, fused
+from straw.model.constants import Constants
+from straw.model.kinematics import Motion
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -21,7 +21,7 @@ JOINT, JOINT_IN_WORLD = 6, 9
 VX, VZ, SPIN, AX, AZ, D_SPIN, ANGLE, X, Z = range(9)
 #: What is kept of how a column changes a body, see `_rows`.
 CHANGES = 9
-#: Inputs and outputs of a body's law of force in a `model.load.Load`.
+#: Inputs and outputs of a body's law of force in a `straw.model.load.Load`.
 LAW_IN, LAW_OUT = 6, 3
 
 
@@ -40,7 +40,7 @@ class Links(NamedTuple):
     length: Floats  # (cells,)
     force: Floats  # (cells, slots) of the cell's own body on its coordinates
     joint: Floats  # (cells + 1, JOINT_IN_WORLD) what each cell's base joint does; the last is the tip
-    by: Floats  # (4, 12) scratch, see model.body
+    by: Floats  # (4, 12) scratch, see straw.model.body
     second: Floats  # (4, 4) scratch
     changes: Floats  # (21, CHANGES) scratch
 

@@ -14,11 +14,11 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from model.constants import Constants
-from model.elasticity import EQUATION_7, SHIPPED, elasticity_of
-from model.errors import ModelError
-from model.terms import COLUMNS, DEFAULTS, TERMS, WIDTH
-from model.terms.shell_energy import ROW
+from straw.model.constants import Constants
+from straw.model.elasticity import EQUATION_7, SHIPPED, elasticity_of
+from straw.model.errors import ModelError
+from straw.model.terms import COLUMNS, DEFAULTS, TERMS, WIDTH
+from straw.model.terms.shell_energy import ROW
 
 Floats = NDArray[np.float64]
 
@@ -116,7 +116,7 @@ class StrawParameters:
             raise ModelError(f"straw: {name} = {shown}, expected {expected}")
 
     def _known_terms(self) -> Mapping[str, Mapping[str, Any]]:
-        """The terms checked against `model.terms`, as plain numbers and lists."""
+        """The terms checked against `straw.model.terms`, as plain numbers and lists."""
         checked: dict[str, dict[str, Any]] = {}
         for name, given in self.terms.items():
             if name not in TERMS:
@@ -214,7 +214,7 @@ class StrawParameters:
         )
 
     def _wall_rows(self, C1: Floats, C2: Floats) -> Floats:
-        """Rows of `model.terms.shell_energy` for the even frusta, (cells, 2, ROW); zero for equation 7."""
+        """Rows of `straw.model.terms.shell_energy` for the even frusta, (cells, 2, ROW); zero for equation 7."""
         rows = np.zeros((self.cells, 2, ROW))
         given = self.terms.get("wall_elasticity", {}).get("share", 0.0)
         share = self._per_frustum_of_term("share", given, "walls") + (self.elasticity != EQUATION_7)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from model.bench import Bench
-from model.compiled import allocates_nothing, called
-from model.constants import Constants
-from model.given import AREA, R_I, R_O, RHO, Given
-from model.links import LAW_IN, pushed_loads
-from model.straw import body_loads
-from model.sweeps import Rows
+from straw.model.bench import Bench
+from straw.model.compiled import allocates_nothing, called
+from straw.model.constants import Constants
+from straw.model.given import AREA, R_I, R_O, RHO, Given
+from straw.model.links import LAW_IN, pushed_loads
+from straw.model.straw import body_loads
+from straw.model.sweeps import Rows
 
 Floats = NDArray[np.float64]
 

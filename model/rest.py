@@ -7,10 +7,10 @@ from collections.abc import Collection
 import numpy as np
 from numpy.typing import NDArray
 
-from model.configuration import Bent, text, unloaded
-from model.continuation import Branch, follow
-from model.errors import ModelError
-from model.parameters import StrawParameters
+from straw.model.configuration import Bent, text, unloaded
+from straw.model.continuation import Branch, follow
+from straw.model.errors import ModelError
+from straw.model.parameters import StrawParameters
 
 Floats = NDArray[np.float64]
 

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.drive import Table
-from model.errors import ModelError
-from model.integrate import at_rest, integrate
-from model.kinematics import tip_pose
-from model.parameters import StrawParameters
-from model.rest import rest_state
-from model.step import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS
-from model.straw import seen, volume_at
+from straw.model.drive import Table
+from straw.model.errors import ModelError
+from straw.model.integrate import at_rest, integrate
+from straw.model.kinematics import tip_pose
+from straw.model.parameters import StrawParameters
+from straw.model.rest import rest_state
+from straw.model.step import DONE, STEP_TOO_SMALL, TOO_MANY_STEPS
+from straw.model.straw import seen, volume_at
 
 Floats = NDArray[np.float64]
 

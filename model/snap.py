@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from model.configuration import Bent, even, text
-from model.continuation import Branch, follow
-from model.errors import ModelError
-from model.parameters import StrawParameters
-from model.rest import NONE_BENT, rest_state
+from straw.model.configuration import Bent, even, text
+from straw.model.continuation import Branch, follow
+from straw.model.errors import ModelError
+from straw.model.parameters import StrawParameters
+from straw.model.rest import NONE_BENT, rest_state
 
 #: Pressures beyond this are not searched unless asked, Pa; the paper's straw snaps below 30 kPa.
 LIMIT_PA = 300e3

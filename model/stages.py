@@ -7,15 +7,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from model.articulated import Articulated, articulated_for
-from model.channel import STATES, Channel, channel_of
-from model.compiled import allocates_nothing, compiled
-from model.constants import Constants
-from model.frusta import MEMORIES
-from model.kinematics import Chain, empty_chain
-from model.scheme import COEFFICIENTS, STAGES
-from model.straw import Room, room_for
-from model.terms.elasticity import softest
+from straw.model.articulated import Articulated, articulated_for
+from straw.model.channel import STATES, Channel, channel_of
+from straw.model.compiled import allocates_nothing, compiled
+from straw.model.constants import Constants
+from straw.model.frusta import MEMORIES
+from straw.model.kinematics import Chain, empty_chain
+from straw.model.scheme import COEFFICIENTS, STAGES
+from straw.model.straw import Room, room_for
+from straw.model.terms.elasticity import softest
 
 Floats = NDArray[np.float64]
 
@@ -32,8 +32,8 @@ class State(NamedTuple):
     q: Floats  # (coordinates,)
     v: Floats
     a: Floats
-    memory: Floats  # (cells, 2, MEMORIES, 2), see model.frusta
-    way_in: Floats  # (STATES,), see model.channel
+    memory: Floats  # (cells, 2, MEMORIES, 2), see straw.model.frusta
+    way_in: Floats  # (STATES,), see straw.model.channel
     clock: Floats  # time_s, next step_s, pressure inside_pa
 
 
@@ -57,7 +57,7 @@ class Limits(NamedTuple):
     max_step_s: float
     tolerance_m: float
     missing: float  # share of the tolerance at which Newton stops
-    within_pa: float  # see model.drive.seen
+    within_pa: float  # see straw.model.drive.seen
     remembers: bool
     steps: int  # most that may have been tried
 

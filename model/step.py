@@ -7,17 +7,17 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from model.articulated import articulate, momentum, solve
-from model.channel import STATES, inside_pressure
-from model.compiled import allocates_nothing, called
-from model.constants import Constants
-from model.drive import Table, pressure_in, seen
-from model.frusta import remember, tangent
-from model.kinematics import place, spread
-from model.scheme import COEFFICIENTS, ERROR, GAMMA, GUESS, ORDER_BELOW, STAGES, TIMES
-from model.stages import Limits, Stages, State, Work, copy, recall, remembered_rate
-from model.straw import forces_left, volume_rate
-from model.terms.pressure import pressure_per_pa
+from straw.model.articulated import articulate, momentum, solve
+from straw.model.channel import STATES, inside_pressure
+from straw.model.compiled import allocates_nothing, called
+from straw.model.constants import Constants
+from straw.model.drive import Table, pressure_in, seen
+from straw.model.frusta import remember, tangent
+from straw.model.kinematics import place, spread
+from straw.model.scheme import COEFFICIENTS, ERROR, GAMMA, GUESS, ORDER_BELOW, STAGES, TIMES
+from straw.model.stages import Limits, Stages, State, Work, copy, recall, remembered_rate
+from straw.model.straw import forces_left, volume_rate
+from straw.model.terms.pressure import pressure_per_pa
 
 Floats = NDArray[np.float64]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import compiled
-from model.constants import Constants
-from model.parameters import StrawParameters
-from model.straw import residual
+from straw.model.compiled import compiled
+from straw.model.constants import Constants
+from straw.model.parameters import StrawParameters
+from straw.model.straw import residual
 
 Floats = NDArray[np.float64]
 

@@ -8,23 +8,33 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from model.channel import channel_of, lost
-from model.compiled import allocates_nothing, called, compiled, composed
-from model.constants import Constants
-from model.frusta import MEMORIES, add_frusta, frusta_energy
-from model.inertia import add_inertia, mass_matrix
-from model.kinematics import Chain, Motion, chain_of, empty_chain, motion_of, place, spread, still_motion, tip_pose
-from model.load import Load, no_load, project, unload
-from model.terms import COLUMNS, TERMS
-from model.terms.gravity import add_gravity
-from model.terms.pressure import add_pressure, pressure_per_pa
-from model.terms.tip_load import add_tip_load
+from straw.model.channel import channel_of, lost
+from straw.model.compiled import allocates_nothing, called, compiled, composed
+from straw.model.constants import Constants
+from straw.model.frusta import MEMORIES, add_frusta, frusta_energy
+from straw.model.inertia import add_inertia, mass_matrix
+from straw.model.kinematics import (
+    Chain,
+    Motion,
+    chain_of,
+    empty_chain,
+    motion_of,
+    place,
+    spread,
+    still_motion,
+    tip_pose,
+)
+from straw.model.load import Load, no_load, project, unload
+from straw.model.terms import COLUMNS, TERMS
+from straw.model.terms.gravity import add_gravity
+from straw.model.terms.pressure import add_pressure, pressure_per_pa
+from straw.model.terms.tip_load import add_tip_load
 
 Floats = NDArray[np.float64]
 
 
 def _body_terms() -> Any:
-    """One compiled function adding all terms that act on the bodies along the straw (see `model.frusta`)."""
+    """One compiled function adding all terms that act on the bodies along the straw (see `straw.model.frusta`)."""
 
     @composed
     def total(c: Constants, k: Floats, s: Chain, load: Load) -> None:
@@ -92,7 +102,7 @@ def forces_left(
 ) -> None:
     """Hamilton's principle for motion (q, v, a): generalised force left over, into out; zero where a is right.
 
-    ``known``, ``now``: what the frusta remember before and after an implicit step (see `model.frusta`).
+    ``known``, ``now``: what the frusta remember before and after an implicit step (see `straw.model.frusta`).
     """
     m, s, load = room.motion, room.chain, room.load
     spread(c, q, v, a, m)
@@ -143,7 +153,7 @@ def acceleration(c: Constants, q: Floats, v: Floats, external_pa: float) -> Floa
 
     Only the truncated form has one. In the full form each cell's fluid, a rigid body with three velocities, has four
     coordinates, so M has rank 3 (N + 1) at most, below 4 N from N = 4 on: inertia alone does not say how the
-    coordinates accelerate, and what comes back is rounding error. `model.integrate` never divides by M.
+    coordinates accelerate, and what comes back is rounding error. `straw.model.integrate` never divides by M.
     """
     return np.asarray(np.linalg.solve(mass_at(c, q), residual(c, q, v, np.zeros_like(q), external_pa)), np.float64)
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.integrate import at_rest, integrate
-from model.parameters import StrawParameters
-from model.rest import rest_state
-from model.simulate import FIRST_STEP_S, MAX_STEP_S, MOST_STEPS_PER_S, TOLERANCE_M, check_status, sampled
-from model.step import LEVER_M
-from model.straw import seen
+from straw.model.integrate import at_rest, integrate
+from straw.model.parameters import StrawParameters
+from straw.model.rest import rest_state
+from straw.model.simulate import FIRST_STEP_S, MAX_STEP_S, MOST_STEPS_PER_S, TOLERANCE_M, check_status, sampled
+from straw.model.step import LEVER_M
+from straw.model.straw import seen
 
 Floats = NDArray[np.float64]
 

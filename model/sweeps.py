@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import allocates_nothing, called, compiled
-from model.constants import Constants
-from model.links import Links
-from model.vectors import WIDTH, product4, product8
+from straw.model.compiled import allocates_nothing, called, compiled
+from straw.model.constants import Constants
+from straw.model.links import Links
+from straw.model.vectors import WIDTH, product4, product8
 
 Floats = NDArray[np.float64]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from model.compiled import allocates_nothing
-from model.term import Constant, Floats
+from straw.model.compiled import allocates_nothing
+from straw.model.term import Constant, Floats
 
 #: A table is 2 POINTS constants of a term side by side: where its points lie, then the values there.
 POINTS = 8

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-#: No row of `model.terms.shell_energy`.
+#: No row of `straw.model.terms.shell_energy`.
 EQUATION_7: Floats = np.zeros(1)
 
 
@@ -29,7 +29,7 @@ class Frustum(NamedTuple):
     r_i: float  # m
     r_o: float  # m
     cycle: float  # how often the specimen was cycled before this run
-    wall: Floats = EQUATION_7  # a row of `model.terms.shell_energy`; equation 7 where its first number is zero
+    wall: Floats = EQUATION_7  # a row of `straw.model.terms.shell_energy`; equation 7 where its first number is zero
 
 
 @dataclass(frozen=True)
@@ -56,8 +56,9 @@ class Term:
       values known before an implicit step (q = known + step_s q') and returns those after it, minus the force.
       Its first constant is its strength;
     * ``body``: ``force(c, k, chain, load)`` adds to the bodies along the straw;
-    * ``walls``: constants of the frusta's own energy; `model.parameters` and `model.terms.elasticity` take them;
-    * ``flow``: constants of the way from the controller to the inside of the straw; `model.channel` takes them.
+    * ``walls``: constants of the frusta's own energy; taken by `straw.model.parameters` and
+      `straw.model.terms.elasticity`;
+    * ``flow``: constants of the way from the controller to the inside of the straw; `straw.model.channel` takes them.
     """
 
     name: str  # the cause's name in the contract, if it is one

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from model.parameters import StrawParameters
-from model.term import Constant, Term
+from straw.model.parameters import StrawParameters
+from straw.model.term import Constant, Term
 
 
 def typical(constant: Constant) -> float:

@@ -17,7 +17,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from model.compiled import allocates_nothing
+from straw.model.compiled import allocates_nothing
 
 Floats = NDArray[np.float64]
 

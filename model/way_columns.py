@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from model.bench import Bench, Columns, add
-from model.channel import Channel, lost_to_table_moved, way_slopes
-from model.compiled import called
-from model.constants import Constants
-from model.given import AREA, Given
-from model.stages import Stages
-from model.straw import volume_rate
-from model.sweeps import Rows
-from model.vectors import plus
+from straw.model.bench import Bench, Columns, add
+from straw.model.channel import Channel, lost_to_table_moved, way_slopes
+from straw.model.compiled import called
+from straw.model.constants import Constants
+from straw.model.given import AREA, Given
+from straw.model.stages import Stages
+from straw.model.straw import volume_rate
+from straw.model.sweeps import Rows
+from straw.model.vectors import plus
 
 Floats = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from replay.errors import ReplayError
-from rig.notes import check_word, say
+from straw.replay.errors import ReplayError
+from straw.rig.notes import check_word, say
 
 #: What the recording knows by itself, and nobody may claim otherwise.
 TAKEN = (

@@ -9,8 +9,8 @@ import sys
 from pathlib import Path
 from typing import NoReturn
 
-from replay.errors import USER_ERRORS
-from replay.shell.options import design_options, shell_options, solid_options
+from straw.replay.errors import USER_ERRORS
+from straw.replay.shell.options import design_options, shell_options, solid_options
 
 
 class _Parser(argparse.ArgumentParser):
@@ -384,7 +384,7 @@ def main(argv: list[str] | None = None) -> int:
     """Run one command; 0 ok, 1 the answer is no, 2 bad input in one line, 130 interrupted."""
     args = parser().parse_args(argv)
     try:
-        return int(importlib.import_module(f"replay.commands.{args.module}").run(args))
+        return int(importlib.import_module(f"straw.replay.commands.{args.module}").run(args))
     except USER_ERRORS as error:
         print(f"straw: {' '.join(str(error).split())}", file=sys.stderr)
         return 2

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from model.parameters import StrawParameters
-from model.simulate import simulate
-from replay.driving import driving_pressure
-from replay.errors import ReplayError
-from rig.camera_clock import CameraClock
-from rig.run import Run
-from tracking.trace import TipTrace
+from straw.model.parameters import StrawParameters
+from straw.model.simulate import simulate
+from straw.replay.driving import driving_pressure
+from straw.replay.errors import ReplayError
+from straw.rig.camera_clock import CameraClock
+from straw.rig.run import Run
+from straw.tracking.trace import TipTrace
 
 Floats = NDArray[np.float64]
 

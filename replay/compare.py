@@ -9,15 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.parameters import StrawParameters
-from model.simulate import TOLERANCE_M, Prediction, simulate
-from replay.driving import driving_pressure
-from replay.errors import ReplayError
-from replay.judge import Motion, limit_of, measured_motion, moved_inputs, pairs_of, predicted_motion, quantities
-from replay.metrics import Metrics, metrics_of
-from replay.metrics.snaps import Pair
-from replay.metrics.validation import Quantity, signal_verdict
-from rig.run import Run
+from straw.model.parameters import StrawParameters
+from straw.model.simulate import TOLERANCE_M, Prediction, simulate
+from straw.replay.driving import driving_pressure
+from straw.replay.errors import ReplayError
+from straw.replay.judge import Motion, limit_of, measured_motion, moved_inputs, pairs_of, predicted_motion, quantities
+from straw.replay.metrics import Metrics, metrics_of
+from straw.replay.metrics.snaps import Pair
+from straw.replay.metrics.validation import Quantity, signal_verdict
+from straw.rig.run import Run
 
 Floats = NDArray[np.float64]
 
@@ -63,7 +63,7 @@ class Comparison:
 def setting(
     run: Run, straw: StrawParameters
 ) -> tuple[StrawParameters, Callable[[Floats], Floats], Floats, tuple[int, ...]]:
-    """What a gathered run asks `model.simulate.simulate`: straw, pressure, times (the last are the tip's), start.
+    """What a gathered run asks `straw.model.simulate.simulate`: straw, pressure, times (the last are the tip's), start.
 
     The recording's measured pressure drives the model, never the command; the specimen is as worn as the run says.
     Raises ReplayError where straw and run do not belong together.

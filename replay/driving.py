@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from rig.run import PressureLog
+from straw.rig.run import PressureLog
 
 Floats = NDArray[np.float64]
 

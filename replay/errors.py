@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from model.errors import ModelError
-from rig.errors import RigError
-from tracking.errors import TrackingError
+from straw.model.errors import ModelError
+from straw.rig.errors import RigError
+from straw.tracking.errors import TrackingError
 
 
 class ReplayError(Exception):

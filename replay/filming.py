@@ -6,11 +6,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from replay.progress import say
-from rig.camera.gopro import GoPro
-from rig.errors import RigError
-from rig.manifest import seal
-from rig.rig_file import CameraFile
+from straw.replay.progress import say
+from straw.rig.camera.gopro import GoPro
+from straw.rig.errors import RigError
+from straw.rig.manifest import seal
+from straw.rig.rig_file import CameraFile
 
 
 class Filming:

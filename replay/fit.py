@@ -17,15 +17,15 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import least_squares
 
-from model.derivative import Derivatives, differentiate
-from model.direction import Direction
-from model.errors import ModelError
-from model.parameters import StrawParameters
-from model.simulate import Prediction
-from replay.compare import CHANNELS, predict, setting
-from replay.driving import driving_pressure
-from replay.errors import ReplayError
-from rig.run import PressureLog, Run
+from straw.model.derivative import Derivatives, differentiate
+from straw.model.direction import Direction
+from straw.model.errors import ModelError
+from straw.model.parameters import StrawParameters
+from straw.model.simulate import Prediction
+from straw.replay.compare import CHANNELS, predict, setting
+from straw.replay.driving import driving_pressure
+from straw.replay.errors import ReplayError
+from straw.rig.run import PressureLog, Run
 
 Floats = NDArray[np.float64]
 Progress = Callable[[int, int], None]

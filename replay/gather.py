@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from replay.errors import ReplayError
-from rig.run import Run
-from rig.run_read import read_run
-from tracking.trace import TipTrace
+from straw.replay.errors import ReplayError
+from straw.rig.run import Run
+from straw.rig.run_read import read_run
+from straw.tracking.trace import TipTrace
 
 
 def read_whole(path: Path, *, partial: bool = False) -> Run:

@@ -9,15 +9,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import ModelError
-from model.frustum import Frustum
-from model.parameters import StrawParameters
-from model.simulate import Prediction
-from replay.metrics.noise import independent
-from replay.metrics.ringdown import LONGEST_S, RingDown, ring_down
-from replay.metrics.snaps import Pair, Snap, match, named, snaps_of
-from replay.metrics.validation import Quantity
-from tracking.trace import TipTrace
+from straw.model.errors import ModelError
+from straw.model.frustum import Frustum
+from straw.model.parameters import StrawParameters
+from straw.model.simulate import Prediction
+from straw.replay.metrics.noise import independent
+from straw.replay.metrics.ringdown import LONGEST_S, RingDown, ring_down
+from straw.replay.metrics.snaps import Pair, Snap, match, named, snaps_of
+from straw.replay.metrics.validation import Quantity
+from straw.tracking.trace import TipTrace
 
 Floats = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from replay.errors import ReplayError
+from straw.replay.errors import ReplayError
 
 
 def write_text(path: Path, text: str) -> None:

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 from tqdm import tqdm
 
-from model.compiled import COMPILED_BEFORE
+from straw.model.compiled import COMPILED_BEFORE
 
 Progress = Callable[[int, int], None]
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from replay.errors import ReplayError
-from rig.run import Run
+from straw.replay.errors import ReplayError
+from straw.rig.run import Run
 
 FITTED, HELD_OUT = "fitted", "held out"
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.errors import ReplayError
-from replay.metrics import Metrics, metrics_of
-from tracking.trace import TipTrace
+from straw.replay.errors import ReplayError
+from straw.replay.metrics import Metrics, metrics_of
+from straw.tracking.trace import TipTrace
 
 Floats = NDArray[np.float64]
 

@@ -6,8 +6,8 @@ import argparse
 import ast
 from typing import Any
 
-from replay.errors import ReplayError
-from rig.limits import PressureLimits
+from straw.replay.errors import ReplayError
+from straw.rig.limits import PressureLimits
 
 
 def settings_of(args: argparse.Namespace) -> dict[str, Any]:

@@ -9,20 +9,20 @@ from pathlib import Path
 
 import numpy as np
 
-from model.parameters import StrawParameters
-from model.simulate import simulate
-from replay.commands.rig_run import drive, emulation, write_true_tip
-from replay.commands.simulate import RATE_HZ, trace_of
-from replay.errors import ReplayError
-from replay.metrics import Metrics
-from replay.series import Series, differ, tip_series
-from rig.clock import SteppedClock
-from rig.controller import make_controller
-from rig.outlet import Outlet
-from rig.protocol import PressureProtocol
-from rig.protocol_toml import load_protocol, protocol_from_toml
-from rig.run import Run
-from rig.run_read import read_run
+from straw.model.parameters import StrawParameters
+from straw.model.simulate import simulate
+from straw.replay.commands.rig_run import drive, emulation, write_true_tip
+from straw.replay.commands.simulate import RATE_HZ, trace_of
+from straw.replay.errors import ReplayError
+from straw.replay.metrics import Metrics
+from straw.replay.series import Series, differ, tip_series
+from straw.rig.clock import SteppedClock
+from straw.rig.controller import make_controller
+from straw.rig.outlet import Outlet
+from straw.rig.protocol import PressureProtocol
+from straw.rig.protocol_toml import load_protocol, protocol_from_toml
+from straw.rig.run import Run
+from straw.rig.run_read import read_run
 
 ATTACHED = "protocol.toml"
 CONTROLLER = "ob1-mk4"

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from model.parameters import StrawParameters
-from model.simulate import simulate
-from replay.driving import driving_pressure
-from replay.errors import USER_ERRORS
-from rig.run import Run
-from tracking.camera import Camera
-from tracking.trace import TipTrace
+from straw.model.parameters import StrawParameters
+from straw.model.simulate import simulate
+from straw.replay.driving import driving_pressure
+from straw.replay.errors import USER_ERRORS
+from straw.rig.run import Run
+from straw.tracking.camera import Camera
+from straw.tracking.trace import TipTrace
 
 Floats = NDArray[np.float64]
 

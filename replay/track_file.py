@@ -12,19 +12,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.output import check_new
-from replay.progress import progress_bar, say
-from rig.camera_clock import CameraClock
-from rig.run import Run
-from rig.run_track import write_track
-from tracking.board import Board
-from tracking.by_point import with_point
-from tracking.camera import Camera, camera_json
-from tracking.chapters import copies, in_order, siblings
-from tracking.follow import Rest
-from tracking.mend import Edit, load_edits, mended
-from tracking.task import Track
-from tracking.track import track
+from straw.replay.output import check_new
+from straw.replay.progress import progress_bar, say
+from straw.rig.camera_clock import CameraClock
+from straw.rig.run import Run
+from straw.rig.run_track import write_track
+from straw.tracking.board import Board
+from straw.tracking.by_point import with_point
+from straw.tracking.camera import Camera, camera_json
+from straw.tracking.chapters import copies, in_order, siblings
+from straw.tracking.follow import Rest
+from straw.tracking.mend import Edit, load_edits, mended
+from straw.tracking.task import Track
+from straw.tracking.track import track
 
 _MISFIT, _MISFIT_PX = 3.0, 0.1  # how much more than a board by itself, and at least, tells of a wrong lens or place
 
@@ -44,7 +44,7 @@ def track_to_file(
 ) -> Track:
     """Track a video and write the tip on the run's clock; without a run, on the wall clock of now.
 
-    ``mend``: a file of changes by hand (see ``tracking.mend``), which goes on record with the track.
+    ``mend``: a file of changes by hand (see ``straw.tracking.mend``), which goes on record with the track.
     The track's record is left open, for more to be made of it; an interrupted one stays beside ``output``.
     """
     check_new(output)

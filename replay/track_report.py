@@ -15,7 +15,7 @@ mpl.use("Agg")
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
-from tracking.task import Track
+from straw.tracking.task import Track
 
 _SHOWN = (
     ("x_m", "X / mm", 1e3, 1e6, "µm"),

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.errors import ReplayError
-from replay.output import finite
-from tracking.chapters import Timeline
-from tracking.overlay import draw
-from tracking.task import Track
+from straw.replay.errors import ReplayError
+from straw.replay.output import finite
+from straw.tracking.chapters import Timeline
+from straw.tracking.overlay import draw
+from straw.tracking.task import Track
 
 MOST = 400  # frames on one page: some 10 MB
 _AROUND = 10  # frames shown on either side of those that are not valid
@@ -66,7 +66,7 @@ def steps_page(track: Track, videos: Sequence[Path], shown: Sequence[int]) -> st
                 cards.append(_card(track, frame.index, picture, middle))
     name = html.escape(", ".join(path.name for path in videos))
     filled = {"title": f"Frames of {name}", "data": json.dumps(finite({"frames": cards})).replace("<", "\\u003c")}
-    template = files("replay.report").joinpath("steps.html").read_text(encoding="utf-8")
+    template = files("straw.replay.report").joinpath("steps.html").read_text(encoding="utf-8")
     return re.sub(r"\{\{(\w+)\}\}", lambda place: filled[place[1]], template)
 
 

@@ -7,7 +7,7 @@ from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import get_context
 
-from replay.errors import ReplayError
+from straw.replay.errors import ReplayError
 
 
 @contextmanager

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.errors import RigError
-from rig.run import Run
-from tracking.lamp import Blinks
+from straw.rig.errors import RigError
+from straw.rig.run import Run
+from straw.tracking.lamp import Blinks
 
 Floats = NDArray[np.float64]
 

@@ -10,11 +10,11 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from rig.errors import RigError
-from rig.notes import SUFFIX, Notes, read_notes
-from rig.preview import Preview, preview_of
-from rig.run import Run
-from rig.run_read import read_run
+from straw.rig.errors import RigError
+from straw.rig.notes import SUFFIX, Notes, read_notes
+from straw.rig.preview import Preview, preview_of
+from straw.rig.run import Run
+from straw.rig.run_read import read_run
 
 CRATE = "ro-crate-metadata.json"  # what lies beside it is a copy for others
 INDEX = ".straw-runs.json"

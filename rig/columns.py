@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import TypeAlias
 
-from rig.catalogue import Entry
+from straw.rig.catalogue import Entry
 
 Value: TypeAlias = str | float | tuple[str, ...] | None
 

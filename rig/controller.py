@@ -14,11 +14,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, final
 
-from rig.clock import Clock
-from rig.errors import LimitError, LinkLostError, RigError
-from rig.limits import STRAW_LIMITS, Leash, PressureLimits
-from rig.plausible import Expectation
-from rig.reading import Answer, Command, Reading, Stamp
+from straw.rig.clock import Clock
+from straw.rig.errors import LimitError, LinkLostError, RigError
+from straw.rig.limits import STRAW_LIMITS, Leash, PressureLimits
+from straw.rig.plausible import Expectation
+from straw.rig.reading import Answer, Command, Reading, Stamp
 
 
 class Controller(ABC):
@@ -270,16 +270,18 @@ class Controller(ABC):
 
 def controller_names() -> tuple[str, ...]:
     """Names that ``make_controller`` knows: one for each file in ``rig/controllers``."""
-    import rig.controllers
+    import straw.rig.controllers
 
-    return tuple(sorted(module.name.replace("_", "-") for module in pkgutil.iter_modules(rig.controllers.__path__)))
+    return tuple(
+        sorted(module.name.replace("_", "-") for module in pkgutil.iter_modules(straw.rig.controllers.__path__))
+    )
 
 
 def make_controller(name: str, port: str, **settings: Any) -> Controller:
     """The controller called ``name`` on ``port``, not opened yet; settings as its class takes them."""
     if name not in controller_names():
         raise RigError(f"controller {name!r} is unknown; known: {', '.join(controller_names())}")
-    driver = importlib.import_module(f"rig.controllers.{name.replace('-', '_')}")
+    driver = importlib.import_module(f"straw.rig.controllers.{name.replace('-', '_')}")
     try:
         made: Controller = driver.CONTROLLER(port, **settings)
     except TypeError as error:

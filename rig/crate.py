@@ -13,10 +13,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from rig.errors import RigError
-from rig.manifest import sha256_of
-from rig.notes import read_notes
-from rig.run import Run
+from straw.rig.errors import RigError
+from straw.rig.manifest import sha256_of
+from straw.rig.notes import read_notes
+from straw.rig.run import Run
 
 CONTEXT = ["https://w3id.org/ro/crate/1.1/context", {"sha256": "https://schema.org/sha256"}]
 FORMATS = {

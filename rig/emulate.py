@@ -9,19 +9,19 @@ from collections.abc import Callable, Mapping
 from types import TracebackType
 from typing import Any, Self
 
-import rig.emulators
-from rig.clock import Clock, SteppedClock
-from rig.emulator import Emulator
-from rig.errors import RigError
-from rig.plant import PressurePlant
-from rig.twin import STEP_S, StrawStepper, Twin
-from rig.wire import Faults, Wire
+import straw.rig.emulators
+from straw.rig.clock import Clock, SteppedClock
+from straw.rig.emulator import Emulator
+from straw.rig.errors import RigError
+from straw.rig.plant import PressurePlant
+from straw.rig.twin import STEP_S, StrawStepper, Twin
+from straw.rig.wire import Faults, Wire
 
 
 class Emulation:
     """``with Emulation(stepper) as e:`` serves a controller at ``e.url``; ``e.twin.history`` tells what the straw did.
 
-    ``name`` is a controller of ``rig.controllers`` that has an emulator. Each of ``addresses`` is ``"host:port"``
+    ``name`` is a controller of ``straw.rig.controllers`` that has an emulator. Each of ``addresses`` is ``"host:port"``
     (port 0 for any) or ``"pty"``; the one device answers on all of them, ``urls`` says where. The straw hangs on
     channel 1, on further ``channels`` hangs a closed line; ``device`` are the emulated instrument's own settings. Time
     is real unless ``clock`` is a SteppedClock, which the program that drives it has to share.
@@ -107,9 +107,9 @@ class Emulation:
 def emulator_of(name: str) -> Callable[..., Emulator]:
     """The emulator of a controller's name; RigError with the known ones where there is none."""
     try:
-        module = importlib.import_module(f"rig.emulators.{name.replace('-', '_')}")
+        module = importlib.import_module(f"straw.rig.emulators.{name.replace('-', '_')}")
     except ModuleNotFoundError:
-        known = [module.name.replace("_", "-") for module in pkgutil.iter_modules(rig.emulators.__path__)]
+        known = [module.name.replace("_", "-") for module in pkgutil.iter_modules(straw.rig.emulators.__path__)]
         raise RigError(f"controller {name!r} has no emulator; known: {', '.join(sorted(known))}") from None
     made: Callable[..., Emulator] = module.EMULATOR
     return made

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import ClassVar
 
-from rig.plant import Plant
+from straw.rig.plant import Plant
 
 
 class Emulator(ABC):

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rig.emulator import Emulator
-from rig.wire import Sent
+from straw.rig.emulator import Emulator
+from straw.rig.wire import Sent
 
 KINDS = ("garble", "truncate", "merge", "late", "nak", "silence", "deaf", "zero", "unplug", "reboot")
 BANNER = b"\x00\xff boot 1.4.1 \x00"

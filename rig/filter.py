@@ -16,9 +16,9 @@ import re
 from collections.abc import Callable, Collection, Iterable
 from typing import NoReturn, TypeAlias
 
-from rig.catalogue import Entry
-from rig.columns import COLUMNS, Value, value_of
-from rig.errors import RigError
+from straw.rig.catalogue import Entry
+from straw.rig.columns import COLUMNS, Value, value_of
+from straw.rig.errors import RigError
 
 Test: TypeAlias = Callable[[Entry], bool]
 TOKEN = re.compile(

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.schema import message_class
+from straw.rig.schema import message_class
 
 CALIBRATION, ANNOTATIONS = "foxglove.CameraCalibration", "foxglove.ImageAnnotations"
 

@@ -11,12 +11,12 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from rig.apart import start_apart
-from rig.controller import Controller, make_controller
-from rig.errors import LinkLostError
-from rig.last_word import SILENT_S, Orders, Silence
-from rig.ports import remember
-from rig.reading import Answer
+from straw.rig.apart import start_apart
+from straw.rig.controller import Controller, make_controller
+from straw.rig.errors import LinkLostError
+from straw.rig.last_word import SILENT_S, Orders, Silence
+from straw.rig.ports import remember
+from straw.rig.reading import Answer
 
 START_S = 20.0  # until the first sign of life: a slow disk, a scanner of viruses
 GONE_S = 1.0  # how long one that was told to end, or was killed, may take
@@ -70,7 +70,7 @@ class GuardedController(Controller):
 
     def _open(self) -> None:
         while True:
-            self._process = start_apart("rig.guardian", answers=True)
+            self._process = start_apart("straw.rig.guardian", answers=True)
             self._answers = queue.SimpleQueue()
             threading.Thread(target=_listen, args=(self._process.stdout, self._answers), daemon=True).start()
             try:

@@ -21,11 +21,11 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, BinaryIO, TypeAlias
 
-from rig.controller import Controller, make_controller
-from rig.errors import LimitError, LinkLostError, RigError
-from rig.interrupts import NAMES
-from rig.last_word import PULSE_S, Notes, Orders, vent_until_confirmed
-from rig.standby import Standby
+from straw.rig.controller import Controller, make_controller
+from straw.rig.errors import LimitError, LinkLostError, RigError
+from straw.rig.interrupts import NAMES
+from straw.rig.last_word import PULSE_S, Notes, Orders, vent_until_confirmed
+from straw.rig.standby import Standby
 
 STUCK_S = 0.5  # a driver that is inside one call for longer hangs; it waits for answers in slices of 0.02 s
 Reply = Callable[[int, Any], None]  # (number of the request, answer); number 0 is a sign of life

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rig.errors import RigError
+from straw.rig.errors import RigError
 
 RETRY_S = 0.2
 PULSE_S = 0.2  # a sign of life, from the guardian to those who rely on it

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from rig.controller import Controller
-from rig.reading import Stamp
+from straw.rig.controller import Controller
+from straw.rig.reading import Stamp
 
 #: Barker's code of 13: shifted against itself it never agrees in more than one place, so a burst is found only once.
 CODE = (1, 1, 1, 1, 1, 0, 0, 1, 1, 0, 1, 0, 1)

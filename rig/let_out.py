@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 
-from rig.controller import Controller, make_controller
-from rig.errors import LinkLostError, RigError
-from rig.ports import Known, is_guarded
-from rig.reading import Reading
+from straw.rig.controller import Controller, make_controller
+from straw.rig.errors import LinkLostError, RigError
+from straw.rig.ports import Known, is_guarded
+from straw.rig.reading import Reading
 
 END_S = 6.0  # a guardian's own vent, or its standby's once it hangs
 SETTLE_S = 2.0  # the paper's controller reaches 97 % of a step after 0.07 s; tubes and a tank may be slower

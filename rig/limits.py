@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from rig.errors import RigError
+from straw.rig.errors import RigError
 
 
 @dataclass(frozen=True)

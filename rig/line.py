@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from rig.errors import LinkLostError, NoAnswerError
+from straw.rig.errors import LinkLostError, NoAnswerError
 
 T = TypeVar("T")
 POLL_S = 0.02  # how long one read may wait; changing a port's timeout per call would reconfigure the port each time

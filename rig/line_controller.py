@@ -9,9 +9,9 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Any, TypeAlias
 
-from rig.controller import Controller
-from rig.errors import LinkLostError, NoAnswerError, RigError
-from rig.line import Line
+from straw.rig.controller import Controller
+from straw.rig.errors import LinkLostError, NoAnswerError, RigError
+from straw.rig.line import Line
 
 LATE_S = 2.5  # an answer may be so late: as long is an instrument asked who it is
 VENT_S = 4.0  # a vent is two answers on some instruments; as long it is sent until both came

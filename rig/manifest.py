@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from rig.errors import RigError
+from straw.rig.errors import RigError
 
 SUFFIX = ".sha256"
 

@@ -10,8 +10,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from rig.errors import RigError
-from rig.schema import LAST_NS
+from straw.rig.errors import RigError
+from straw.rig.schema import LAST_NS
 
 MAGIC = b"\x89MCAP0\r\n"
 SCHEMA, CHANNEL, MESSAGE, CHUNK, ATTACHMENT, METADATA, DATA_END = 0x03, 0x04, 0x05, 0x06, 0x09, 0x0C, 0x0F

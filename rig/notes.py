@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from rig.errors import RigError
+from straw.rig.errors import RigError
 
 SUFFIX = ".notes.jsonl"
 #: A star picks out, an archived run is out of sight, a locked one cannot be archived.

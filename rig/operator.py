@@ -6,8 +6,8 @@ import threading
 from collections import deque
 from collections.abc import Mapping, Sequence
 
-from rig.errors import RigError
-from rig.reading import Reading
+from straw.rig.errors import RigError
+from straw.rig.reading import Reading
 
 ORDERS = ("hold", "resume", "stop", "vent", "state")
 #: A hold that nobody ends is ended by venting: a straw is not left under pressure because somebody went home.

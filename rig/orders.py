@@ -14,8 +14,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from rig.errors import RigError
-from rig.operator import ORDERS, Operator
+from straw.rig.errors import RigError
+from straw.rig.operator import ORDERS, Operator
 
 SUFFIX = ".control"
 ANSWER_S = 0.3

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rig.plant import PressurePlant
-from rig.protocol import PressureProtocol
+from straw.rig.plant import PressurePlant
+from straw.rig.protocol import PressureProtocol
 
 Floats = NDArray[np.float64]
 

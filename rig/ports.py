@@ -64,7 +64,7 @@ def known_ports() -> list[Known]:
 
 def is_guarded(known: Known) -> bool:
     """Whether its guardian still runs: a process of that number that is a guardian, for numbers are used again."""
-    return known.guardian_pid > 0 and "rig.guardian" in _command_line(known.guardian_pid)
+    return known.guardian_pid > 0 and "straw.rig.guardian" in _command_line(known.guardian_pid)
 
 
 def _command_line(pid: int) -> str:

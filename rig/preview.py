@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.run import Run
+from straw.rig.run import Run
 
 Floats = NDArray[np.float64]
 Preview: TypeAlias = dict[str, list[int]]

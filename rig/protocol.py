@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rig.errors import RigError
-from rig.limits import STRAW_LIMITS, PressureLimits
+from straw.rig.errors import RigError
+from straw.rig.limits import STRAW_LIMITS, PressureLimits
 
 Floats = NDArray[np.float64]
 LONGEST_S = 1e9  # 32 years: up to there seconds as floats tell a tenth of a microsecond apart

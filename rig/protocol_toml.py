@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from rig.errors import RigError
-from rig.limits import STRAW_LIMITS, PressureLimits
-from rig.protocol import Floats, PressureProtocol
-from rig.segments import Points, compile_entries
-from rig.toml_place import At
+from straw.rig.errors import RigError
+from straw.rig.limits import STRAW_LIMITS, PressureLimits
+from straw.rig.protocol import Floats, PressureProtocol
+from straw.rig.segments import Points, compile_entries
+from straw.rig.toml_place import At
 
 UNITS_PA = {"Pa": 1.0, "mbar": 100.0, "kPa": 1000.0}
 SECTIONS = ("prefix", "main", "suffix")

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rig.errors import RigError
-from rig.mcap_scan import Scan, read_bytes, scan
-from rig.run_file import RunFile
-from rig.schema import encode
+from straw.rig.errors import RigError
+from straw.rig.mcap_scan import Scan, read_bytes, scan
+from straw.rig.run_file import RunFile
+from straw.rig.schema import encode
 
 
 @dataclass(frozen=True)

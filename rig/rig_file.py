@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rig.errors import RigError
-from rig.limits import STRAW_LIMITS, PressureLimits
-from rig.protocol_toml import UNITS_PA
-from rig.toml_place import At
+from straw.rig.errors import RigError
+from straw.rig.limits import STRAW_LIMITS, PressureLimits
+from straw.rig.protocol_toml import UNITS_PA
+from straw.rig.toml_place import At
 
 NAME = "rig.toml"
 TOP_KEYS = ("name", "folder", "straw", "rate_hz", "led", "controller", "limits", "camera")

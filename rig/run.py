@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rig.errors import RigError
-from tracking.trace import TipTrace
+from straw.rig.errors import RigError
+from straw.tracking.trace import TipTrace
 
 Floats = NDArray[np.float64]
 CELLS = 9  # of the paper's straw, where nobody says otherwise

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.mcap_scan import Scan, read_bytes, scan
-from rig.run_read import read_run
-from rig.schema import message_class
+from straw.rig.mcap_scan import Scan, read_bytes, scan
+from straw.rig.run_read import read_run
+from straw.rig.schema import message_class
 
 Floats = NDArray[np.float64]
 #: Bins of a thinned curve; each keeps its lowest and highest sample.

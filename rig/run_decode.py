@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from rig.errors import RigError
-from rig.mcap_scan import Scan
-from rig.schema import PREDICTION, TOPICS, Schema, descriptor_set, message_class, schema_of
+from straw.rig.errors import RigError
+from straw.rig.mcap_scan import Scan
+from straw.rig.schema import PREDICTION, TOPICS, Schema, descriptor_set, message_class, schema_of
 
 # What a field that is absent, or null as JSON spells NaN, stands for; a field that is not here must be present.
 ABSENT: dict[str, Any] = {"sigma_pa": np.nan, "channel": 1, "valid": True, "frame": -1, "kind": "", "text": ""}

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.errors import RigError
-from rig.run_file import RunFile
-from rig.schema import encode, schema_of
-from tracking.trace import TipTrace
+from straw.rig.errors import RigError
+from straw.rig.run_file import RunFile
+from straw.rig.schema import encode, schema_of
+from straw.tracking.trace import TipTrace
 
 Floats = NDArray[np.float64]
 

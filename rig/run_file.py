@@ -9,9 +9,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from rig.errors import RigError
-from rig.provenance import software
-from rig.schema import descriptor_set, schema_of
+from straw.rig.errors import RigError
+from straw.rig.provenance import software
+from straw.rig.schema import descriptor_set, schema_of
 
 
 class RunFile:
@@ -28,7 +28,7 @@ class RunFile:
         attachments: Mapping[str, bytes] | None = None,
         parent: Path | None = None,
     ) -> None:
-        from rig.mcap_write import McapWriter
+        from straw.rig.mcap_write import McapWriter
 
         self.path = Path(path)
         self.part = self.path.with_name(self.path.name + ".part")

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.errors import RigError
-from rig.manifest import read_manifest
-from rig.mcap_scan import read_bytes, scan
-from rig.run import CELLS, Event, Predicted, PressureLog, Run
-from rig.run_decode import EXTRA, Row, decode
-from rig.schema import PREDICTION, schema_of
-from tracking.trace import TipTrace
+from straw.rig.errors import RigError
+from straw.rig.manifest import read_manifest
+from straw.rig.mcap_scan import read_bytes, scan
+from straw.rig.run import CELLS, Event, Predicted, PressureLog, Run
+from straw.rig.run_decode import EXTRA, Row, decode
+from straw.rig.schema import PREDICTION, schema_of
+from straw.tracking.trace import TipTrace
 
 FAR_S = 3600.0  # a zero further than this from the first message is worth a word
 

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rig import foxglove
-from rig.run_derived import tip_columns
-from rig.run_file import RunFile
-from rig.schema import Schema, descriptor_set, encode, message_class
-from tracking.trace import TipTrace
+from straw.rig import foxglove
+from straw.rig.run_derived import tip_columns
+from straw.rig.run_file import RunFile
+from straw.rig.schema import Schema, descriptor_set, encode, message_class
+from straw.tracking.trace import TipTrace
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

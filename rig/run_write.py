@@ -10,11 +10,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from rig.errors import RigError
-from rig.manifest import seal
-from rig.reading import Command, Reading
-from rig.run_file import RunFile
-from rig.schema import TOPICS, check, encode
+from straw.rig.errors import RigError
+from straw.rig.manifest import seal
+from straw.rig.reading import Command, Reading
+from straw.rig.run_file import RunFile
+from straw.rig.schema import TOPICS, check, encode
 
 FLUSH_S = 0.5  # a killed program loses what is younger, and what a slow disk adds: less than a second
 

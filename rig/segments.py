@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rig.toml_place import At
+from straw.rig.toml_place import At
 
 Points = list[tuple[float, float]]  # (s from the segment's start, pressure in the file's unit), straight in between
 WhyNot = Callable[[float], str | None]

@@ -7,14 +7,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from rig.controller import Controller
-from rig.errors import LimitError, LinkLostError, NoAnswerError, RigError
-from rig.interrupts import Interrupts
-from rig.led import BURST_S, blink
-from rig.operator import Operator, StoppedError
-from rig.protocol import PressureProtocol
-from rig.run import CELLS
-from rig.run_write import RunWriter
+from straw.rig.controller import Controller
+from straw.rig.errors import LimitError, LinkLostError, NoAnswerError, RigError
+from straw.rig.interrupts import Interrupts
+from straw.rig.led import BURST_S, blink
+from straw.rig.operator import Operator, StoppedError
+from straw.rig.protocol import PressureProtocol
+from straw.rig.run import CELLS
+from straw.rig.run_write import RunWriter
 
 ARM_S = 0.2  # between writing the file's head, which names the run's zero, and the start
 MISSES = 3  # readings in a row that may be refused, or not be believed, before the run is given up

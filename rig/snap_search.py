@@ -12,12 +12,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from statistics import fmean, pstdev
 
-from rig.controller import Controller
-from rig.errors import RigError
-from rig.interrupts import Interrupts
-from rig.reading import Reading
-from rig.run_write import RunWriter
-from rig.watch import QUIET_S, Watcher
+from straw.rig.controller import Controller
+from straw.rig.errors import RigError
+from straw.rig.interrupts import Interrupts
+from straw.rig.reading import Reading
+from straw.rig.run_write import RunWriter
+from straw.rig.watch import QUIET_S, Watcher
 
 POLL_S = 0.02
 APPROACH_S = 0.15  # a hold on the way back to a pressure that is known to hold

@@ -18,11 +18,11 @@ import threading
 from contextlib import suppress
 from typing import Any, BinaryIO
 
-from rig.apart import start_apart
-from rig.controller import make_controller
-from rig.errors import RigError
-from rig.interrupts import NAMES
-from rig.last_word import SILENT_S, Notes, Orders, Silence, vent_until_confirmed
+from straw.rig.apart import start_apart
+from straw.rig.controller import make_controller
+from straw.rig.errors import RigError
+from straw.rig.interrupts import NAMES
+from straw.rig.last_word import SILENT_S, Notes, Orders, Silence, vent_until_confirmed
 
 RESTARTS = 3
 LATER_S = 0.3  # after the script's own deadline, so that the script, which writes the record, acts first
@@ -58,7 +58,7 @@ class Standby:
 
     def _begin(self) -> None:
         self._starts += 1
-        self._process = start_apart("rig.standby", answers=False)
+        self._process = start_apart("straw.rig.standby", answers=False)
         assert self._process.stdin is not None
         self._tell("orders", (self._orders, os.getpid()))
         self._tell("note", self._note)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, NoReturn
 
-from rig.errors import RigError
+from straw.rig.errors import RigError
 
 
 class At:

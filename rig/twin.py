@@ -11,8 +11,8 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.clock import Clock
-from rig.plant import PressurePlant
+from straw.rig.clock import Clock
+from straw.rig.plant import PressurePlant
 
 Floats = NDArray[np.float64]
 STEP_S = 1e-3  # of the history, where nobody says otherwise; outlet pressure is taken as straight within it
@@ -20,7 +20,7 @@ TICK_S = 5e-3  # how long the twin's thread sleeps, and how far it stays behind 
 
 
 class StrawStepper(Protocol):
-    """A straw that can be moved on in time; ``model.simulate.Stepper`` is one."""
+    """A straw that can be moved on in time; ``straw.model.simulate.Stepper`` is one."""
 
     @property
     def time_s(self) -> float:

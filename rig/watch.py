@@ -7,8 +7,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from statistics import median
 
-from rig.errors import RigError
-from rig.reading import Reading
+from straw.rig.errors import RigError
+from straw.rig.reading import Reading
 
 QUIET_S = 0.25  # motion is judged over this long, and over as long before
 STILL = 0.005  # moved: by more than this share of what a usual step moves

@@ -14,9 +14,9 @@ from functools import partial
 from types import TracebackType
 from typing import Protocol, Self
 
-from rig.clock import Clock
-from rig.emulator import Emulator
-from rig.errors import RigError
+from straw.rig.clock import Clock
+from straw.rig.emulator import Emulator
+from straw.rig.errors import RigError
 
 POLL_S = 0.05  # how soon a closed wire is noticed
 
@@ -31,14 +31,14 @@ class Sent:
 
 
 class Faults(Protocol):
-    """What comes between a device and its wire; ``rig.faults`` makes them from a seed."""
+    """What comes between a device and its wire; ``straw.rig.faults`` makes them from a seed."""
 
     def answer(self, device: Emulator, line: bytes, time_s: float) -> Sent:
         """What the wire brings back for this request line."""
 
 
 class Wire:
-    """Serves one client at a time from a daemon thread until ``close``; ``url`` is what ``rig.line.Line`` opens.
+    """Serves one client at a time from a daemon thread until ``close``; ``url`` is what ``straw.rig.line.Line`` opens.
 
     ``address`` is ``"pty"`` (POSIX) or ``"[socket://]host:port"`` with port 0 for any. ``now`` gives the device its
     time in seconds; the wire spends its own on ``clock``. ``received`` keeps the last request lines with their times,

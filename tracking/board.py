@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.errors import TrackingError
+from straw.tracking.errors import TrackingError
 
 Floats = NDArray[np.float64]
 

@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from tracking.board import Board
-from tracking.camera import Camera
-from tracking.errors import TrackingError
-from tracking.follow import Rest
-from tracking.misprint import Misprint
-from tracking.planar import LEAST_SIGMA_PX, MEDIAN_OF_RAYLEIGH
-from tracking.pose import Plane, apply, free_pose
-from tracking.views import Views
+from straw.tracking.board import Board
+from straw.tracking.camera import Camera
+from straw.tracking.errors import TrackingError
+from straw.tracking.follow import Rest
+from straw.tracking.misprint import Misprint
+from straw.tracking.planar import LEAST_SIGMA_PX, MEDIAN_OF_RAYLEIGH
+from straw.tracking.pose import Plane, apply, free_pose
+from straw.tracking.views import Views
 
 Floats = NDArray[np.float64]
 

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.chapters import Timeline
-from tracking.errors import TrackingError
-from tracking.mend import BY_HAND, Edit
-from tracking.point import Point, follow_point
-from tracking.pose import world_from_tip
-from tracking.task import Track
+from straw.tracking.chapters import Timeline
+from straw.tracking.errors import TrackingError
+from straw.tracking.mend import BY_HAND, Edit
+from straw.tracking.point import Point, follow_point
+from straw.tracking.pose import world_from_tip
+from straw.tracking.task import Track
 
 Floats = NDArray[np.float64]
 Picture = NDArray[np.uint8]

@@ -11,14 +11,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.chapters import copies
-from tracking.corners import FEWEST_CORNERS, find_boards
-from tracking.edges import measure_all
-from tracking.errors import TrackingError
-from tracking.lattice import chequered
-from tracking.lens import Lens
-from tracking.lens_fit import Fit, View, fit_lens, held_out_px, lens_of
-from tracking.video import VideoReader
+from straw.tracking.chapters import copies
+from straw.tracking.corners import FEWEST_CORNERS, find_boards
+from straw.tracking.edges import measure_all
+from straw.tracking.errors import TrackingError
+from straw.tracking.lattice import chequered
+from straw.tracking.lens import Lens
+from straw.tracking.lens_fit import Fit, View, fit_lens, held_out_px, lens_of
+from straw.tracking.video import VideoReader
 
 Floats = NDArray[np.float64]
 Picture = NDArray[np.uint8]

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from tracking.errors import TrackingError
-from tracking.fields import Fields, write_json
-from tracking.lens import Lens, lens_from_fields
+from straw.tracking.errors import TrackingError
+from straw.tracking.fields import Fields, write_json
+from straw.tracking.lens import Lens, lens_from_fields
 
 Floats = NDArray[np.float64]
 

@@ -12,9 +12,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from tracking.errors import TrackingError
-from tracking.gpmf import Telemetry, read_telemetry
-from tracking.video import Frame, VideoReader
+from straw.tracking.errors import TrackingError
+from straw.tracking.gpmf import Telemetry, read_telemetry
+from straw.tracking.video import Frame, VideoReader
 
 _COMPARED = 1 << 20  # bytes at the beginning and in the middle: two films never agree in them
 _CHAPTER = re.compile(r"G[HX](\d\d)(\d{4})\.(mp4|mov)", re.IGNORECASE)  # GH: H.264, GX: HEVC; chapter, then recording

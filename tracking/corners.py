@@ -11,10 +11,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.board import Board
-from tracking.edges import measure_all
-from tracking.kernels import agreement, drift, farthest, fit_homography, locate_all
-from tracking.lens import Lens
+from straw.tracking.board import Board
+from straw.tracking.edges import measure_all
+from straw.tracking.kernels import agreement, drift, farthest, fit_homography, locate_all
+from straw.tracking.lens import Lens
 
 Floats = NDArray[np.float64]
 Picture = NDArray[np.uint8]

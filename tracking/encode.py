@@ -13,7 +13,7 @@ import numpy as np
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
-from tracking.errors import TrackingError
+from straw.tracking.errors import TrackingError
 
 GOPRO_RATE = Fraction(240_000, 1001)  # "240 fps"; exact, so that frame times are exact
 

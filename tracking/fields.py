@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NoReturn
 
-from tracking.errors import TrackingError
+from straw.tracking.errors import TrackingError
 
 _LARGEST_FILE_BYTES = 1_000_000  # a camera file is a few kB; anything bigger is the wrong file
 

@@ -7,11 +7,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.board import Board
-from tracking.camera import Camera
-from tracking.corners import LARGEST_RESIDUAL, Print, Sighting, find_boards
-from tracking.errors import TrackingError
-from tracking.pose import Plane, apply, free_pose, world_from_tip
+from straw.tracking.board import Board
+from straw.tracking.camera import Camera
+from straw.tracking.corners import LARGEST_RESIDUAL, Print, Sighting, find_boards
+from straw.tracking.errors import TrackingError
+from straw.tracking.pose import Plane, apply, free_pose, world_from_tip
 
 Floats = NDArray[np.float64]
 Picture = NDArray[np.uint8]

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.errors import TrackingError
-from tracking.video import Frame
+from straw.tracking.errors import TrackingError
+from straw.tracking.video import Frame
 
 Floats = NDArray[np.float64]
 

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tracking.errors import TrackingError
-from tracking.fields import Fields
-from tracking.kernels import distort_all, undistort_all
+from straw.tracking.errors import TrackingError
+from straw.tracking.fields import Fields
+from straw.tracking.kernels import distort_all, undistort_all
 
 Floats = NDArray[np.float64]
 
@@ -159,7 +159,7 @@ def load_lens(path: str | os.PathLike[str]) -> Lens:
 
 def shipped_lens(name: str) -> Lens:
     """Return a lens that ships with this package; see ``tracking/lenses/SOURCES.md``."""
-    folder = files("tracking") / "lenses"
+    folder = files("straw.tracking") / "lenses"
     known = sorted(entry.name.removesuffix(".json") for entry in folder.iterdir() if entry.name.endswith(".json"))
     if name not in known:
         raise TrackingError(f"lens '{name}' is not shipped; shipped are: {', '.join(known)}; or give a CAMERA.json")

@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.errors import TrackingError
-from tracking.lens import Lens
-from tracking.planar import MEDIAN_OF_RAYLEIGH
-from tracking.pose import apply, free_pose
+from straw.tracking.errors import TrackingError
+from straw.tracking.lens import Lens
+from straw.tracking.planar import MEDIAN_OF_RAYLEIGH
+from straw.tracking.pose import apply, free_pose
 
 Floats = NDArray[np.float64]
 

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from tracking.errors import TrackingError
-from tracking.fields import Fields, reason
-from tracking.task import Track
+from straw.tracking.errors import TrackingError
+from straw.tracking.fields import Fields, reason
+from straw.tracking.task import Track
 
 BY_HAND = "by hand: "
 _KINDS = {

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.pose import Poses
+from straw.tracking.pose import Poses
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

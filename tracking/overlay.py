@@ -11,10 +11,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.chapters import Timeline
-from tracking.encode import VideoWriter
-from tracking.pose import apply, world_from_tip
-from tracking.task import Track
+from straw.tracking.chapters import Timeline
+from straw.tracking.encode import VideoWriter
+from straw.tracking.pose import apply, world_from_tip
+from straw.tracking.task import Track
 
 Floats = NDArray[np.float64]
 Colour = tuple[int, int, int]

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.errors import TrackingError
+from straw.tracking.errors import TrackingError
 
 Floats = NDArray[np.float64]
 Picture = NDArray[np.uint8]

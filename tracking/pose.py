@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.lens import Lens
-from tracking.planar import fit_planar
+from straw.tracking.lens import Lens
+from straw.tracking.planar import fit_planar
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.bundle import free_start
-from tracking.noise import without_lag
-from tracking.pose import Poses, apply
-from tracking.settle import Settled
-from tracking.task import Task
-from tracking.variance import Scatter, Seen, kinds, learnt, seen_of
-from tracking.views import Views
+from straw.tracking.bundle import free_start
+from straw.tracking.noise import without_lag
+from straw.tracking.pose import Poses, apply
+from straw.tracking.settle import Settled
+from straw.tracking.task import Task
+from straw.tracking.variance import Scatter, Seen, kinds, learnt, seen_of
+from straw.tracking.views import Views
 
 Floats = NDArray[np.float64]
 

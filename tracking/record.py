@@ -12,10 +12,10 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.corners import Sighting
-from tracking.errors import TrackingError
-from tracking.fields import reason
-from tracking.video import Frame
+from straw.tracking.corners import Sighting
+from straw.tracking.errors import TrackingError
+from straw.tracking.fields import reason
+from straw.tracking.video import Frame
 
 Rows = NDArray[Any]
 

@@ -9,13 +9,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.board import Board
-from tracking.camera import Camera, check_rigid
-from tracking.chapters import Timeline
-from tracking.corners import Print, Sighting, find_boards
-from tracking.errors import TrackingError
-from tracking.fields import Fields
-from tracking.pose import free_pose
+from straw.tracking.board import Board
+from straw.tracking.camera import Camera, check_rigid
+from straw.tracking.chapters import Timeline
+from straw.tracking.corners import Print, Sighting, find_boards
+from straw.tracking.errors import TrackingError
+from straw.tracking.fields import Fields
+from straw.tracking.pose import free_pose
 
 Floats = NDArray[np.float64]
 

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.board import Board
-from tracking.bundle import LINE, Bundle
-from tracking.camera import Camera
-from tracking.errors import TrackingError
-from tracking.follow import Rest, plane_at_rest
-from tracking.pose import Plane, free_pose
-from tracking.variance import Scatter
-from tracking.views import Views
+from straw.tracking.board import Board
+from straw.tracking.bundle import LINE, Bundle
+from straw.tracking.camera import Camera
+from straw.tracking.errors import TrackingError
+from straw.tracking.follow import Rest, plane_at_rest
+from straw.tracking.pose import Plane, free_pose
+from straw.tracking.variance import Scatter
+from straw.tracking.views import Views
 
 Floats = NDArray[np.float64]
 

@@ -10,21 +10,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.chapters import Timeline
-from tracking.corners import FEWEST_CORNERS, LARGEST_RESIDUAL
-from tracking.doubt import Courses, course_of, doubted
-from tracking.errors import TrackingError
-from tracking.follow import NOT_DUE
-from tracking.lens import Lens
-from tracking.noise import Frames, exposure_by_smear, lag_of
-from tracking.poser import Poser
-from tracking.record import CHUNK, Record, Rows
-from tracking.settle import REST_FRAMES, settle
-from tracking.task import Task, Track
-from tracking.trace import TipTrace
-from tracking.variance import telling
-from tracking.video import DecodeReport, ahead
-from tracking.views import AROUND, Views, views_of
+from straw.tracking.chapters import Timeline
+from straw.tracking.corners import FEWEST_CORNERS, LARGEST_RESIDUAL
+from straw.tracking.doubt import Courses, course_of, doubted
+from straw.tracking.errors import TrackingError
+from straw.tracking.follow import NOT_DUE
+from straw.tracking.lens import Lens
+from straw.tracking.noise import Frames, exposure_by_smear, lag_of
+from straw.tracking.poser import Poser
+from straw.tracking.record import CHUNK, Record, Rows
+from straw.tracking.settle import REST_FRAMES, settle
+from straw.tracking.task import Task, Track
+from straw.tracking.trace import TipTrace
+from straw.tracking.variance import telling
+from straw.tracking.video import DecodeReport, ahead
+from straw.tracking.views import AROUND, Views, views_of
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from tracking.board import Board
-from tracking.brush import NODE_ROWS, SAMPLES, paint, rays_of_box
-from tracking.camera import Camera
-from tracking.encode import GOPRO_RATE, VideoWriter
-from tracking.errors import TrackingError
+from straw.tracking.board import Board
+from straw.tracking.brush import NODE_ROWS, SAMPLES, paint, rays_of_box
+from straw.tracking.camera import Camera
+from straw.tracking.encode import GOPRO_RATE, VideoWriter
+from straw.tracking.errors import TrackingError
 
 Floats = NDArray[np.float64]
 Motion = Callable[[Floats], tuple[ArrayLike, ArrayLike, ArrayLike]]

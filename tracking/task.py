@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.board import Board
-from tracking.camera import Camera
-from tracking.errors import TrackingError
-from tracking.follow import Rest
-from tracking.gpmf import Telemetry
-from tracking.record import Record
-from tracking.trace import TipTrace
-from tracking.video import DecodeReport
+from straw.tracking.board import Board
+from straw.tracking.camera import Camera
+from straw.tracking.errors import TrackingError
+from straw.tracking.follow import Rest
+from straw.tracking.gpmf import Telemetry
+from straw.tracking.record import Record
+from straw.tracking.trace import TipTrace
+from straw.tracking.video import DecodeReport
 
 Floats = NDArray[np.float64]
 

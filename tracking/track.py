@@ -12,15 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from tracking.board import Board
-from tracking.camera import Camera
-from tracking.chapters import Timeline, in_order
-from tracking.errors import TrackingError
-from tracking.follow import Follower
-from tracking.record import Record
-from tracking.solve import Gathered, solved
-from tracking.task import Task, Track
-from tracking.video import DecodeReport, Gap, ahead, frames_missing
+from straw.tracking.board import Board
+from straw.tracking.camera import Camera
+from straw.tracking.chapters import Timeline, in_order
+from straw.tracking.errors import TrackingError
+from straw.tracking.follow import Follower
+from straw.tracking.record import Record
+from straw.tracking.solve import Gathered, solved
+from straw.tracking.task import Task, Track
+from straw.tracking.video import DecodeReport, Gap, ahead, frames_missing
 
 _OTHER_RATE = 0.1  # 239.76 for 240 is no other rate; a replay is twice as slow at least
 _AHEAD = 24  # pictures decoded while the board is searched for, which takes 0.1 s: 75 MB of 1080p

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from tracking.noise import Frames
-from tracking.patterns import Patterns, common_to
+from straw.tracking.noise import Frames
+from straw.tracking.patterns import Patterns, common_to
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -17,8 +17,8 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.errors import TrackingError
-from tracking.fields import reason
+from straw.tracking.errors import TrackingError
+from straw.tracking.fields import reason
 
 T = TypeVar("T")
 Picture = NDArray[np.uint8]

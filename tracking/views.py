@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tracking.lens import Lens
-from tracking.record import Record, Rows
+from straw.tracking.lens import Lens
+from straw.tracking.record import Record, Rows
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from model.errors import ModelError
-from model.shell.mesh import Mesh
-from model.shell.problem import Problem
-from model.shell.solve import Point
+from straw.model.errors import ModelError
+from straw.model.shell.mesh import Mesh
+from straw.model.shell.problem import Problem
+from straw.model.shell.solve import Point
 
 #: Order of the elements; around the wall the harmonics are refined, along it the number of elements.
 ORDER = 5

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.shell.mesh import Shell
-from model.shell.strain import Floats
+from straw.model.shell.mesh import Shell
+from straw.model.shell.strain import Floats
 
 
 class Creases:

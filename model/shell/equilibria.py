@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from model.frustum import Frustum
-from model.shell.problem import Problem
-from model.shell.solve import Model, NotFoundError, Point
-from model.shell.strain import Floats
+from straw.model.frustum import Frustum
+from straw.model.shell.problem import Problem
+from straw.model.shell.solve import Model, NotFoundError, Point
+from straw.model.shell.strain import Floats
 
 #: Newton over (zeta, phi) has arrived at steps this small, in zeta over r_i and phi.
 CLOSE = 1e-8

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from model.elasticity import Elasticity
-from model.errors import ModelError
-from model.shell.landscape import Landscape
-from model.shell.strain import Floats
-from model.terms.shell_energy import POWERS, shell_energy, shell_force
+from straw.model.elasticity import Elasticity
+from straw.model.errors import ModelError
+from straw.model.shell.landscape import Landscape
+from straw.model.shell.strain import Floats
+from straw.model.terms.shell_energy import POWERS, shell_energy, shell_force
 
 #: A straw is in states of little energy: a point counts half where its energy is this many times the barrier's of
 #: equation 7's scale, a quarter of the largest; and these are what errors of energy, force, moment weigh alike:

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from model.errors import ModelError
-from model.shell.mesh import SINES, Shell
-from model.shell.strain import Floats
+from straw.model.errors import ModelError
+from straw.model.shell.mesh import SINES, Shell
+from straw.model.shell.strain import Floats
 
 READINGS = ("material", "plane")
 X, Y, Z = 0, 1, 2

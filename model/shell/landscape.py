@@ -16,13 +16,13 @@ from typing import Any
 
 import numpy as np
 
-from model.errors import ModelError
-from model.shell.mesh import Shell
-from model.shell.problem import Problem
-from model.shell.profile import Meridian, Profile
-from model.shell.solve import NotFoundError, Point
-from model.shell.strain import Floats
-from model.shell.threads import one_thread
+from straw.model.errors import ModelError
+from straw.model.shell.mesh import Shell
+from straw.model.shell.problem import Problem
+from straw.model.shell.profile import Meridian, Profile
+from straw.model.shell.solve import NotFoundError, Point
+from straw.model.shell.strain import Floats
+from straw.model.shell.threads import one_thread
 
 #: What is known at a point, SI; ``by_zeta0`` is the energy's change with the unloaded height, J/m.
 COLUMNS = (

@@ -14,13 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.errors import ModelError
-from model.shell.profile import Meridian, Profile
-from model.shell.strain import Floats, Wall, derivatives, energies, wall
+from straw.model.errors import ModelError
+from straw.model.shell.profile import Meridian, Profile
+from straw.model.shell.strain import Floats, Wall, derivatives, energies, wall
 
 #: Fields of a node: place x, y, z in m, then the director's parts; which of them go with sin(k theta).
 FIELDS, SINES = 6, (1, 4)
-#: Vectors a field is in, as rows of the five of `model.shell.strain`, each with (derivative along s, around).
+#: Vectors a field is in, as rows of the five of `straw.model.shell.strain`, each with (derivative along s, around).
 Rows = tuple[tuple[int, tuple[int, int]], ...]
 _PLACE_ROWS: Rows
 _DIRECTOR_ROWS: Rows

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.shell.mesh import SINES, Shell
-from model.shell.strain import Floats
+from straw.model.shell.mesh import SINES, Shell
+from straw.model.shell.strain import Floats
 
 #: Where in q, tables (points, 3, width) of three vectors, and the points' weights.
 Products = tuple[slice, list[Floats], Floats]

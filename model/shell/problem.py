@@ -9,11 +9,11 @@ from typing import Any, Self
 
 import numpy as np
 
-from model.errors import ModelError
-from model.shell.hold import Hold
-from model.shell.mesh import Mesh
-from model.shell.profile import Meridian, Profile
-from model.shell.solve import Model
+from straw.model.errors import ModelError
+from straw.model.shell.hold import Hold
+from straw.model.shell.mesh import Mesh
+from straw.model.shell.profile import Meridian, Profile
+from straw.model.shell.solve import Model
 
 #: Poisson's ratio, absent from the reduced model; the paper took 0.33 "arbitrarily".
 NU = 0.33

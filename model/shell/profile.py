@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from model.errors import ModelError
-from model.parameters import StrawParameters
+from straw.model.errors import ModelError
+from straw.model.parameters import StrawParameters
 
 Floats = NDArray[np.float64]
 

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, eigvalsh, lu_factor, lu_solve
 
-from model.errors import ModelError
-from model.shell.creases import Creases
-from model.shell.hold import Held, Hold
-from model.shell.mesh import Mesh, Shell
-from model.shell.pressure import Enclosed
-from model.shell.profile import Profile
-from model.shell.strain import Floats
+from straw.model.errors import ModelError
+from straw.model.shell.creases import Creases
+from straw.model.shell.hold import Held, Hold
+from straw.model.shell.mesh import Mesh, Shell
+from straw.model.shell.pressure import Enclosed
+from straw.model.shell.profile import Profile
+from straw.model.shell.strain import Floats
 
 #: Newton has arrived when its step is this small against the wall's own length: it squares its error.
 CLOSE = 1e-9

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.shell.mesh import Shell
-from model.shell.solve import Model, Point
-from model.shell.strain import BENDING, STRETCHING, Floats, strains
+from straw.model.shell.mesh import Shell
+from straw.model.shell.solve import Model, Point
+from straw.model.shell.strain import BENDING, STRETCHING, Floats, strains
 
 #: Points around half a wall for looking at it.
 AROUND = 48

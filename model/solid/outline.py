@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import ModelError
-from model.parameters import StrawParameters
+from straw.model.errors import ModelError
+from straw.model.parameters import StrawParameters
 
 Floats = NDArray[np.float64]
 

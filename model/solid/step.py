@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from model.solid.outline import Floats
+from straw.model.solid.outline import Floats
 
 HEADER = """ISO-10303-21;
 HEADER;

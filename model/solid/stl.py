@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.solid.outline import Floats
+from straw.model.solid.outline import Floats
 
 RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 

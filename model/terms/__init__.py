@@ -5,7 +5,7 @@ from __future__ import annotations
 import pkgutil
 from importlib import import_module
 
-from model.term import Term
+from straw.model.term import Term
 
 
 def _discover() -> dict[str, Term]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-from model.compiled import allocates_nothing
-from model.constants import Constants
-from model.kinematics import Chain
-from model.load import Load
-from model.term import Constant, Floats, Term
+from straw.model.compiled import allocates_nothing
+from straw.model.constants import Constants
+from straw.model.kinematics import Chain
+from straw.model.load import Load
+from straw.model.term import Constant, Floats, Term
 
 
 @allocates_nothing

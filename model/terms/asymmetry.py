@@ -7,8 +7,8 @@ nearly a normal curve.
 
 from __future__ import annotations
 
-from model.compiled import compiled
-from model.term import Constant, Floats, Frustum, Term
+from straw.model.compiled import compiled
+from straw.model.term import Constant, Floats, Frustum, Term
 
 
 @compiled

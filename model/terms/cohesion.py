@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 
-from model.compiled import compiled
-from model.term import Constant, Floats, Frustum, Term
+from straw.model.compiled import compiled
+from straw.model.term import Constant, Floats, Frustum, Term
 
 
 @compiled

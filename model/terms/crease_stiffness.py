@@ -5,8 +5,8 @@ F = -k_zeta (g + h g^3), g = zeta - zeta_0;  M = -k_phi (phi + b phi^3).
 
 from __future__ import annotations
 
-from model.compiled import compiled
-from model.term import Constant, Floats, Frustum, Term
+from straw.model.compiled import compiled
+from straw.model.term import Constant, Floats, Frustum, Term
 
 
 @compiled

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from model.compiled import compiled
-from model.term import Frustum
+from straw.model.compiled import compiled
+from straw.model.term import Frustum
 
 
 @compiled

@@ -5,8 +5,8 @@ s' = (F_c zeta' - s |zeta'|) / l, F = -s;  unlike a smoothed sign function it ho
 
 from __future__ import annotations
 
-from model.compiled import compiled
-from model.term import Constant, Floats, Frustum, Term
+from straw.model.compiled import compiled
+from straw.model.term import Constant, Floats, Frustum, Term
 
 
 @compiled

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 
-from model.compiled import allocates_nothing, compiled
-from model.constants import Constants
-from model.term import Frustum
-from model.terms.shell_energy import SHARE, shell_energy, shell_force, shell_stiffness
+from straw.model.compiled import allocates_nothing, compiled
+from straw.model.constants import Constants
+from straw.model.term import Frustum
+from straw.model.terms.shell_energy import SHARE, shell_energy, shell_force, shell_stiffness
 
 
 @compiled

@@ -1,6 +1,6 @@
 """Inertia of the fluid in the channel: it takes pressure to change the flow, dp = I dQ/dt."""
 
-from model.term import Constant, Term
+from straw.model.term import Constant, Term
 
 TERM = Term(
     name="fluid_inertia",

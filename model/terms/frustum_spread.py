@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from model.compiled import compiled
-from model.term import Constant, Floats, Frustum, Term
-from model.terms.elasticity import elastic_energy, elastic_force
+from straw.model.compiled import compiled
+from straw.model.term import Constant, Floats, Frustum, Term
+from straw.model.terms.elasticity import elastic_energy, elastic_force
 
 
 @compiled

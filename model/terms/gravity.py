@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from model.compiled import allocates_nothing
-from model.constants import Constants
-from model.kinematics import Chain
-from model.load import Load
+from straw.model.compiled import allocates_nothing
+from straw.model.constants import Constants
+from straw.model.kinematics import Chain
+from straw.model.load import Load
 
 
 @allocates_nothing

@@ -3,7 +3,7 @@
 p_r' = (p_c - p_r) / tau - Q / C,  C = V / p_0 (isothermal, linear).
 """
 
-from model.term import Constant, Term
+from straw.model.term import Constant, Term
 
 TERM = Term(
     name="line_lag",

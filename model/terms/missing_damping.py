@@ -5,10 +5,10 @@ F = -g(|zeta'|) sign zeta' - d(zeta / |zeta_0|) zeta'
 
 from __future__ import annotations
 
-from model.compiled import compiled
-from model.table import AMOUNT, empty, names, odd_table, points, table
-from model.term import Floats, Frustum, Term
-from model.terms.missing_force import HEIGHTS
+from straw.model.compiled import compiled
+from straw.model.table import AMOUNT, empty, names, odd_table, points, table
+from straw.model.term import Floats, Frustum, Term
+from straw.model.terms.missing_force import HEIGHTS
 
 
 @compiled

@@ -5,10 +5,10 @@ F = f(zeta / |zeta_0|) on zeta,  M = m(phi) on phi,  and equation 6 with E (1 + 
 
 from __future__ import annotations
 
-from model.compiled import compiled
-from model.table import AMOUNT, empty, names, points, table, table_area
-from model.term import Floats, Frustum, Term
-from model.terms.elasticity import elastic_energy, elastic_force
+from straw.model.compiled import compiled
+from straw.model.table import AMOUNT, empty, names, points, table, table_area
+from straw.model.term import Floats, Frustum, Term
+from straw.model.terms.elasticity import elastic_energy, elastic_force
 
 
 @compiled

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from model.table import AMOUNT, names, points
-from model.term import Term
-from model.terms.missing_force import CYCLES
+from straw.model.table import AMOUNT, names, points
+from straw.model.term import Term
+from straw.model.terms.missing_force import CYCLES
 
 FLOWS = (-4e-6, -2e-6, -0.7e-6, 0.0, 0.5e-6, 1.2e-6, 2.5e-6, 5e-6)
 

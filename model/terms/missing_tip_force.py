@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import math
 
-from model.compiled import allocates_nothing
-from model.constants import Constants
-from model.kinematics import Chain
-from model.load import Load
-from model.table import AMOUNT, empty, names, odd_table, points, table
-from model.term import Floats, Term
+from straw.model.compiled import allocates_nothing
+from straw.model.constants import Constants
+from straw.model.kinematics import Chain
+from straw.model.load import Load
+from straw.model.table import AMOUNT, empty, names, odd_table, points, table
+from straw.model.term import Floats, Term
 
 
 @allocates_nothing

@@ -1,6 +1,6 @@
 """Laminar loss in the channel, beside the base model's Bernoulli loss: dp = R Q."""
 
-from model.term import Constant, Term
+from straw.model.term import Constant, Term
 
 TERM = Term(
     name="poiseuille_loss",

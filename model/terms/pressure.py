@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import allocates_nothing
-from model.constants import Constants
-from model.kinematics import Chain
-from model.load import Load
+from straw.model.compiled import allocates_nothing
+from straw.model.constants import Constants
+from straw.model.kinematics import Chain
+from straw.model.load import Load
 
 Floats = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import allocates_nothing, called, compiled, fused
+from straw.model.compiled import allocates_nothing, called, compiled, fused
 
 Floats = NDArray[np.float64]
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from model.compiled import allocates_nothing
-from model.constants import Constants
-from model.load import Load
+from straw.model.compiled import allocates_nothing
+from straw.model.constants import Constants
+from straw.model.load import Load
 
 
 @allocates_nothing

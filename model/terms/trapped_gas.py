@@ -3,7 +3,7 @@
 v' = V' - Q,  p_inside = p_0 ((V_g / v)^n - 1),  v the gas's volume, V_g its volume at ambient pressure p_0.
 """
 
-from model.term import Constant, Term
+from straw.model.term import Constant, Term
 
 TERM = Term(
     name="trapped_gas",

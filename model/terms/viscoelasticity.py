@@ -6,8 +6,8 @@ in bending as it does in stretching.
 
 from __future__ import annotations
 
-from model.compiled import compiled
-from model.term import Constant, Floats, Frustum, Term
+from straw.model.compiled import compiled
+from straw.model.term import Constant, Floats, Frustum, Term
 
 
 @compiled

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from model.term import Constant, Term
-from model.terms.viscoelasticity import TERM as FIRST
+from straw.model.term import Constant, Term
+from straw.model.terms.viscoelasticity import TERM as FIRST
 
 TERM = Term(
     name="viscoelasticity_slow",

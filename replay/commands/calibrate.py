@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from replay.errors import ReplayError
-from replay.output import write_json
-from replay.progress import progress_bar, say
-from tracking.calibrate import Calibration, calibrate
-from tracking.camera import Camera, save_camera
+from straw.replay.errors import ReplayError
+from straw.replay.output import write_json
+from straw.replay.progress import progress_bar, say
+from straw.tracking.calibrate import Calibration, calibrate
+from straw.tracking.camera import Camera, save_camera
 
 
 def run(args: argparse.Namespace) -> int:

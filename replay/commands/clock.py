@@ -6,17 +6,17 @@ import argparse
 import dataclasses
 from collections.abc import Iterator
 
-from model.parameters import load_straw
-from replay.clock_motion import clock_from_motion
-from replay.errors import ReplayError
-from replay.gather import read_whole
-from replay.output import check_new, write_json
-from replay.progress import prepare, progress_bar, say
-from rig.camera_clock import CameraClock, bursts_of, clock_data, fit_led
-from rig.run import Run
-from rig.run_derived import write_tip
-from tracking.lamp import blocks_of, find_blinks
-from tracking.video import Frame, VideoReader
+from straw.model.parameters import load_straw
+from straw.replay.clock_motion import clock_from_motion
+from straw.replay.errors import ReplayError
+from straw.replay.gather import read_whole
+from straw.replay.output import check_new, write_json
+from straw.replay.progress import prepare, progress_bar, say
+from straw.rig.camera_clock import CameraClock, bursts_of, clock_data, fit_led
+from straw.rig.run import Run
+from straw.rig.run_derived import write_tip
+from straw.tracking.lamp import blocks_of, find_blinks
+from straw.tracking.video import Frame, VideoReader
 
 
 def run(args: argparse.Namespace) -> int:

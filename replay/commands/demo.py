@@ -8,26 +8,26 @@ from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from model.parameters import StrawParameters
-from replay.commands import replay
-from replay.commands.track import summary
-from replay.compare import CHANNELS, compare
-from replay.demo.campaign import PLANS, Filmed, record
-from replay.demo.conceal import Seal, draw, opened, story
-from replay.demo.film import lens_alone
-from replay.diagnose.diagnosis import inquire
-from replay.diagnose.figures import Held
-from replay.diagnose.findings import Findings, conclude
-from replay.diagnose.observation import observe
-from replay.diagnose.report import report
-from replay.errors import ReplayError
-from replay.gather import gather
-from replay.output import write_json, write_text
-from replay.progress import prepare, progress_bar, say
-from replay.report.page import page
-from replay.report.proxy import film as film_proxy
-from rig.run import Run
-from tracking.camera import save_camera
+from straw.model.parameters import StrawParameters
+from straw.replay.commands import replay
+from straw.replay.commands.track import summary
+from straw.replay.compare import CHANNELS, compare
+from straw.replay.demo.campaign import PLANS, Filmed, record
+from straw.replay.demo.conceal import Seal, draw, opened, story
+from straw.replay.demo.film import lens_alone
+from straw.replay.diagnose.diagnosis import inquire
+from straw.replay.diagnose.figures import Held
+from straw.replay.diagnose.findings import Findings, conclude
+from straw.replay.diagnose.observation import observe
+from straw.replay.diagnose.report import report
+from straw.replay.errors import ReplayError
+from straw.replay.gather import gather
+from straw.replay.output import write_json, write_text
+from straw.replay.progress import prepare, progress_bar, say
+from straw.replay.report.page import page
+from straw.replay.report.proxy import film as film_proxy
+from straw.rig.run import Run
+from straw.tracking.camera import save_camera
 
 #: The straw as its owner knows it; damping lies between those of the paper's two runs.
 BASE = StrawParameters().replace(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)

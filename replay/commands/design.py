@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from model.design import Design, Wish, in_order, read_wish, refined, sweep, with_varied
-from model.elasticity import EQUATION_7
-from model.parameters import StrawParameters, load_straw
-from replay.errors import ReplayError
-from replay.output import write_json, write_text
-from replay.progress import prepare, progress_bar
-from replay.workers import workers
+from straw.model.design import Design, Wish, in_order, read_wish, refined, sweep, with_varied
+from straw.model.elasticity import EQUATION_7
+from straw.model.parameters import StrawParameters, load_straw
+from straw.replay.errors import ReplayError
+from straw.replay.output import write_json, write_text
+from straw.replay.progress import prepare, progress_bar
+from straw.replay.workers import workers
 
 
 def run(args: argparse.Namespace) -> int:
@@ -41,8 +41,8 @@ def run(args: argparse.Namespace) -> int:
             raise ReplayError("design: no point of the ranges is a straw; |zeta02| must be below zeta01, r_i below r_o")
         checked = _checked(best[: args.check], straw, executor)
     _print(wish, best, checked)
-    from replay.paper.style import save
-    from replay.shell.design_map import design_map
+    from straw.replay.paper.style import save
+    from straw.replay.shell.design_map import design_map
 
     names = save(design_map(wish, designs, best), args.out, "designs")
     for number, design in enumerate(best, 1):
@@ -56,11 +56,11 @@ def run(args: argparse.Namespace) -> int:
 
 def shell_gives(straw: StrawParameters) -> dict[str, float]:
     """Snap pressures and deployed length of a straw's first cell by finite elements, end sealed; plain data."""
-    from model.errors import ModelError
-    from model.shell.equilibria import balance, straight_end
-    from model.shell.problem import Problem
-    from model.shell.profile import profile_of
-    from model.shell.threads import one_thread
+    from straw.model.errors import ModelError
+    from straw.model.shell.equilibria import balance, straight_end
+    from straw.model.shell.problem import Problem
+    from straw.model.shell.profile import profile_of
+    from straw.model.shell.threads import one_thread
 
     with one_thread():
         try:
@@ -78,7 +78,7 @@ def _checked(best: list[Design], straw: StrawParameters, executor: Executor | No
     """The best by finite elements."""
     if not best:
         return []
-    from replay.commands.shell import require_shell
+    from straw.replay.commands.shell import require_shell
 
     require_shell()
     straws = [with_varied(straw, d.varied) for d in best]
@@ -113,8 +113,8 @@ def _ordered(args: argparse.Namespace, wish: Wish, straw: StrawParameters) -> in
     for k, (cell, pressure) in enumerate(seen):
         wanted = wish.first_kpa + k * wish.apart_kpa
         print(f"{k + 1:>5} {cell:>5} {wanted:>11.3f} {pressure / 1e3:>23.3f} {1e3 * made.h_m[cell - 1, 1]:>13.4f}")
-    from replay.paper.style import save
-    from replay.shell.design_map import order_figure
+    from straw.replay.paper.style import save
+    from straw.replay.shell.design_map import order_figure
 
     path: Path = args.out / "ordered.toml"
     write_text(path, made.to_toml())

@@ -6,19 +6,19 @@ import argparse
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
-from model.parameters import load_straw
-from replay.diagnose import figures
-from replay.diagnose.diagnosis import inquire
-from replay.diagnose.findings import Findings, conclude
-from replay.diagnose.library import causes
-from replay.diagnose.observation import observe
-from replay.diagnose.report import report
-from replay.errors import ReplayError
-from replay.gather import gather
-from replay.output import check_new, write_json, write_text
-from replay.progress import prepare, progress_bar, say
-from rig.interrupts import Interrupts
-from rig.run import Run
+from straw.model.parameters import load_straw
+from straw.replay.diagnose import figures
+from straw.replay.diagnose.diagnosis import inquire
+from straw.replay.diagnose.findings import Findings, conclude
+from straw.replay.diagnose.library import causes
+from straw.replay.diagnose.observation import observe
+from straw.replay.diagnose.report import report
+from straw.replay.errors import ReplayError
+from straw.replay.gather import gather
+from straw.replay.output import check_new, write_json, write_text
+from straw.replay.progress import prepare, progress_bar, say
+from straw.rig.interrupts import Interrupts
+from straw.rig.run import Run
 
 #: How many hypotheses the table shows.
 SHOWN = 6

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from model.filling import channel_radius, read_filling_tests
-from model.geometry import Readings, identify_geometry
-from model.parameters import StrawParameters, load_straw
-from replay.output import check_new, write_json, write_text
-from replay.progress import prepare, progress_bar
+from straw.model.filling import channel_radius, read_filling_tests
+from straw.model.geometry import Readings, identify_geometry
+from straw.model.parameters import StrawParameters, load_straw
+from straw.replay.output import check_new, write_json, write_text
+from straw.replay.progress import prepare, progress_bar
 
 #: Where the search of damping and channel radius starts: all combinations; the paper's span 0.1 to 620, 0.7 to 3e-3,
 #: 0.315 to 0.43 mm.
@@ -75,8 +75,8 @@ def _geometry(args: argparse.Namespace, known: StrawParameters) -> tuple[StrawPa
 
 
 def _runs(args: argparse.Namespace, known: StrawParameters) -> tuple[StrawParameters, dict[str, Any]]:
-    from replay.fit import fit
-    from replay.gather import gather
+    from straw.replay.fit import fit
+    from straw.replay.gather import gather
 
     runs = gather(args.runs)
     prepare()

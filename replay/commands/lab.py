@@ -12,9 +12,9 @@ import webbrowser
 from pathlib import Path
 from typing import Any
 
-from replay.errors import ReplayError
-from rig.errors import RigError
-from rig.orders import SUFFIX, send_order
+from straw.replay.errors import ReplayError
+from straw.rig.errors import RigError
+from straw.rig.orders import SUFFIX, send_order
 
 
 def run(args: argparse.Namespace) -> int:
@@ -24,7 +24,7 @@ def run(args: argparse.Namespace) -> int:
     folder = folder_of(args)
     if not folder.is_dir():
         raise ReplayError(f"{folder} is not a folder; name the one that holds the recordings")
-    from replay.lab.alone import check_alone
+    from straw.replay.lab.alone import check_alone
 
     there = check_alone(folder)
     if there:
@@ -38,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
         "remote": args.remote,
     }
     server = subprocess.Popen(
-        [sys.executable, "-m", "replay.lab.server"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        [sys.executable, "-m", "straw.replay.lab.server"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     )
     assert server.stdin is not None
     assert server.stdout is not None
@@ -66,7 +66,7 @@ def folder_of(args: argparse.Namespace) -> Path:
     if args.folder:
         return Path(args.folder).resolve()
     if args.rig:
-        from rig.rig_file import load_rig
+        from straw.rig.rig_file import load_rig
 
         return load_rig(args.rig).folder
     return Path().resolve()

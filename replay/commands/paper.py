@@ -7,24 +7,24 @@ from dataclasses import asdict
 from importlib.resources import as_file, files
 from typing import Any
 
-from model.filling import channel_radius, read_filling_tests
-from model.parameters import StrawParameters
-from replay.errors import ReplayError
-from replay.output import write_json
-from replay.paper.numbers import Number, numbers
-from replay.paper.runs import DEPLOYMENT, FOLDING
-from replay.progress import prepare, progress_bar
+from straw.model.filling import channel_radius, read_filling_tests
+from straw.model.parameters import StrawParameters
+from straw.replay.errors import ReplayError
+from straw.replay.output import write_json
+from straw.replay.paper.numbers import Number, numbers
+from straw.replay.paper.runs import DEPLOYMENT, FOLDING
+from straw.replay.progress import prepare, progress_bar
 
 
 def run(args: argparse.Namespace) -> int:
     """Simulate the two validation runs, print the table, draw the figures; 0 whether or not all numbers agree."""
-    from replay.paper.flow import flow
-    from replay.paper.landscape import bifurcations, energy_surface
-    from replay.paper.motion import motion
-    from replay.paper.shapes import shapes
-    from replay.paper.style import save
+    from straw.replay.paper.flow import flow
+    from straw.replay.paper.landscape import bifurcations, energy_surface
+    from straw.replay.paper.motion import motion
+    from straw.replay.paper.shapes import shapes
+    from straw.replay.paper.style import save
 
-    sample = files("model") / "samples" / "filling.csv"
+    sample = files("straw.model") / "samples" / "filling.csv"
     with as_file(sample) as shipped:
         tests = read_filling_tests(args.filling or shipped)
     table = args.filling.name if args.filling else "synthetic sample of the design"
@@ -69,13 +69,13 @@ def run(args: argparse.Namespace) -> int:
 
 def _shell(args: argparse.Namespace) -> dict[str, Any]:
     """The paper's finite elements: table, cuts, rigidity of the odd frusta, and both runs by their energy."""
-    from replay.commands.shell import require_shell
+    from straw.replay.commands.shell import require_shell
 
     require_shell()
-    from model.shell.threads import one_thread
-    from replay.paper import shell
-    from replay.paper.style import save
-    from replay.shell.table import frustum_table
+    from straw.model.shell.threads import one_thread
+    from straw.replay.paper import shell
+    from straw.replay.paper.style import save
+    from straw.replay.shell.table import frustum_table
 
     problem = shell.specimen()
     with one_thread(), progress_bar("finite elements", "step") as update:
@@ -105,7 +105,7 @@ def _shell(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def _print_shell(found: dict[str, Any]) -> None:
-    from replay.shell.table import Row, printed
+    from straw.replay.shell.table import Row, printed
 
     print("\nby finite elements (director shell, nu = 0.33) beside equation 7")
     print(printed([Row(r["name"], r["unit"], r["reduced"], r["shell"]) for r in found["table"]]))

@@ -8,21 +8,21 @@ import math
 from pathlib import Path
 from typing import Any
 
-from model.parameters import load_straw
-from replay.commands.simulate import trace_of
-from replay.compare import Comparison, compare
-from replay.errors import ReplayError
-from replay.gather import gather
-from replay.metrics.validation import RESOLVED, UNKNOWN
-from replay.output import check_new, write_json, write_text
-from replay.progress import prepare, progress_bar, say
-from replay.report.page import page
-from replay.report.proxy import film
-from replay.report.three_ways import differences_data, differences_table, three_ways_data
-from replay.report.words import order
-from replay.roles import roles_of
-from replay.three_ways import protocol_of, three_ways
-from rig.run_derived import write_prediction
+from straw.model.parameters import load_straw
+from straw.replay.commands.simulate import trace_of
+from straw.replay.compare import Comparison, compare
+from straw.replay.errors import ReplayError
+from straw.replay.gather import gather
+from straw.replay.metrics.validation import RESOLVED, UNKNOWN
+from straw.replay.output import check_new, write_json, write_text
+from straw.replay.progress import prepare, progress_bar, say
+from straw.replay.report.page import page
+from straw.replay.report.proxy import film
+from straw.replay.report.three_ways import differences_data, differences_table, three_ways_data
+from straw.replay.report.words import order
+from straw.replay.roles import roles_of
+from straw.replay.three_ways import protocol_of, three_ways
+from straw.rig.run_derived import write_prediction
 
 
 def run(args: argparse.Namespace) -> int:
@@ -93,7 +93,7 @@ def write_predicted(folder: Path, c: Comparison) -> Path:
 
 def pictures(path: Path, comparisons: list[Comparison]) -> list[Path]:
     """One picture a run; with several runs each has its run's id in the name."""
-    from replay.report.png import write_png  # matplotlib takes its time
+    from straw.replay.report.png import write_png  # matplotlib takes its time
 
     paths = [path if len(comparisons) == 1 else path.with_stem(f"{path.stem}-{c.run.run_id}") for c in comparisons]
     for where, c in zip(paths, comparisons, strict=True):

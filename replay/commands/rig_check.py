@@ -6,17 +6,17 @@ import argparse
 import time
 from typing import Any
 
-from model.parameters import load_straw
-from replay.commands.rig_of import settings_of, take_rig
-from replay.commands.rig_run import emulation
-from replay.errors import ReplayError
-from replay.output import write_json
-from replay.progress import say
-from rig.camera.gopro import GoPro
-from rig.controller import Controller
-from rig.errors import RigError
-from rig.guarded import GuardedController
-from rig.rig_file import load_rig
+from straw.model.parameters import load_straw
+from straw.replay.commands.rig_of import settings_of, take_rig
+from straw.replay.commands.rig_run import emulation
+from straw.replay.errors import ReplayError
+from straw.replay.output import write_json
+from straw.replay.progress import say
+from straw.rig.camera.gopro import GoPro
+from straw.rig.controller import Controller
+from straw.rig.errors import RigError
+from straw.rig.guarded import GuardedController
+from straw.rig.rig_file import load_rig
 
 SETTLE_S = 1.0
 #: Within so much of what it was told a channel follows: the OB1's own accuracy is 100 Pa a step, its drift some more.

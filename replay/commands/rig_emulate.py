@@ -6,12 +6,12 @@ import argparse
 import time
 from collections import Counter
 
-from model.parameters import load_straw
-from replay.commands.rig_run import emulation
-from replay.errors import ReplayError
-from replay.settings import settings_of
-from rig.faults import SeededFaults
-from rig.interrupts import Interrupts
+from straw.model.parameters import load_straw
+from straw.replay.commands.rig_run import emulation
+from straw.replay.errors import ReplayError
+from straw.replay.settings import settings_of
+from straw.rig.faults import SeededFaults
+from straw.rig.interrupts import Interrupts
 
 
 def run(args: argparse.Namespace) -> int:

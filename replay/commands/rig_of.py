@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from replay.errors import ReplayError
-from replay.settings import settings_of as given_settings
-from rig.rig_file import RigFile, load_rig
+from straw.replay.errors import ReplayError
+from straw.replay.settings import settings_of as given_settings
+from straw.rig.rig_file import RigFile, load_rig
 
 CONTROLLER, RATE_HZ = "ob1-mk4", 100.0
 

@@ -9,14 +9,14 @@ from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
-from replay.errors import ReplayError
-from replay.output import write_json
-from replay.settings import settings_of
-from rig.controller import controller_names, make_controller
-from rig.errors import RigError
-from rig.let_out import LetOut, let_out, look
-from rig.line_controller import LineController
-from rig.ports import Known, is_guarded, known_ports
+from straw.replay.errors import ReplayError
+from straw.replay.output import write_json
+from straw.replay.settings import settings_of
+from straw.rig.controller import controller_names, make_controller
+from straw.rig.errors import RigError
+from straw.rig.let_out import LetOut, let_out, look
+from straw.rig.line_controller import LineController
+from straw.rig.ports import Known, is_guarded, known_ports
 
 DEFAULT = "ob1-mk4"
 KPA = 1e3

@@ -10,28 +10,28 @@ from typing import Any
 
 import numpy as np
 
-from model.parameters import StrawParameters, load_straw
-from model.simulate import Stepper
-from replay.about_run import about_run, note_run
-from replay.commands.rig_of import settings_of, take_rig
-from replay.errors import ReplayError
-from replay.filming import Filming
-from replay.live.feed import Live
-from replay.output import check_new, write_json
-from replay.progress import prepare, progress_bar, say
-from rig.clock import SteppedClock
-from rig.controller import Controller, make_controller
-from rig.emulate import Emulation, emulator_of
-from rig.guarded import GuardedController
-from rig.orders import Orders
-from rig.protocol import PressureProtocol
-from rig.protocol_toml import load_protocol
-from rig.run import Run
-from rig.run_derived import write_tip
-from rig.run_read import read_run
-from rig.session import Outcome, run_protocol
-from rig.twin import TwinHistory
-from tracking.trace import TipTrace
+from straw.model.parameters import StrawParameters, load_straw
+from straw.model.simulate import Stepper
+from straw.replay.about_run import about_run, note_run
+from straw.replay.commands.rig_of import settings_of, take_rig
+from straw.replay.errors import ReplayError
+from straw.replay.filming import Filming
+from straw.replay.live.feed import Live
+from straw.replay.output import check_new, write_json
+from straw.replay.progress import prepare, progress_bar, say
+from straw.rig.clock import SteppedClock
+from straw.rig.controller import Controller, make_controller
+from straw.rig.emulate import Emulation, emulator_of
+from straw.rig.guarded import GuardedController
+from straw.rig.orders import Orders
+from straw.rig.protocol import PressureProtocol
+from straw.rig.protocol_toml import load_protocol
+from straw.rig.run import Run
+from straw.rig.run_derived import write_tip
+from straw.rig.run_read import read_run
+from straw.rig.session import Outcome, run_protocol
+from straw.rig.twin import TwinHistory
+from straw.tracking.trace import TipTrace
 
 
 def run(args: argparse.Namespace) -> int:

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.errors import ReplayError
-from replay.output import write_json
-from rig.outlet import Outlet
-from rig.protocol import PressureProtocol
-from rig.protocol_toml import load_protocol
+from straw.replay.errors import ReplayError
+from straw.replay.output import write_json
+from straw.rig.outlet import Outlet
+from straw.rig.protocol import PressureProtocol
+from straw.rig.protocol_toml import load_protocol
 
 Floats = NDArray[np.float64]
 

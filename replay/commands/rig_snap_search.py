@@ -8,24 +8,24 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 
-from model.parameters import StrawParameters, load_straw
-from model.simulate import Stepper
-from replay.about_run import about_run, note_run
-from replay.commands.rig_emulate import cells_of
-from replay.commands.rig_of import settings_of
-from replay.commands.rig_run import emulation
-from replay.errors import ReplayError
-from replay.output import check_new, write_json
-from replay.progress import say
-from rig.clock import SteppedClock
-from rig.controller import Controller, make_controller
-from rig.emulate import Emulation
-from rig.guarded import GuardedController
-from rig.interrupts import Interrupts
-from rig.reading import Reading
-from rig.run_write import RunWriter
-from rig.snap_search import Reset, SnapFound, SnapPlan, snap_search
-from rig.watch import AskingWatcher, MotionWatcher, Watcher, volume_from_flow
+from straw.model.parameters import StrawParameters, load_straw
+from straw.model.simulate import Stepper
+from straw.replay.about_run import about_run, note_run
+from straw.replay.commands.rig_emulate import cells_of
+from straw.replay.commands.rig_of import settings_of
+from straw.replay.commands.rig_run import emulation
+from straw.replay.errors import ReplayError
+from straw.replay.output import check_new, write_json
+from straw.replay.progress import say
+from straw.rig.clock import SteppedClock
+from straw.rig.controller import Controller, make_controller
+from straw.rig.emulate import Emulation
+from straw.rig.guarded import GuardedController
+from straw.rig.interrupts import Interrupts
+from straw.rig.reading import Reading
+from straw.rig.run_write import RunWriter
+from straw.rig.snap_search import Reset, SnapFound, SnapPlan, snap_search
+from straw.rig.watch import AskingWatcher, MotionWatcher, Watcher, volume_from_flow
 
 TWIN_STEP_S = 5e-3  # quasi-static: nothing here depends on a millisecond
 

@@ -6,9 +6,9 @@ import argparse
 import getpass
 from pathlib import Path
 
-from replay.errors import ReplayError
-from rig.errors import RigError
-from rig.orders import SUFFIX, control_of, send_order
+from straw.replay.errors import ReplayError
+from straw.rig.errors import RigError
+from straw.rig.orders import SUFFIX, control_of, send_order
 
 
 def run(args: argparse.Namespace) -> int:

@@ -9,18 +9,18 @@ from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 
-from replay.commands.runs_compare import compare_runs
-from replay.output import write_json
-from replay.progress import progress_bar
-from rig.catalogue import Entry, catalogue, family, find, kind_of, span_s
-from rig.columns import COLUMNS, metadata_names, ordered
-from rig.crate import export
-from rig.errors import RigError
-from rig.filter import compiled
-from rig.manifest import check, manifest_of, read_manifest, seal
-from rig.notes import notes_of, read_notes, say
-from rig.recover import recover
-from rig.run_read import read_run
+from straw.replay.commands.runs_compare import compare_runs
+from straw.replay.output import write_json
+from straw.replay.progress import progress_bar
+from straw.rig.catalogue import Entry, catalogue, family, find, kind_of, span_s
+from straw.rig.columns import COLUMNS, metadata_names, ordered
+from straw.rig.crate import export
+from straw.rig.errors import RigError
+from straw.rig.filter import compiled
+from straw.rig.manifest import check, manifest_of, read_manifest, seal
+from straw.rig.notes import notes_of, read_notes, say
+from straw.rig.recover import recover
+from straw.rig.run_read import read_run
 
 
 def run(args: argparse.Namespace) -> int:

@@ -6,13 +6,13 @@ import argparse
 from dataclasses import asdict
 from pathlib import Path
 
-from replay.errors import ReplayError
-from replay.gather import read_whole
-from replay.output import write_json
-from replay.series import Series, differ, tip_series
-from rig.catalogue import family, find
-from rig.run import Run
-from rig.run_read import read_run
+from straw.replay.errors import ReplayError
+from straw.replay.gather import read_whole
+from straw.replay.output import write_json
+from straw.replay.series import Series, differ, tip_series
+from straw.rig.catalogue import family, find
+from straw.rig.run import Run
+from straw.rig.run_read import read_run
 
 #: What differs between any two runs and means nothing.
 OWN = ("run_id", "zero_time_ns", "cycles", "port", "missed_readings", "parent_sha256")

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from model.parameters import StrawParameters, load_straw
-from replay.errors import ReplayError
-from replay.output import write_json, write_text
-from replay.progress import progress_bar, say
-from replay.workers import workers
+from straw.model.parameters import StrawParameters, load_straw
+from straw.replay.errors import ReplayError
+from straw.replay.output import write_json, write_text
+from straw.replay.progress import progress_bar, say
+from straw.replay.workers import workers
 
 
 def require_shell() -> None:
@@ -29,7 +29,7 @@ def require_shell() -> None:
 def run(args: argparse.Namespace) -> int:
     """Mesh by tolerance, table, and as asked the landscape, its pictures and the elasticity; 1 if points failed."""
     require_shell()
-    from model.shell.threads import one_thread
+    from straw.model.shell.threads import one_thread
 
     straw = load_straw(args.straw)
     if args.points < 60:
@@ -42,9 +42,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _run(args: argparse.Namespace, straw: StrawParameters) -> int:
-    from model.shell.converge import chosen_mesh
-    from model.shell.equilibria import balances, guesses_of
-    from replay.shell.table import frustum_table, printed, reduced_frustum
+    from straw.model.shell.converge import chosen_mesh
+    from straw.model.shell.equilibria import balances, guesses_of
+    from straw.replay.shell.table import frustum_table, printed, reduced_frustum
 
     problem = _problem(args, straw)
     say("choosing the mesh")
@@ -85,9 +85,9 @@ def _run(args: argparse.Namespace, straw: StrawParameters) -> int:
 
 
 def _problem(args: argparse.Namespace, straw: StrawParameters):  # type: ignore[no-untyped-def]
-    from model.shell.hold import Hold
-    from model.shell.problem import Problem
-    from model.shell.profile import profile_of, read_profile
+    from straw.model.shell.hold import Hold
+    from straw.model.shell.problem import Problem
+    from straw.model.shell.profile import profile_of, read_profile
 
     if args.profile:
         profile, E_pa = read_profile(args.profile, args.crease), float(straw.E_pa[0, 1])
@@ -111,8 +111,8 @@ def _heights(problem) -> list[tuple[float, float]]:  # type: ignore[no-untyped-d
 
 def _cell_guesses(problem) -> list[tuple[float, float]]:  # type: ignore[no-untyped-def]
     """Where a cell's equilibria are if its lower frustum is rigid, its upper one as equation 7 says."""
-    from model.shell.equilibria import guesses_of
-    from replay.shell.table import reduced_frustum
+    from straw.model.shell.equilibria import guesses_of
+    from straw.replay.shell.table import reduced_frustum
 
     lower = problem.profile.walls[0].points_m
     return guesses_of(reduced_frustum(problem), float(lower[-1, 1] - lower[0, 1]))
@@ -124,8 +124,8 @@ def _step(step) -> dict[str, object]:  # type: ignore[no-untyped-def]
 
 def _landscape(args, problem, found, flat, result) -> int:  # type: ignore[no-untyped-def]
     """Solve the grid, say what failed, draw, fit; returns how many points failed."""
-    from model.shell.fit import fitted, quality
-    from model.shell.landscape import grid_for, landscape
+    from straw.model.shell.fit import fitted, quality
+    from straw.model.shell.landscape import grid_for, landscape
 
     folder: Path | None = args.out
     if folder:
@@ -155,8 +155,8 @@ def _landscape(args, problem, found, flat, result) -> int:  # type: ignore[no-un
 
 
 def _draw(folder, problem, land, flat, found) -> None:  # type: ignore[no-untyped-def]
-    from replay.paper.style import save
-    from replay.shell.pictures import deformed_figure, energy_map, straight_figure
+    from straw.replay.paper.style import save
+    from straw.replay.shell.pictures import deformed_figure, energy_map, straight_figure
 
     say("pictures")
     names = save(energy_map(land, flat, found), folder, "energy")

@@ -8,17 +8,17 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from model.parameters import load_straw
-from model.simulate import Prediction, simulate
-from model.stretches import LongPrediction, Stretch, simulate_stretches
-from replay.errors import ReplayError
-from replay.output import check_new, write_json
-from replay.progress import prepare, progress_bar
-from rig.outlet import Outlet
-from rig.protocol import PressureProtocol
-from rig.protocol_toml import load_protocol
-from rig.run_derived import write_prediction
-from tracking.trace import TipTrace
+from straw.model.parameters import load_straw
+from straw.model.simulate import Prediction, simulate
+from straw.model.stretches import LongPrediction, Stretch, simulate_stretches
+from straw.replay.errors import ReplayError
+from straw.replay.output import check_new, write_json
+from straw.replay.progress import prepare, progress_bar
+from straw.rig.outlet import Outlet
+from straw.rig.protocol import PressureProtocol
+from straw.rig.protocol_toml import load_protocol
+from straw.rig.run_derived import write_prediction
+from straw.tracking.trace import TipTrace
 
 Floats = NDArray[np.float64]
 

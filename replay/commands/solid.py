@@ -6,12 +6,12 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
-from model.parameters import load_straw
-from model.solid.outline import Flange, section, volume_m3
-from model.solid.step import step_text
-from model.solid.stl import stl_bytes, triangles
-from replay.errors import ReplayError
-from replay.output import write_text
+from straw.model.parameters import load_straw
+from straw.model.solid.outline import Flange, section, volume_m3
+from straw.model.solid.step import step_text
+from straw.model.solid.stl import stl_bytes, triangles
+from straw.replay.errors import ReplayError
+from straw.replay.output import write_text
 
 KINDS = (".stl", ".step", ".stp")
 

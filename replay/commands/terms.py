@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from model.simulate import Prediction
-from model.term import Term
-from model.terms import CAUSES
-from model.typical import typical, with_typical
-from replay.output import write_json
-from replay.paper.runs import DEPLOYMENT, FOLDING, ValidationRun, crossing_s
-from replay.progress import prepare, progress_bar
+from straw.model.simulate import Prediction
+from straw.model.term import Term
+from straw.model.terms import CAUSES
+from straw.model.typical import typical, with_typical
+from straw.replay.output import write_json
+from straw.replay.paper.runs import DEPLOYMENT, FOLDING, ValidationRun, crossing_s
+from straw.replay.progress import prepare, progress_bar
 
 
 def run(args: argparse.Namespace) -> int:

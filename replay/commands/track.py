@@ -10,24 +10,24 @@ from typing import Any
 
 import numpy as np
 
-from model.kinematics import tip_pose
-from model.parameters import StrawParameters, load_straw
-from model.rest import rest_state
-from replay.errors import ReplayError
-from replay.gather import read_whole
-from replay.output import write_json, write_text
-from replay.progress import prepare, progress_bar, say
-from replay.track_expected import against_model
-from replay.track_file import as_csv, track_to_file
-from replay.track_steps import frames_to_show, steps_page, stretch_of
-from rig.camera_clock import load_clock
-from rig.run import Run
-from tracking.board import Board
-from tracking.camera import Camera, load_camera, save_camera
-from tracking.chapters import in_order
-from tracking.follow import Rest
-from tracking.reference import place_by_reference
-from tracking.task import Track
+from straw.model.kinematics import tip_pose
+from straw.model.parameters import StrawParameters, load_straw
+from straw.model.rest import rest_state
+from straw.replay.errors import ReplayError
+from straw.replay.gather import read_whole
+from straw.replay.output import write_json, write_text
+from straw.replay.progress import prepare, progress_bar, say
+from straw.replay.track_expected import against_model
+from straw.replay.track_file import as_csv, track_to_file
+from straw.replay.track_steps import frames_to_show, steps_page, stretch_of
+from straw.rig.camera_clock import load_clock
+from straw.rig.run import Run
+from straw.tracking.board import Board
+from straw.tracking.camera import Camera, load_camera, save_camera
+from straw.tracking.chapters import in_order
+from straw.tracking.follow import Rest
+from straw.tracking.reference import place_by_reference
+from straw.tracking.task import Track
 
 
 def run(args: argparse.Namespace) -> int:
@@ -60,14 +60,14 @@ def run(args: argparse.Namespace) -> int:
         if args.save_camera:
             save_camera(args.save_camera, tracked.camera)
         if args.report:
-            from replay.track_report import page  # matplotlib takes its time
+            from straw.replay.track_report import page  # matplotlib takes its time
 
             write_text(args.report, page(tracked, [path.name for path in in_order(args.videos)]))
         if args.step:
             shown = frames_to_show(tracked, args.step_frames)
             write_text(args.step, steps_page(tracked, in_order(args.videos), shown))
         if args.overlay:
-            from tracking.overlay import write_overlay
+            from straw.tracking.overlay import write_overlay
 
             with progress_bar("overlay", "frame") as progress:
                 write_overlay(args.overlay, args.videos, tracked, progress)

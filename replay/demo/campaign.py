@@ -9,22 +9,22 @@ from pathlib import Path
 
 import numpy as np
 
-from model.parameters import StrawParameters
-from replay.commands.rig_run import drive, emulation
-from replay.commands.track import model_rest
-from replay.demo.conceal import Concealed
-from replay.demo.film import Error, Motion, errors_of, film, lens_alone
-from replay.diagnose.instrument import Instrument
-from replay.track_file import track_to_file
-from rig.clock import SteppedClock
-from rig.controller import make_controller
-from rig.plant import PressurePlant
-from rig.protocol import PressureProtocol
-from rig.protocol_toml import load_protocol
-from rig.run_read import read_run
-from rig.twin import TwinHistory
-from tracking.camera import Camera
-from tracking.task import Track
+from straw.model.parameters import StrawParameters
+from straw.replay.commands.rig_run import drive, emulation
+from straw.replay.commands.track import model_rest
+from straw.replay.demo.conceal import Concealed
+from straw.replay.demo.film import Error, Motion, errors_of, film, lens_alone
+from straw.replay.diagnose.instrument import Instrument
+from straw.replay.track_file import track_to_file
+from straw.rig.clock import SteppedClock
+from straw.rig.controller import make_controller
+from straw.rig.plant import PressurePlant
+from straw.rig.protocol import PressureProtocol
+from straw.rig.protocol_toml import load_protocol
+from straw.rig.run_read import read_run
+from straw.rig.twin import TwinHistory
+from straw.tracking.camera import Camera
+from straw.tracking.task import Track
 
 CONTROLLER, SPECIMEN = "ob1-mk4", "twin"
 
@@ -82,7 +82,7 @@ class FaultyGauge(PressurePlant):
 
 def protocol_of(plan: Plan) -> PressureProtocol:
     """The plan's protocol, as shipped."""
-    with as_file(files("replay.demo") / f"{plan.protocol}.toml") as path:
+    with as_file(files("straw.replay.demo") / f"{plan.protocol}.toml") as path:
         return load_protocol(path)
 
 

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from model.parameters import StrawParameters
-from model.terms import TERMS
-from replay.diagnose import figures
-from replay.diagnose.findings import Findings
-from replay.diagnose.instrument import Instrument
+from straw.model.parameters import StrawParameters
+from straw.model.terms import TERMS
+from straw.replay.diagnose import figures
+from straw.replay.diagnose.findings import Findings
+from straw.replay.diagnose.instrument import Instrument
 
 NOTHING = "complete"
 #: What may be concealed, each of a well visible size: terms of the straw and faults of the instrument, SI. A drawn

@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from replay.compare import CHANNELS
-from replay.diagnose.instrument import Instrument
-from replay.progress import progress_bar
-from rig.twin import TwinHistory
-from tracking.camera import Camera
-from tracking.follow import Rest
-from tracking.lens import shipped_lens
-from tracking.synthetic import camera_looking_at, paint_video
-from tracking.trace import TipTrace
+from straw.replay.compare import CHANNELS
+from straw.replay.diagnose.instrument import Instrument
+from straw.replay.progress import progress_bar
+from straw.rig.twin import TwinHistory
+from straw.tracking.camera import Camera
+from straw.tracking.follow import Rest
+from straw.tracking.lens import shipped_lens
+from straw.tracking.synthetic import camera_looking_at, paint_video
+from straw.tracking.trace import TipTrace
 
 Floats = NDArray[np.float64]
 

@@ -10,12 +10,12 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import ModelError
-from model.parameters import StrawParameters
-from replay.diagnose.hypothesis import Hypothesis, Unknown, applied
-from replay.diagnose.library import hypothesis
-from replay.diagnose.misfit import FINE_M, LIVELIEST_PER_S, TOLERANCE_M, Misfit, misfit, rough_misfit
-from replay.diagnose.observation import Observation
+from straw.model.errors import ModelError
+from straw.model.parameters import StrawParameters
+from straw.replay.diagnose.hypothesis import Hypothesis, Unknown, applied
+from straw.replay.diagnose.library import hypothesis
+from straw.replay.diagnose.misfit import FINE_M, LIVELIEST_PER_S, TOLERANCE_M, Misfit, misfit, rough_misfit
+from straw.replay.diagnose.observation import Observation
 
 Floats = NDArray[np.float64]
 

@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.hypothesis import Hypothesis, Unknown
-from replay.diagnose.robust import weights
-from replay.diagnose.search import FINELY, LONGEST_STEP, Fit, Straight, clipped, cost_at, descend, measured_slopes
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
+from straw.replay.diagnose.robust import weights
+from straw.replay.diagnose.search import FINELY, LONGEST_STEP, Fit, Straight, clipped, cost_at, descend, measured_slopes
 
 Floats = NDArray[np.float64]
 

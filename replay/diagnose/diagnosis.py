@@ -7,17 +7,17 @@ from concurrent.futures import Executor
 
 import numpy as np
 
-from model.parameters import StrawParameters
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.hypothesis import base_unknowns
-from replay.diagnose.inquiry import Inquiry, Told, allow_repeats
-from replay.diagnose.judge import run_by_run, unexplained
-from replay.diagnose.knocks import deep
-from replay.diagnose.library import causes
-from replay.diagnose.observation import Observation
-from replay.diagnose.pairs import in_pairs, in_their_place
-from replay.diagnose.search import Fit, descend
-from replay.diagnose.stages import (
+from straw.model.parameters import StrawParameters
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.hypothesis import base_unknowns
+from straw.replay.diagnose.inquiry import Inquiry, Told, allow_repeats
+from straw.replay.diagnose.judge import run_by_run, unexplained
+from straw.replay.diagnose.knocks import deep
+from straw.replay.diagnose.library import causes
+from straw.replay.diagnose.observation import Observation
+from straw.replay.diagnose.pairs import in_pairs, in_their_place
+from straw.replay.diagnose.search import Fit, descend
+from straw.replay.diagnose.stages import (
     AFTERWARDS,
     AWAY,
     CLOSE,
@@ -37,8 +37,8 @@ from replay.diagnose.stages import (
     until_they_fork,
     weigh_anew,
 )
-from replay.diagnose.start import base_start, few_of
-from replay.errors import ReplayError
+from straw.replay.diagnose.start import base_start, few_of
+from straw.replay.errors import ReplayError
 
 #: Steps after which a search that is not thorough leaves out what only may help, and after which it ends where it is:
 #: on two cores 18.2 million took 165 s, on a slower day 23.1 million 334 s. What is found before every cause was

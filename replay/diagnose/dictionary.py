@@ -7,8 +7,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.formula import Atom
-from replay.diagnose.states import State
+from straw.replay.diagnose.formula import Atom
+from straw.replay.diagnose.states import State
 
 Floats = NDArray[np.float64]
 

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import ModelError
-from model.simulate import simulate
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.contest import Contestant
-from replay.diagnose.hypothesis import applied
-from replay.diagnose.misfit import STEP_S, TOLERANCE_M
+from straw.model.errors import ModelError
+from straw.model.simulate import simulate
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.contest import Contestant
+from straw.replay.diagnose.hypothesis import applied
+from straw.replay.diagnose.misfit import STEP_S, TOLERANCE_M
 
 Floats = NDArray[np.float64]
 

@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.terms import TERMS
-from replay.compare import CHANNELS
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.contest import Contestant
-from replay.diagnose.hypothesis import Unknown
-from replay.diagnose.inquiry import Inquiry
-from replay.diagnose.judge import COUNTS_AS_ONE
-from replay.diagnose.locate import Located
-from replay.diagnose.observation import REPEATABILITY_S
-from replay.diagnose.robust import weights
-from replay.diagnose.search import Fit, descend, measured_slopes
+from straw.model.terms import TERMS
+from straw.replay.compare import CHANNELS
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.contest import Contestant
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.inquiry import Inquiry
+from straw.replay.diagnose.judge import COUNTS_AS_ONE
+from straw.replay.diagnose.locate import Located
+from straw.replay.diagnose.observation import REPEATABILITY_S
+from straw.replay.diagnose.robust import weights
+from straw.replay.diagnose.search import Fit, descend, measured_slopes
 
 Floats = NDArray[np.float64]
 

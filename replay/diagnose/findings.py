@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.parameters import StrawParameters
-from replay.diagnose.contest import Contestant
-from replay.diagnose.experiment import Experiment, next_experiment
-from replay.diagnose.figures import Held, constants_of, hold_out, smallest_seen
-from replay.diagnose.hypothesis import MEASUREMENT, applied
-from replay.diagnose.inquiry import Inquiry
-from replay.diagnose.judge import COVERED, Judgement, by_cause, surviving
-from replay.diagnose.locate import Located, Wandering, locate, sentence, wandering
-from replay.diagnose.missing import Missing, Told, missing_force, silent
+from straw.model.parameters import StrawParameters
+from straw.replay.diagnose.contest import Contestant
+from straw.replay.diagnose.experiment import Experiment, next_experiment
+from straw.replay.diagnose.figures import Held, constants_of, hold_out, smallest_seen
+from straw.replay.diagnose.hypothesis import MEASUREMENT, applied
+from straw.replay.diagnose.inquiry import Inquiry
+from straw.replay.diagnose.judge import COVERED, Judgement, by_cause, surviving
+from straw.replay.diagnose.locate import Located, Wandering, locate, sentence, wandering
+from straw.replay.diagnose.missing import Missing, Told, missing_force, silent
 
 Floats = NDArray[np.float64]
 

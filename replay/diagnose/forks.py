@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.hypothesis import REPEATS_MOUNT, repeat_steps
-from replay.diagnose.judge import beyond_noise, run_by_run
-from replay.diagnose.misfit import Misfit
-from replay.diagnose.observation import SHORTEST, Observation
-from replay.diagnose.search import Fit
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.hypothesis import REPEATS_MOUNT, repeat_steps
+from straw.replay.diagnose.judge import beyond_noise, run_by_run
+from straw.replay.diagnose.misfit import Misfit
+from straw.replay.diagnose.observation import SHORTEST, Observation
+from straw.replay.diagnose.search import Fit
 
 Floats = NDArray[np.float64]
 

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.hypothesis import Unknown
-from replay.diagnose.robust import robust_cost, weights
-from replay.diagnose.search import Fit, descend, prior_cost
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.robust import robust_cost, weights
+from straw.replay.diagnose.search import Fit, descend, prior_cost
 
 Floats = NDArray[np.float64]
 

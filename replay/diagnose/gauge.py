@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.run import PressureLog
+from straw.rig.run import PressureLog
 
 Floats = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.parameters import StrawParameters
-from replay.diagnose.instrument import Instrument
+from straw.model.parameters import StrawParameters
+from straw.replay.diagnose.instrument import Instrument
 
 Floats = NDArray[np.float64]
 

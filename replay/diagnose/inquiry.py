@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.contest import Contestant
-from replay.diagnose.hypothesis import REPEATS_MOUNT, repeat_steps
-from replay.diagnose.judge import Judgement, judge
-from replay.diagnose.search import Fit, measured_slopes
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.contest import Contestant
+from straw.replay.diagnose.hypothesis import REPEATS_MOUNT, repeat_steps
+from straw.replay.diagnose.judge import Judgement, judge
+from straw.replay.diagnose.search import Fit, measured_slopes
 
 #: Said with (what is being done, steps done, steps in all).
 Told = Callable[[str, int, int], None]

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.contest import Contestant
-from replay.diagnose.search import Fit
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.contest import Contestant
+from straw.replay.diagnose.search import Fit
 
 Floats = NDArray[np.float64]
 

@@ -9,11 +9,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.contest import LITTLE, Contestant, finish
-from replay.diagnose.hypothesis import Unknown
-from replay.diagnose.search import Fit, clipped, cost_at, descend
-from replay.diagnose.start import dampings
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.contest import LITTLE, Contestant, finish
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.search import Fit, clipped, cost_at, descend
+from straw.replay.diagnose.start import dampings
 
 Floats = NDArray[np.float64]
 

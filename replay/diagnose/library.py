@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from replay.diagnose.hypothesis import Hypothesis, Unknown
+from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
 
 #: Sizes from which to look for a cause are this far from each other, in units of u.
 NEXT_SIZE = 0.6

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.compare import CHANNELS
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.hypothesis import applied
-from replay.diagnose.misfit import Misfit, play
-from replay.diagnose.observation import Observation
-from replay.diagnose.robust import weights
-from replay.diagnose.search import Fit
+from straw.replay.compare import CHANNELS
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.hypothesis import applied
+from straw.replay.diagnose.misfit import Misfit, play
+from straw.replay.diagnose.observation import Observation
+from straw.replay.diagnose.robust import weights
+from straw.replay.diagnose.search import Fit
 
 Floats = NDArray[np.float64]
 

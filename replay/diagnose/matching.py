@@ -1,8 +1,9 @@
 """Which of a prediction's snaps is which of a recording's, where one shows some that the other does not.
 
 Phi of a snap that rings may just reach the level at which it counts, in the recording and not in the prediction; told
-by their number, all that follow would then be taken for each other. Nor does the nearest do, by which `replay.metrics`
-pairs whole snaps to report them: where a model is late, its first snap may be nearest to the second one recorded.
+by their number, all that follow would then be taken for each other. Nor does the nearest do, by which
+`straw.replay.metrics` pairs whole snaps to report them: where a model is late, its first snap may be nearest to the
+second one recorded.
 """
 
 from __future__ import annotations

@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from model.parameters import StrawParameters
-from model.simulate import Prediction
-from model.simulate import run as simulate
-from replay.diagnose.instrument import Instrument
-from replay.diagnose.matching import matched, without_odd
-from replay.diagnose.observation import REPEATABILITY_S, Observation
-from replay.diagnose.robust import robust_cost
-from replay.diagnose.snaps import cell_snaps, crossings
+from straw.model.parameters import StrawParameters
+from straw.model.simulate import Prediction
+from straw.model.simulate import run as simulate
+from straw.replay.diagnose.instrument import Instrument
+from straw.replay.diagnose.matching import matched, without_odd
+from straw.replay.diagnose.observation import REPEATABILITY_S, Observation
+from straw.replay.diagnose.robust import robust_cost
+from straw.replay.diagnose.snaps import cell_snaps, crossings
 
 Floats = NDArray[np.float64]
 

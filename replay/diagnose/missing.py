@@ -13,19 +13,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.parameters import StrawParameters
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.contest import seen_again
-from replay.diagnose.dictionary import atoms
-from replay.diagnose.formula import Formula, formula, tangent
-from replay.diagnose.hypothesis import Unknown, applied
-from replay.diagnose.judge import NOISE_LEAVES, run_by_run, unexplained
-from replay.diagnose.misfit import play
-from replay.diagnose.observation import Observation
-from replay.diagnose.robust import weights
-from replay.diagnose.search import Fit, cost_at, descend, measured_slopes
-from replay.diagnose.start import few_of
-from replay.diagnose.states import STATES, State, points
+from straw.model.parameters import StrawParameters
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.contest import seen_again
+from straw.replay.diagnose.dictionary import atoms
+from straw.replay.diagnose.formula import Formula, formula, tangent
+from straw.replay.diagnose.hypothesis import Unknown, applied
+from straw.replay.diagnose.judge import NOISE_LEAVES, run_by_run, unexplained
+from straw.replay.diagnose.misfit import play
+from straw.replay.diagnose.observation import Observation
+from straw.replay.diagnose.robust import weights
+from straw.replay.diagnose.search import Fit, cost_at, descend, measured_slopes
+from straw.replay.diagnose.start import few_of
+from straw.replay.diagnose.states import STATES, State, points
 
 Floats = NDArray[np.float64]
 

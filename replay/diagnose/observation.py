@@ -10,19 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
-from model.drive import Table
-from model.errors import ModelError
-from model.parameters import StrawParameters
-from model.rest import rest_state
-from model.simulate import sampled
-from replay.compare import CHANNELS
-from replay.diagnose.gauge import quieted
-from replay.diagnose.outline import Outline, outline_of
-from replay.diagnose.snaps import Levels, crossings, levels_of
-from replay.driving import driving_pressure
-from replay.errors import ReplayError
-from replay.fit import UNSTATED
-from rig.run import Run
+from straw.model.drive import Table
+from straw.model.errors import ModelError
+from straw.model.parameters import StrawParameters
+from straw.model.rest import rest_state
+from straw.model.simulate import sampled
+from straw.replay.compare import CHANNELS
+from straw.replay.diagnose.gauge import quieted
+from straw.replay.diagnose.outline import Outline, outline_of
+from straw.replay.diagnose.snaps import Levels, crossings, levels_of
+from straw.replay.driving import driving_pressure
+from straw.replay.errors import ReplayError
+from straw.replay.fit import UNSTATED
+from straw.rig.run import Run
 
 Floats = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.contest import (
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.contest import (
     Contestant,
     finish,
     followed,
@@ -19,11 +19,11 @@ from replay.diagnose.contest import (
     ranked,
     tried,
 )
-from replay.diagnose.hypothesis import Hypothesis
-from replay.diagnose.inquiry import Inquiry
-from replay.diagnose.judge import unexplained
-from replay.diagnose.search import Fit, known_well
-from replay.diagnose.stages import CLOSE, FAR, LOUD, NEARLY, ROUGHLY, ROUNDS, TAKEN_OUT, seen_fully, without
+from straw.replay.diagnose.hypothesis import Hypothesis
+from straw.replay.diagnose.inquiry import Inquiry
+from straw.replay.diagnose.judge import unexplained
+from straw.replay.diagnose.search import Fit, known_well
+from straw.replay.diagnose.stages import CLOSE, FAR, LOUD, NEARLY, ROUGHLY, ROUNDS, TAKEN_OUT, seen_fully, without
 
 #: Causes that get partners; second causes tried by outlines, and from nearby, where linear reckoning is better; pairs
 #: carried on.

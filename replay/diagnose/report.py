@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.findings import Findings
-from replay.diagnose.hypothesis import applied
-from replay.diagnose.inquiry import Inquiry
-from replay.diagnose.locate import stretches
-from replay.diagnose.misfit import play
-from replay.diagnose.missing import Missing
-from replay.diagnose.search import Fit
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.findings import Findings
+from straw.replay.diagnose.hypothesis import applied
+from straw.replay.diagnose.inquiry import Inquiry
+from straw.replay.diagnose.locate import stretches
+from straw.replay.diagnose.misfit import play
+from straw.replay.diagnose.missing import Missing
+from straw.replay.diagnose.search import Fit
 
 Floats = NDArray[np.float64]
 

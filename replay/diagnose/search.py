@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.hypothesis import Unknown
-from replay.diagnose.robust import robust_cost, weights
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.robust import robust_cost, weights
 
 Floats = NDArray[np.float64]
 

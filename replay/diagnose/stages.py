@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.contest import (
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.contest import (
     Contestant,
     finish,
     followed,
@@ -22,12 +22,12 @@ from replay.diagnose.contest import (
     tried,
     unfitted,
 )
-from replay.diagnose.forks import forks
-from replay.diagnose.hypothesis import dragged, held
-from replay.diagnose.inquiry import Inquiry, Told, allow_repeats
-from replay.diagnose.judge import run_by_run, unexplained
-from replay.diagnose.knocks import knocked
-from replay.diagnose.search import Fit, cost_at, descend, known_well
+from straw.replay.diagnose.forks import forks
+from straw.replay.diagnose.hypothesis import dragged, held
+from straw.replay.diagnose.inquiry import Inquiry, Told, allow_repeats
+from straw.replay.diagnose.judge import run_by_run, unexplained
+from straw.replay.diagnose.knocks import knocked
+from straw.replay.diagnose.search import Fit, cost_at, descend, known_well
 
 Floats = NDArray[np.float64]
 

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.hypothesis import Unknown
-from replay.diagnose.observation import Observation
-from replay.diagnose.search import descend
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.observation import Observation
+from straw.replay.diagnose.search import descend
 
 Floats = NDArray[np.float64]
 

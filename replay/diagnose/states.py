@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.parameters import StrawParameters
-from model.simulate import Prediction
-from model.table import POINTS
-from model.terms.missing_force import HEIGHTS
-from replay.diagnose.hypothesis import Unknown
-from replay.diagnose.observation import Observation
+from straw.model.parameters import StrawParameters
+from straw.model.simulate import Prediction
+from straw.model.table import POINTS
+from straw.model.terms.missing_force import HEIGHTS
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.observation import Observation
 
 Floats = NDArray[np.float64]
 

@@ -19,19 +19,19 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from model.errors import ModelError
-from replay.errors import ReplayError
-from replay.lab.bench import Bench
-from replay.lab.guard import FILM, Door, Guard
-from replay.lab.library import Library
-from replay.lab.pages import page, vent_key
-from replay.lab.protocols import drawn, known_protocols
-from replay.lab.record import compared, record, specimen
-from replay.lab.table import view
-from replay.lab.work import Jobs, Predictor
-from rig.errors import RigError
-from rig.manifest import seal
-from rig.recover import recover
+from straw.model.errors import ModelError
+from straw.replay.errors import ReplayError
+from straw.replay.lab.bench import Bench
+from straw.replay.lab.guard import FILM, Door, Guard
+from straw.replay.lab.library import Library
+from straw.replay.lab.pages import page, vent_key
+from straw.replay.lab.protocols import drawn, known_protocols
+from straw.replay.lab.record import compared, record, specimen
+from straw.replay.lab.table import view
+from straw.replay.lab.work import Jobs, Predictor
+from straw.rig.errors import RigError
+from straw.rig.manifest import seal
+from straw.rig.recover import recover
 
 #: What a person's input can be wrong in: one line, status 400. (Trackers' errors come from commands, as text.)
 COMPLAINTS = (RigError, ReplayError, ModelError, ValueError, KeyError, TypeError)

@@ -13,14 +13,14 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from replay.lab.control import Control
-from replay.lab.library import Library
-from replay.lab.queue import Item, Queue
-from rig.errors import RigError
-from rig.orders import control_of as control_file
-from rig.orders import read_control, running, send_order
-from rig.protocol_toml import protocol_from_toml
-from rig.rig_file import RigFile
+from straw.replay.lab.control import Control
+from straw.replay.lab.library import Library
+from straw.replay.lab.queue import Item, Queue
+from straw.rig.errors import RigError
+from straw.rig.orders import control_of as control_file
+from straw.rig.orders import read_control, running, send_order
+from straw.rig.protocol_toml import protocol_from_toml
+from straw.rig.rig_file import RigFile
 
 #: A rig that was armed and not started for so long is not armed any more: somebody went for a coffee.
 ARMED_S = 300.0
@@ -252,7 +252,7 @@ class Bench:
 
 
 SHOWN = ("recording", "protocol", "specimen", "duration_s", "since_ns", "state", "url", "limits", "guardian")
-STRAW = (sys.executable, "-m", "replay.cli")
+STRAW = (sys.executable, "-m", "straw.replay.cli")
 
 
 def _going_on(recording: Path) -> dict[str, Any] | None:

@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass, field
 from typing import Any
 
-from rig.errors import RigError
+from straw.rig.errors import RigError
 
 #: Whoever is asked for control and does not answer for so long has gone home.
 ANSWER_S = 20.0

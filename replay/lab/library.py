@@ -12,11 +12,11 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, TypeVar
 
-from rig.catalogue import Entry, entry_of, known, save, scan
-from rig.columns import metadata_names
-from rig.errors import RigError
-from rig.notes import read_notes, say
-from rig.orders import running
+from straw.rig.catalogue import Entry, entry_of, known, save, scan
+from straw.rig.columns import metadata_names
+from straw.rig.errors import RigError
+from straw.rig.notes import read_notes, say
+from straw.rig.orders import running
 
 #: A look at the folder takes a share of the time, no more: this many times what it took is waited before the next.
 REST = 10.0

@@ -21,7 +21,7 @@ PAGES = {
 def page(name: str) -> str:
     """The HTML of a page."""
     title, scripts = PAGES[name]
-    report, web = files("replay.report"), files("replay.lab").joinpath("web")
+    report, web = files("straw.replay.report"), files("straw.replay.lab").joinpath("web")
 
     def part(where: str, path: str) -> str:
         return (report if where == "report" else web).joinpath(path).read_text(encoding="utf-8")
@@ -43,5 +43,5 @@ def page(name: str) -> str:
 @cache
 def vent_key() -> str:
     """A script for pages shown inside the lab's: the VENT keys, passed on to the page around."""
-    script = files("replay.report").joinpath("vent.js").read_text(encoding="utf-8")
+    script = files("straw.replay.report").joinpath("vent.js").read_text(encoding="utf-8")
     return f'<script>{script}onVentKey(() => parent.postMessage("vent", "*"));</script>'

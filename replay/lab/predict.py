@@ -1,6 +1,6 @@
 """Predict: a protocol before it is run: what the rig would be told, what the straw would do, as a page of the report.
 
-``python -m replay.lab.predict`` reads one task a line and answers one line each: the model is compiled once, in a
+``python -m straw.replay.lab.predict`` reads one task a line and answers one line each: the model is compiled once, in a
 process of its own, so that neither its memory nor its work is the server's.
 """
 
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from replay.errors import USER_ERRORS
+from straw.replay.errors import USER_ERRORS
 
 #: Rows a second of a prediction, and at the most: a long protocol is drawn with longer steps.
 RATE_HZ, MOST = 60.0, 3000
@@ -20,12 +20,12 @@ RATE_HZ, MOST = 60.0, 3000
 
 def predicted(task: dict[str, Any]) -> dict[str, Any]:
     """The prediction's page, its snaps as [time s, cell], and where the tip ends; raises as its parts do."""
-    from model.parameters import straw_from_toml
-    from replay.live.follow import Follower
-    from replay.live.server import run_of
-    from replay.report.page import SCRIPTS, assemble
-    from rig.outlet import Outlet
-    from rig.protocol_toml import protocol_from_toml
+    from straw.model.parameters import straw_from_toml
+    from straw.replay.live.follow import Follower
+    from straw.replay.live.server import run_of
+    from straw.replay.report.page import SCRIPTS, assemble
+    from straw.rig.outlet import Outlet
+    from straw.rig.protocol_toml import protocol_from_toml
 
     protocol = protocol_from_toml(task["toml"], "protocol")
     straw = straw_from_toml(task.get("straw", ""))

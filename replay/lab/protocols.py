@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from rig.errors import RigError
-from rig.limits import PressureLimits
-from rig.protocol_toml import protocol_from_toml
+from straw.rig.errors import RigError
+from straw.rig.limits import PressureLimits
+from straw.rig.protocol_toml import protocol_from_toml
 
 #: Points of a drawing; more is thinned by taking every so-manieth.
 POINTS = 2000
@@ -20,7 +20,7 @@ LARGEST = 100_000
 def known_protocols(folder: Path) -> list[dict[str, str]]:
     """Protocol files of the folder (itself and ``protocols``), then those that come with straw, as name and text."""
     found: dict[str, dict[str, str]] = {}
-    shipped = Path(str(files("rig").joinpath("protocols")))
+    shipped = Path(str(files("straw.rig").joinpath("protocols")))
     for place, source in ((folder, "here"), (folder / "protocols", "here"), (shipped, "shipped")):
         for path in sorted(place.glob("*.toml")) if place.is_dir() else []:
             try:

@@ -10,8 +10,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from rig.errors import RigError
-from rig.protocol_toml import protocol_from_toml
+from straw.rig.errors import RigError
+from straw.rig.protocol_toml import protocol_from_toml
 
 MOST = 500
 NOT_STARTED = "not started"

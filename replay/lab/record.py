@@ -8,14 +8,14 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from replay.lab.library import Library
-from replay.lab.table import UNTELLING, row
-from rig.catalogue import Entry
-from rig.columns import COLUMNS, value_of
-from rig.errors import RigError
-from rig.manifest import read_manifest
-from rig.notes import read_notes
-from rig.run_channels import details
+from straw.replay.lab.library import Library
+from straw.replay.lab.table import UNTELLING, row
+from straw.rig.catalogue import Entry
+from straw.rig.columns import COLUMNS, value_of
+from straw.rig.errors import RigError
+from straw.rig.manifest import read_manifest
+from straw.rig.notes import read_notes
+from straw.rig.run_channels import details
 
 #: Runs whose curves are laid over each other at a time.
 MOST = 24

@@ -7,8 +7,8 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-from replay.errors import ReplayError
-from replay.lab.guard import LOOPBACK, Door
+from straw.replay.errors import ReplayError
+from straw.replay.lab.guard import LOOPBACK, Door
 
 #: A stream that is open must not hold up the end: uvicorn would wait for it for ever.
 GRACE_S = 1

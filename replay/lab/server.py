@@ -1,4 +1,4 @@
-"""The lab's server process: ``python -m replay.lab.server`` reads its task from stdin and serves until that ends."""
+"""The lab's server: ``python -m straw.replay.lab.server`` reads its task from stdin and serves until that ends."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from replay.errors import USER_ERRORS
-from replay.lab.alone import LAB_FILE, STATE
-from replay.lab.app import Lab
-from replay.lab.bench import Bench
-from replay.lab.guard import Door
-from replay.lab.library import Library
-from replay.lab.serve import Server, bound
-from replay.lab.work import Jobs
-from rig.rig_file import load_rig
+from straw.replay.errors import USER_ERRORS
+from straw.replay.lab.alone import LAB_FILE, STATE
+from straw.replay.lab.app import Lab
+from straw.replay.lab.bench import Bench
+from straw.replay.lab.guard import Door
+from straw.replay.lab.library import Library
+from straw.replay.lab.serve import Server, bound
+from straw.replay.lab.work import Jobs
+from straw.rig.rig_file import load_rig
 
 PRIVATE = 0o700
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, TypeAlias
 
-from replay.lab.library import Library
-from rig.catalogue import Entry
-from rig.columns import COLUMNS, Value, differing, ordered, value_of
-from rig.errors import RigError
-from rig.filter import compiled
+from straw.replay.lab.library import Library
+from straw.rig.catalogue import Entry
+from straw.rig.columns import COLUMNS, Value, differing, ordered, value_of
+from straw.rig.errors import RigError
+from straw.rig.filter import compiled
 
 Selected: TypeAlias = tuple[list[Entry], list[list[Any]]]
 SHOWN = ("run", "start", "specimen", "protocol", "cycle", "duration", "status", "tag", "note")

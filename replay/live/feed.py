@@ -13,12 +13,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from model.parameters import StrawParameters
-from replay.errors import ReplayError
-from rig.operator import Operator
-from rig.orders import control_of
-from rig.protocol import PressureProtocol
-from rig.reading import Reading
+from straw.model.parameters import StrawParameters
+from straw.replay.errors import ReplayError
+from straw.rig.operator import Operator
+from straw.rig.orders import control_of
+from straw.rig.protocol import PressureProtocol
+from straw.rig.reading import Reading
 
 HERE = "127.0.0.1:0"
 
@@ -55,7 +55,7 @@ class Live(Operator):
         }
 
     def __enter__(self) -> Self:
-        command = [sys.executable, "-m", "replay.live.server"]
+        command = [sys.executable, "-m", "straw.replay.live.server"]
         self._server = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         assert self._server.stdin is not None
         assert self._server.stdout is not None

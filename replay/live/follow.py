@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from model.configuration import even
-from model.parameters import StrawParameters
-from model.simulate import Stepper
-from replay.report.data import SHOWN
-from rig.protocol import PressureProtocol
+from straw.model.configuration import even
+from straw.model.parameters import StrawParameters
+from straw.model.simulate import Stepper
+from straw.replay.report.data import SHOWN
+from straw.rig.protocol import PressureProtocol
 
 #: Longest step of the model at a time, s: a gap in the readings is passed in such pieces.
 STEP_S = 0.05

@@ -1,4 +1,4 @@
-"""Serves the page of a running rig: the report's own page, fed 30 times a second; ``python -m replay.live.server``."""
+"""Serves a running rig's page: the report's own, fed 30 times a second; ``python -m straw.replay.live.server``."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from model.parameters import StrawParameters, straw_from_toml
-from replay.errors import USER_ERRORS
-from replay.lab.guard import Door, Guard
-from replay.lab.serve import Server, bound
-from replay.live.follow import Follower
-from replay.report.data import SHOWN, straw_data
-from replay.report.page import SCRIPTS, assemble
-from rig.errors import RigError
-from rig.orders import read_control, send_order
-from rig.protocol import PressureProtocol
-from rig.protocol_toml import protocol_from_toml
+from straw.model.parameters import StrawParameters, straw_from_toml
+from straw.replay.errors import USER_ERRORS
+from straw.replay.lab.guard import Door, Guard
+from straw.replay.lab.serve import Server, bound
+from straw.replay.live.follow import Follower
+from straw.replay.report.data import SHOWN, straw_data
+from straw.replay.report.page import SCRIPTS, assemble
+from straw.rig.errors import RigError
+from straw.rig.orders import read_control, send_order
+from straw.rig.protocol import PressureProtocol
+from straw.rig.protocol_toml import protocol_from_toml
 
 UPDATES_HZ = 30.0
 #: After the run's end the page is served for so long, for what is on its way to get there.

@@ -1,5 +1,5 @@
 """How far a prediction is from a measurement; no single number says it, so several are kept together."""
 
-from replay.metrics.signal import Metrics, metrics_of
+from straw.replay.metrics.signal import Metrics, metrics_of
 
 __all__ = ["Metrics", "metrics_of"]

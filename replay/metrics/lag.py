@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 
-from replay.metrics.noise import independent
+from straw.replay.metrics.noise import independent
 
 Floats = NDArray[np.float64]
 

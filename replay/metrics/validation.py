@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.metrics.noise import independent
+from straw.replay.metrics.noise import independent
 
 Floats = NDArray[np.float64]
 

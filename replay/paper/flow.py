@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from model.filling import ChannelRadius, FillingTests
-from replay.paper.style import figure, label
+from straw.model.filling import ChannelRadius, FillingTests
+from straw.replay.paper.style import figure, label
 
 
 def flow(tests: FillingTests, radius: ChannelRadius, table: str, rho_kg_per_m3: float) -> Figure:

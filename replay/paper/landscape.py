@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from model.frustum import Equilibrium, Frustum
-from model.parameters import StrawParameters
-from replay.paper.style import STABLE, UNSTABLE, figure, label
+from straw.model.frustum import Equilibrium, Frustum
+from straw.model.parameters import StrawParameters
+from straw.replay.paper.style import STABLE, UNSTABLE, figure, label
 
 Floats = NDArray[np.float64]
 

@@ -6,11 +6,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from model.frustum import Frustum
-from model.simulate import Prediction
-from replay.paper.landscape import PHI_LABEL, ZETA_LABEL, branches, draw_energy
-from replay.paper.runs import ValidationRun
-from replay.paper.style import CELLS, QUIET, figure, label
+from straw.model.frustum import Frustum
+from straw.model.simulate import Prediction
+from straw.replay.paper.landscape import PHI_LABEL, ZETA_LABEL, branches, draw_energy
+from straw.replay.paper.runs import ValidationRun
+from straw.replay.paper.style import CELLS, QUIET, figure, label
 
 #: Energy between contours in (d), mJ.
 CONTOUR_MJ = 6.0

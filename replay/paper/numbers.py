@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.filling import ChannelRadius
-from model.frustum import Frustum
-from model.geometry import Readings, identify_geometry
-from model.parameters import StrawParameters
-from model.simulate import Prediction
-from model.snap import snap_pair
-from replay.paper.runs import RISE_PER_S, crossing_s
+from straw.model.filling import ChannelRadius
+from straw.model.frustum import Frustum
+from straw.model.geometry import Readings, identify_geometry
+from straw.model.parameters import StrawParameters
+from straw.model.simulate import Prediction
+from straw.model.snap import snap_pair
+from straw.replay.paper.runs import RISE_PER_S, crossing_s
 
 STRAW = StrawParameters()
 READINGS = Readings(1.5e-3, 5.8e-3, -13.5e3, 22.5e3)

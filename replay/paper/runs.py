@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.parameters import StrawParameters
-from model.simulate import Prediction, simulate
+from straw.model.parameters import StrawParameters
+from straw.model.simulate import Prediction, simulate
 
 Floats = NDArray[np.float64]
 

@@ -7,11 +7,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from model.configuration import even
-from model.kinematics import tip_pose
-from model.parameters import StrawParameters
-from model.rest import rest_state
-from replay.paper.style import figure, label
+from straw.model.configuration import even
+from straw.model.kinematics import tip_pose
+from straw.model.parameters import StrawParameters
+from straw.model.rest import rest_state
+from straw.replay.paper.style import figure, label
 
 Floats = NDArray[np.float64]
 

@@ -9,18 +9,18 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from model.geometry import Geometry, identify_geometry
-from model.parameters import StrawParameters
-from model.shell.hold import Hold
-from model.shell.problem import Problem
-from model.shell.profile import profile_of
-from model.shell.solve import Model, NotFoundError, Point
-from model.simulate import Prediction
-from replay.paper.landscape import PHI_LABEL, ZETA_LABEL
-from replay.paper.numbers import READINGS
-from replay.paper.runs import DEPLOYMENT, FOLDING, ValidationRun, crossing_s
-from replay.paper.style import STABLE, UNSTABLE, figure, label
-from replay.shell.table import Row, reduced_frustum
+from straw.model.geometry import Geometry, identify_geometry
+from straw.model.parameters import StrawParameters
+from straw.model.shell.hold import Hold
+from straw.model.shell.problem import Problem
+from straw.model.shell.profile import profile_of
+from straw.model.shell.solve import Model, NotFoundError, Point
+from straw.model.simulate import Prediction
+from straw.replay.paper.landscape import PHI_LABEL, ZETA_LABEL
+from straw.replay.paper.numbers import READINGS
+from straw.replay.paper.runs import DEPLOYMENT, FOLDING, ValidationRun, crossing_s
+from straw.replay.paper.style import STABLE, UNSTABLE, figure, label
+from straw.replay.shell.table import Row, reduced_frustum
 
 Floats = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from replay.errors import ReplayError
+from straw.replay.errors import ReplayError
 
 STABLE, UNSTABLE = "#1f5fa8", "#c8372d"
 #: Cells that snap, then those that stay.

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.frustum import Frustum
-from model.parameters import StrawParameters
-from replay.compare import Comparison
-from replay.metrics.snaps import Snap
-from replay.metrics.validation import Quantity
-from replay.report.words import order
-from rig.run import PressureLog
+from straw.model.frustum import Frustum
+from straw.model.parameters import StrawParameters
+from straw.replay.compare import Comparison
+from straw.replay.metrics.snaps import Snap
+from straw.replay.metrics.validation import Quantity
+from straw.replay.report.words import order
+from straw.rig.run import PressureLog
 
 Floats = NDArray[np.float64]
 

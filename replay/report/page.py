@@ -9,10 +9,10 @@ from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
-from replay.compare import Comparison
-from replay.output import finite
-from replay.report.data import data_of
-from replay.report.words import sentence
+from straw.replay.compare import Comparison
+from straw.replay.output import finite
+from straw.replay.report.data import data_of
+from straw.replay.report.words import sentence
 
 #: Parts of the script, in the order in which they need each other.
 SCRIPTS = ("base", "straw", "plane", "charts", "film", "player", "table", "main")
@@ -38,7 +38,7 @@ def assemble(
     title: str, says: str, runs: list[dict[str, Any]], kind: str = "", scripts: Sequence[str] = SCRIPTS
 ) -> str:
     """Template, style and script round the data of some runs; ``kind`` is the body's class."""
-    here = files("replay.report")
+    here = files("straw.replay.report")
 
     def part(name: str) -> str:
         return here.joinpath(name).read_text(encoding="utf-8")

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from replay.compare import Comparison
-from replay.errors import ReplayError
-from replay.paper.style import figure
-from replay.report.data import SHOWN
+from straw.replay.compare import Comparison
+from straw.replay.errors import ReplayError
+from straw.replay.paper.style import figure
+from straw.replay.report.data import SHOWN
 
 MEASURED, PREDICTED, INSIDE, SOFT = "#1b1f24", "#d55e00", "#0072b2", "#8a949c"
 

@@ -14,13 +14,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.compare import Comparison
-from replay.errors import ReplayError
-from replay.report.data import packed
-from tracking.camera import Camera, load_camera
-from tracking.chapters import Timeline
-from tracking.encode import VideoWriter
-from tracking.pose import apply
+from straw.replay.compare import Comparison
+from straw.replay.errors import ReplayError
+from straw.replay.report.data import packed
+from straw.tracking.camera import Camera, load_camera
+from straw.tracking.chapters import Timeline
+from straw.tracking.encode import VideoWriter
+from straw.tracking.pose import apply
 
 Floats = NDArray[np.float64]
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from model.design import Design, Wish
-from model.parameters import StrawParameters
-from replay.paper.style import STABLE, UNSTABLE, figure, label
+from straw.model.design import Design, Wish
+from straw.model.parameters import StrawParameters
+from straw.replay.paper.style import STABLE, UNSTABLE, figure, label
 
 NAMES = {
     "deploy_kpa": "deploys at / kPa",

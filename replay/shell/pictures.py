@@ -9,14 +9,14 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
-from model.frustum import Frustum
-from model.shell.equilibria import Balance, straight_curve
-from model.shell.landscape import Landscape
-from model.shell.problem import Problem
-from model.shell.solve import Model, Point
-from model.shell.stress import stressed
-from replay.paper.landscape import PHI_LABEL, ZETA_LABEL, mark
-from replay.paper.style import STABLE, UNSTABLE, figure, label
+from straw.model.frustum import Frustum
+from straw.model.shell.equilibria import Balance, straight_curve
+from straw.model.shell.landscape import Landscape
+from straw.model.shell.problem import Problem
+from straw.model.shell.solve import Model, Point
+from straw.model.shell.stress import stressed
+from straw.replay.paper.landscape import PHI_LABEL, ZETA_LABEL, mark
+from straw.replay.paper.style import STABLE, UNSTABLE, figure, label
 
 #: Energies shown, mJ: the barrier of the paper's frustum is 22.
 MOST_MJ = 40.0

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.errors import ModelError
-from model.frustum import Frustum
-from model.shell.equilibria import (
+from straw.model.errors import ModelError
+from straw.model.frustum import Frustum
+from straw.model.shell.equilibria import (
     Balance,
     balances,
     bent_end,
@@ -19,7 +19,7 @@ from model.shell.equilibria import (
     straight_curve,
     straight_end,
 )
-from model.shell.problem import Problem
+from straw.model.shell.problem import Problem
 
 
 @dataclass(frozen=True)

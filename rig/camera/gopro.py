@@ -20,7 +20,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from rig.errors import LinkLostError, RigError
+from straw.rig.errors import LinkLostError, RigError
 
 BUSY, ENCODING = "8", "10"
 KEEP_ALIVE_S = 3.0

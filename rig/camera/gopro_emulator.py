@@ -1,6 +1,7 @@
 """An Open GoPro as its HTTP port shows it, written from the public specification.
 
-``python -m rig.camera.gopro_emulator`` serves one. Commands are answered at once and carried out after ``delay_s``.
+``python -m straw.rig.camera.gopro_emulator`` serves one. Commands are answered at once and carried out after
+``delay_s``.
 ``film`` makes the bytes of a clip from the seconds it lasted; chapters end at ``chapter_bytes``. Faults are planted by
 ``break_off_at``: the next downloads end there.
 """
@@ -26,7 +27,7 @@ def grey(seconds: float) -> bytes:
 
 
 class GoProEmulator:
-    """Serves on ``address`` while entered; ``url`` is what ``rig.camera.gopro.GoPro`` opens."""
+    """Serves on ``address`` while entered; ``url`` is what ``straw.rig.camera.gopro.GoPro`` opens."""
 
     def __init__(
         self,

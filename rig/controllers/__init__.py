@@ -1,1 +1,1 @@
-"""One file per pressure controller, each behind rig.controller.Controller."""
+"""One file per pressure controller, each behind straw.rig.controller.Controller."""

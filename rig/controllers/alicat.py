@@ -13,11 +13,11 @@ import re
 import time
 from typing import Any, NamedTuple
 
-from rig.errors import NoAnswerError, RigError
-from rig.limits import PressureLimits
-from rig.line import Line
-from rig.line_controller import LineController, Mark
-from rig.reading import Answer
+from straw.rig.errors import NoAnswerError, RigError
+from straw.rig.limits import PressureLimits
+from straw.rig.line import Line
+from straw.rig.line_controller import LineController, Mark
+from straw.rig.reading import Answer
 
 CR = b"\r"
 NUMBER = re.compile(r"[+-]?\d{1,5}\.\d{1,4}")

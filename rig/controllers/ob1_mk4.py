@@ -13,11 +13,11 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from rig.errors import NoAnswerError, RigError
-from rig.limits import PressureLimits
-from rig.line import Line
-from rig.line_controller import LineController
-from rig.reading import Answer
+from straw.rig.errors import NoAnswerError, RigError
+from straw.rig.limits import PressureLimits
+from straw.rig.line import Line
+from straw.rig.line_controller import LineController
+from straw.rig.reading import Answer
 
 FIRMWARE = b"<FIRMV?\n"
 READ_ALL = b"<PINGA?\n"

@@ -14,10 +14,10 @@ import os
 from pathlib import Path
 from typing import Any
 
-from rig.controller import Controller
-from rig.errors import LinkLostError, RigError
-from rig.limits import PressureLimits
-from rig.reading import Answer
+from straw.rig.controller import Controller
+from straw.rig.errors import LinkLostError, RigError
+from straw.rig.limits import PressureLimits
+from straw.rig.reading import Answer
 
 CHANNELS = 4
 MBAR_PA = 100.0

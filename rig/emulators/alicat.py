@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from rig.emulator import Emulator
-from rig.errors import RigError
-from rig.plant import Plant
+from straw.rig.emulator import Emulator
+from straw.rig.errors import RigError
+from straw.rig.plant import Plant
 
 GAUGE_PRESSURE = 38  # register 122 says what is controlled
 MODEL = ("M00 www.alicat.com", "M01 Alicat Scientific", "M02 Ph  emulated", "M03 PCD-100KPAG-D", "M04 Serial 000000")

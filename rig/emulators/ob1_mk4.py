@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from rig.emulator import Emulator
-from rig.plant import Plant
+from straw.rig.emulator import Emulator
+from straw.rig.plant import Plant
 
 SET = re.compile(r"<PRESS!:([0-3]):(-?\d{1,5})")
 TRIGGER_SET = re.compile(r"<TRIGO!([01])")

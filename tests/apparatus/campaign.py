@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from rig.run import PressureLog, Run
-from tracking.trace import TipTrace
+from straw.rig.run import PressureLog, Run
+from straw.tracking.trace import TipTrace
 
 from .effects import CLOGS, Cause, conceal
 from .instrument import FRAME_S, GAUGE_S, SIGMA, SIGMA_PA, Instrument, kept_frames, tracking_noise

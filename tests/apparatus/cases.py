@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from rig.run import Run
+from straw.rig.run import Run
 
 from .campaign import Made, effect_sigma, make, record, repeat_sigma
 from .effects import INSTRUMENT, PHYSICS, UNKNOWN, Cause, Range

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rig.run_read import read_run
+from straw.rig.run_read import read_run
 
 from ..benchmarks.puzzle_runs import CAUSES, REPETITIONS, SPECIMEN
 from . import layout as at

@@ -10,9 +10,9 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from model.simulate import Prediction, simulate
-from model.straw import seen
-from replay.paper.runs import DURATION_S, ValidationRun
+from straw.model.simulate import Prediction, simulate
+from straw.model.straw import seen
+from straw.replay.paper.runs import DURATION_S, ValidationRun
 
 Floats = NDArray[np.float64]
 

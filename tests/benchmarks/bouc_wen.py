@@ -15,12 +15,12 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from replay.diagnose.contest import Contestant, enter, finish, looks
-from replay.diagnose.findings import NAMED_ALONE
-from replay.diagnose.judge import judge, unexplained
-from replay.diagnose.locate import kind_of
-from replay.diagnose.robust import robust_cost
-from replay.diagnose.search import Fit, descend
+from straw.replay.diagnose.contest import Contestant, enter, finish, looks
+from straw.replay.diagnose.findings import NAMED_ALONE
+from straw.replay.diagnose.judge import judge, unexplained
+from straw.replay.diagnose.locate import kind_of
+from straw.replay.diagnose.robust import robust_cost
+from straw.replay.diagnose.search import Fit, descend
 from tests.benchmarks.oscillator import BASE, FINE, LIBRARY, MASS_KG, RATE_HZ, SIGMA_M, Oscillators, Record
 
 #: The benchmark's constants: N s/m, N/m, N/m, 1/m, -, -; nu = 1.

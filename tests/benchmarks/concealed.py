@@ -20,11 +20,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from model.parameters import StrawParameters
-from replay.diagnose.diagnosis import inquire
-from replay.diagnose.findings import conclude
-from replay.diagnose.library import causes
-from replay.diagnose.observation import observe
+from straw.model.parameters import StrawParameters
+from straw.replay.diagnose.diagnosis import inquire
+from straw.replay.diagnose.findings import conclude
+from straw.replay.diagnose.library import causes
+from straw.replay.diagnose.observation import observe
 from tests.apparatus.cases import RUN_IDS, Case, deck, generate, opened, recorded, seal
 from tests.benchmarks.concealed_film import filmed
 from tests.benchmarks.concealed_score import ablated, judged_again, score

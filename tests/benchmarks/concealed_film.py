@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from replay.demo.film import film, lens_alone
-from rig.run import Run
+from straw.replay.demo.film import film, lens_alone
+from straw.rig.run import Run
+from straw.tracking.board import Board
+from straw.tracking.track import track
 from tests.apparatus.campaign import Made, record
-from tracking.board import Board
-from tracking.track import track
 
 
 def filmed(made: list[Made], seed: int, name: str) -> tuple[Run, ...]:

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
-from replay.diagnose.findings import verdict_of
-from replay.diagnose.hypothesis import MEASUREMENT
-from replay.diagnose.judge import by_cause, surviving, weighed
-from replay.diagnose.library import causes
+from straw.replay.diagnose.findings import verdict_of
+from straw.replay.diagnose.hypothesis import MEASUREMENT
+from straw.replay.diagnose.judge import by_cause, surviving, weighed
+from straw.replay.diagnose.library import causes
 from tests.apparatus.cases import Case
 
 Row = Mapping[str, Any]

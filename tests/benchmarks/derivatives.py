@@ -15,11 +15,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from model.derivative import differentiate
-from model.direction import Direction
-from model.parameters import StrawParameters
-from model.simulate import simulate
-from replay.paper.runs import DEPLOYMENT, FOLDING, ValidationRun
+from straw.model.derivative import differentiate
+from straw.model.direction import Direction
+from straw.model.parameters import StrawParameters
+from straw.model.simulate import simulate
+from straw.replay.paper.runs import DEPLOYMENT, FOLDING, ValidationRun
 from tests.benchmarks.accuracy import TIME_S
 
 Floats = NDArray[np.float64]

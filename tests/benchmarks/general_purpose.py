@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from model.compiled import compiled
-from model.constants import Constants
-from model.rest import rest_state
-from model.straw import acceleration
-from replay.paper.runs import RISE_PER_S, ValidationRun
+from straw.model.compiled import compiled
+from straw.model.constants import Constants
+from straw.model.rest import rest_state
+from straw.model.straw import acceleration
+from straw.replay.paper.runs import RISE_PER_S, ValidationRun
 
 Floats = NDArray[np.float64]
 

@@ -14,9 +14,9 @@ import os
 import time
 from concurrent.futures import ThreadPoolExecutor
 
-from replay.diagnose.diagnosis import inquire
-from replay.diagnose.findings import conclude
-from replay.diagnose.observation import observe
+from straw.replay.diagnose.diagnosis import inquire
+from straw.replay.diagnose.findings import conclude
+from straw.replay.diagnose.observation import observe
 from tests.apparatus.cases import deck, generate
 from tests.benchmarks.concealed import BASE
 

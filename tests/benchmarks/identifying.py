@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).resolve().parents[2]
-ASK = "import sys; sys.path.insert(0, sys.argv[1]); from replay.cli import main; sys.exit(main(sys.argv[2:]))"
+ASK = "import sys; sys.path.insert(0, sys.argv[1]); from straw.replay.cli import main; sys.exit(main(sys.argv[2:]))"
 UNITS = {"c_zeta_n_s_per_m": (1.0, "N s/m"), "c_phi_n_m_s_per_rad": (1e3, "mN m s/rad"), "r_ch_m": (1e3, "mm")}
 
 

@@ -17,8 +17,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from rig.notes import say
-from rig.run_write import RunWriter
+from straw.rig.notes import say
+from straw.rig.run_write import RunWriter
 from tests.replay.driven import Browser, Tab
 
 ZERO_NS = 1_795_000_000_000_000_000
@@ -79,7 +79,7 @@ def main() -> None:
 def measured(folder: Path, browser: Browser, pictures: Path | None) -> None:
     """Open the lab twice: without an index, and with the one that it left."""
     for turn in ("no index", "with index"):
-        command = [sys.executable, "-m", "replay.cli", "lab", str(folder), "--emulate", "--no-browser"]
+        command = [sys.executable, "-m", "straw.replay.cli", "lab", str(folder), "--emulate", "--no-browser"]
         began_s = time.monotonic()
         with subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True) as lab:
             assert lab.stdout is not None

@@ -13,14 +13,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from rig.controller import make_controller
-from rig.emulate import Emulation
-from rig.errors import RigError
-from rig.faults import SeededFaults
-from rig.plant import PressurePlant
-from rig.protocol_toml import protocol_from_toml
-from rig.reading import Reading
-from rig.session import run_protocol
+from straw.rig.controller import make_controller
+from straw.rig.emulate import Emulation
+from straw.rig.errors import RigError
+from straw.rig.faults import SeededFaults
+from straw.rig.plant import PressurePlant
+from straw.rig.protocol_toml import protocol_from_toml
+from straw.rig.reading import Reading
+from straw.rig.session import run_protocol
 from tests.benchmarks.soak import NoStraw, misread
 
 KINDS = ("garble", "truncate", "merge", "silence", "late")

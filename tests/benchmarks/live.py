@@ -15,13 +15,13 @@ from pathlib import Path
 
 import numpy as np
 
-from model.parameters import StrawParameters
-from replay.commands.rig_run import drive, emulation
-from replay.live.feed import Live
-from rig.guarded import GuardedController
-from rig.protocol_toml import protocol_from_toml
-from rig.reading import Reading
-from rig.run_read import read_run
+from straw.model.parameters import StrawParameters
+from straw.replay.commands.rig_run import drive, emulation
+from straw.replay.live.feed import Live
+from straw.rig.guarded import GuardedController
+from straw.rig.protocol_toml import protocol_from_toml
+from straw.rig.reading import Reading
+from straw.rig.run_read import read_run
 
 TURN_S, RATE_HZ = 2.0, 100.0
 PROTOCOL = """

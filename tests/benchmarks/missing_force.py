@@ -17,15 +17,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.hypothesis import base_unknowns
-from replay.diagnose.inquiry import allow_repeats
-from replay.diagnose.judge import unexplained
-from replay.diagnose.missing import Missing, missing_force
-from replay.diagnose.observation import observe
-from replay.diagnose.search import descend
-from replay.diagnose.start import base_start
-from replay.diagnose.states import STATES
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.hypothesis import base_unknowns
+from straw.replay.diagnose.inquiry import allow_repeats
+from straw.replay.diagnose.judge import unexplained
+from straw.replay.diagnose.missing import Missing, missing_force
+from straw.replay.diagnose.observation import observe
+from straw.replay.diagnose.search import descend
+from straw.replay.diagnose.start import base_start
+from straw.replay.diagnose.states import STATES
 from tests.apparatus.campaign import campaign
 from tests.apparatus.effects import Cause
 from tests.benchmarks.concealed import BASE, SIX

@@ -14,10 +14,10 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from replay.cli import main as straw
+from straw.replay.cli import main as straw
 
 SHIPPED = [
-    path.read_text(encoding="utf-8") for path in (files("rig") / "protocols").iterdir() if path.name.endswith("l")
+    path.read_text(encoding="utf-8") for path in (files("straw.rig") / "protocols").iterdir() if path.name.endswith("l")
 ]
 KINDS = """name = "kinds"
 pressure_unit = "kPa"

@@ -14,8 +14,8 @@ from typing import Any
 import numba
 import numpy as np
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.hypothesis import Hypothesis, Unknown
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
 
 RATE_HZ, FINE = 750.0, 8  # output rate; steps of the input and of the integration to one of the output
 MASS_KG = 2.0

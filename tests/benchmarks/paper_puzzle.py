@@ -17,13 +17,13 @@ from pathlib import Path
 
 import numpy as np
 
-from model.parameters import StrawParameters
-from replay.compare import CHANNELS
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.hypothesis import applied
-from replay.diagnose.observation import REPEATABILITY_S, observe
-from replay.diagnose.search import Fit
-from replay.output import write_json
+from straw.model.parameters import StrawParameters
+from straw.replay.compare import CHANNELS
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.hypothesis import applied
+from straw.replay.diagnose.observation import REPEATABILITY_S, observe
+from straw.replay.diagnose.search import Fit
+from straw.replay.output import write_json
 
 from .puzzle_fits import (
     DELAY,

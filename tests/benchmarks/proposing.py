@@ -21,16 +21,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.observation import observe
-from replay.diagnose.propose.dataset import Number, numbers
-from replay.diagnose.propose.learned import Learned, load, shipped
-from replay.diagnose.propose.network import LOG_SD
-from replay.diagnose.propose.proposal import Proposal, propose
-from replay.diagnose.propose.train import HELD_OUT, gathered
-from replay.diagnose.propose.train import asked as asked_of
-from replay.gather import gather
-from replay.progress import progress_bar
-from rig.run import Run
+from straw.replay.diagnose.observation import observe
+from straw.replay.diagnose.propose.dataset import Number, numbers
+from straw.replay.diagnose.propose.learned import Learned, load, shipped
+from straw.replay.diagnose.propose.network import LOG_SD
+from straw.replay.diagnose.propose.proposal import Proposal, propose
+from straw.replay.diagnose.propose.train import HELD_OUT, gathered
+from straw.replay.diagnose.propose.train import asked as asked_of
+from straw.replay.gather import gather
+from straw.replay.progress import progress_bar
+from straw.rig.run import Run
 from tests.apparatus.campaign import make
 from tests.apparatus.cases import RUN_IDS, Case, deck, recorded
 from tests.benchmarks.concealed import BASE, SIX

@@ -9,15 +9,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.hypothesis import REPEATS, REPEATS_MOUNT, Unknown, base_unknowns
-from replay.diagnose.inquiry import allow_repeats
-from replay.diagnose.library import causes, hypothesis
-from replay.diagnose.observation import Observation
-from replay.diagnose.robust import weights
-from replay.diagnose.search import Fit, descend, measured_slopes
-from replay.diagnose.start import C_PHI, C_ZETA, R_CH, base_start, few_of, rough
-from replay.progress import say
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.hypothesis import REPEATS, REPEATS_MOUNT, Unknown, base_unknowns
+from straw.replay.diagnose.inquiry import allow_repeats
+from straw.replay.diagnose.library import causes, hypothesis
+from straw.replay.diagnose.observation import Observation
+from straw.replay.diagnose.robust import weights
+from straw.replay.diagnose.search import Fit, descend, measured_slopes
+from straw.replay.diagnose.start import C_PHI, C_ZETA, R_CH, base_start, few_of, rough
+from straw.replay.progress import say
 
 Floats = NDArray[np.float64]
 

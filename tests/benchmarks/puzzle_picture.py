@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from model.parameters import StrawParameters
-from replay.diagnose.instrument import Instrument
-from replay.diagnose.misfit import play
-from replay.diagnose.observation import Observation
-from replay.paper.style import figure
+from straw.model.parameters import StrawParameters
+from straw.replay.diagnose.instrument import Instrument
+from straw.replay.diagnose.misfit import play
+from straw.replay.diagnose.observation import Observation
+from straw.replay.paper.style import figure
 
 from .puzzle_fits import DELAY, Number
 

@@ -6,7 +6,7 @@ between frusta that nearly touch, fluid that has to be moved, faces that stick a
 
 from __future__ import annotations
 
-from rig.run import Run
+from straw.rig.run import Run
 from tests.apparatus.campaign import campaign
 from tests.apparatus.effects import Cause
 from tests.apparatus.layout import CELLS

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from rig.run_read import read_run
-from rig.run_write import RunWriter
+from straw.rig.run_read import read_run
+from straw.rig.run_write import RunWriter
 
 NAMED = {"run_id": "benchmark", "specimen": "none", "initial_deployed": "", "cycle": "0", "cells": "9"}
 RAW = b">PINGA?|OK|-250:0:1:0:0:0:0:0:0:0:0:0\n"

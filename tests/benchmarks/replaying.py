@@ -13,15 +13,15 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from model.parameters import StrawParameters
-from model.simulate import simulate
-from replay.commands.simulate import trace_of
-from replay.compare import compare
-from replay.report.page import page
-from rig.run_derived import tip_columns
-from rig.run_file import RunFile
-from rig.run_read import read_run
-from rig.schema import encode
+from straw.model.parameters import StrawParameters
+from straw.model.simulate import simulate
+from straw.replay.commands.simulate import trace_of
+from straw.replay.compare import compare
+from straw.replay.report.page import page
+from straw.rig.run_derived import tip_columns
+from straw.rig.run_file import RunFile
+from straw.rig.run_read import read_run
+from straw.rig.schema import encode
 from tests.replay.browser import asked
 
 SECONDS, TIP_HZ, PRESSURE_HZ = 60, 240, 1000

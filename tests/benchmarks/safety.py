@@ -10,9 +10,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from rig.emulate import Emulation
-from rig.plant import PressurePlant
-from rig.wire import Wire
+from straw.rig.emulate import Emulation
+from straw.rig.plant import PressurePlant
+from straw.rig.wire import Wire
 from tests.benchmarks.soak import NoStraw
 from tests.rig.test_safety import READING, VENT, Script
 
@@ -118,7 +118,7 @@ def _standbys() -> list[int]:
     found = []
     for folder in Path("/proc").glob("[0-9]*"):
         with suppress(OSError):
-            if b"rig.standby" in (folder / "cmdline").read_bytes():
+            if b"straw.rig.standby" in (folder / "cmdline").read_bytes():
                 found.append(int(folder.name))
     return found
 

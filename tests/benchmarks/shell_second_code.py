@@ -1,4 +1,4 @@
-"""A second code at six points: NGSolve's elements, automatic derivatives and solver against `model.shell`.
+"""A second code at six points: NGSolve's elements, automatic derivatives and solver against `straw.model.shell`.
 
     pip install ngsolve && python -m tests.benchmarks.shell_second_code
 
@@ -30,10 +30,10 @@ from ngsolve import (
 )
 from ngsolve.meshes import MakeStructured2DMesh
 
-from model.parameters import StrawParameters
-from model.shell.problem import NU, Problem
-from model.shell.profile import profile_of
-from model.shell.threads import one_thread
+from straw.model.parameters import StrawParameters
+from straw.model.shell.problem import NU, Problem
+from straw.model.shell.profile import profile_of
+from straw.model.shell.threads import one_thread
 
 #: (zeta mm, phi rad): bent state, beyond it, both saddles, compressed and tilted, stretched and tilted.
 POINTS = ((-0.1295, 0.215), (-0.27354, 0.22), (1.037, 0.104), (-0.867, 0.143), (-2.6, 0.03), (1.9, 0.08))
@@ -127,7 +127,7 @@ def main() -> None:
     straw = StrawParameters()
     second = Second(straw)
     problem = Problem(profile_of(straw), float(straw.E_pa[0, 1]))
-    print("zeta mm  phi rad   NGSolve mJ  model.shell mJ  relative      s      s")
+    print("zeta mm  phi rad   NGSolve mJ  straw.model.shell mJ  relative      s      s")
     with one_thread():
         model = problem.model()
         for zeta, phi in POINTS:

@@ -15,14 +15,14 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from rig.controller import Controller, make_controller
-from rig.emulate import Emulation
-from rig.errors import LinkLostError, RigError
-from rig.faults import Fault, SeededFaults
-from rig.plant import PressurePlant
-from rig.reading import Reading
-from rig.run_read import read_run
-from rig.run_write import RunWriter
+from straw.rig.controller import Controller, make_controller
+from straw.rig.emulate import Emulation
+from straw.rig.errors import LinkLostError, RigError
+from straw.rig.faults import Fault, SeededFaults
+from straw.rig.plant import PressurePlant
+from straw.rig.reading import Reading
+from straw.rig.run_read import read_run
+from straw.rig.run_write import RunWriter
 
 TIMEOUT_S = 0.06
 SET_EVERY = 25

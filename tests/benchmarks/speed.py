@@ -20,9 +20,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from model.batch import Job, simulate_many
-from model.simulate import TOLERANCE_M, Prediction, simulate
-from replay.paper.runs import DEPLOYMENT, DURATION_S, FOLDING, ValidationRun
+from straw.model.batch import Job, simulate_many
+from straw.model.simulate import TOLERANCE_M, Prediction, simulate
+from straw.replay.paper.runs import DEPLOYMENT, DURATION_S, FOLDING, ValidationRun
 from tests.benchmarks.accuracy import ERRORS_HEAD, TIME_S, Solution, good, reference, shown, truth
 from tests.benchmarks.general_purpose import SOLVERS, Trial, loosest, solve
 

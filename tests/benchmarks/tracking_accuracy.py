@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from straw.tracking.pose import free_pose, world_from_tip
+from straw.tracking.task import Track
+from straw.tracking.track import track
 from tests.benchmarks.tracking_clips import BOARD, LINE_S, REST, SETUPS, SI, blind, errors, painted, rms, snaps
-from tracking.pose import free_pose, world_from_tip
-from tracking.task import Track
-from tracking.track import track
 
 
 def free_errors(found: Track, camera, motion) -> np.ndarray:

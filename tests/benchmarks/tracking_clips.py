@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from tracking.board import Board
-from tracking.camera import Camera
-from tracking.lens import shipped_lens
-from tracking.synthetic import camera_looking_at, paint_video
-from tracking.task import Track
+from straw.tracking.board import Board
+from straw.tracking.camera import Camera
+from straw.tracking.lens import shipped_lens
+from straw.tracking.synthetic import camera_looking_at, paint_video
+from straw.tracking.task import Track
 
 REST = (0.0221, 0.0, 1.53)  # x_m, z_m, phi_rad of a deployed straw
 LINE_S = 3.6e-6

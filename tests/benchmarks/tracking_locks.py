@@ -12,11 +12,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from straw.tracking.board import Board
+from straw.tracking.follow import NOT_DUE
+from straw.tracking.pose import world_from_tip
+from straw.tracking.track import track
 from tests.benchmarks.tracking_clips import BOARD, LENS, REST, SETUPS, blind, errors, painted, snaps
-from tracking.board import Board
-from tracking.follow import NOT_DUE
-from tracking.pose import world_from_tip
-from tracking.track import track
 
 WRONG = np.array((1000.0, 1000.0, 100.0))  # um, um, mrad: a square slipped is 4800 um or more
 FPS = 240_000 / 1001

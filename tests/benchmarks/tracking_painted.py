@@ -13,14 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
+from straw.tracking.board import Board
+from straw.tracking.camera import Camera
+from straw.tracking.lens import Lens
+from straw.tracking.task import Track
+from straw.tracking.track import track
 from tests.painting.film import encode, film
 from tests.painting.motions import REST, full_turn, snaps
 from tests.painting.scene import Scene, about, looking
-from tracking.board import Board
-from tracking.camera import Camera
-from tracking.lens import Lens
-from tracking.task import Track
-from tracking.track import track
 
 SI = np.array((1e6, 1e6, 1e3))  # to um, um, mrad
 SIDE = np.array(((1.0, 0, 0), (0, 0, -1.0), (0, 1.0, 0)))  # the board's y along the tip's axis, its face towards -Y

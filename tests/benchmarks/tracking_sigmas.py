@@ -5,8 +5,8 @@
 Each clip has its own camera (place, roll, row time), board glued askew, rest pose and size of motion, and is coded in
 one of two ways, of which the second leaves larger errors at the same bitrate. Printed is the mean squared error over
 the claimed variance, by where the camera stands and by coding. Variances are estimated in
-each clip (tracking.variance); the codec's usual lag (tracking.noise) was found on clips 0 to 39 coded the first and 0
-to 7 coded the second way.
+each clip (straw.tracking.variance); the codec's usual lag (straw.tracking.noise) was found on clips 0 to 39 coded the
+first and 0 to 7 coded the second way.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from straw.tracking.camera import Camera
+from straw.tracking.synthetic import camera_looking_at
+from straw.tracking.track import track
 from tests.benchmarks.tracking_clips import BOARD, LENS, REST, blind, errors, painted, snaps
-from tracking.camera import Camera
-from tracking.synthetic import camera_looking_at
-from tracking.track import track
 
 #: Degrees of azimuth and elevation, least and most, either side of the plane of motion by chance.
 STANDS = {

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from replay.track_file import track_to_file
+from straw.replay.track_file import track_to_file
+from straw.tracking.video import VideoReader, ahead
 from tests.benchmarks.tracking_clips import REST, SETUPS, blind, painted, snaps
-from tracking.video import VideoReader, ahead
 
 ROUNDS = 5
 PRESET = {"libx264": "veryfast", "libx265": "ultrafast"}

@@ -14,13 +14,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from straw.tracking.calibrate import sharpened
+from straw.tracking.corners import find_boards
+from straw.tracking.lens_fit import View
+from straw.tracking.track import track
+from straw.tracking.video import VideoReader
 from tests.benchmarks.tracking_clips import BOARD, REST, SETUPS, SI, blind, errors, painted, rms, snaps
 from tests.benchmarks.tracking_locks import glare, hand
-from tracking.calibrate import sharpened
-from tracking.corners import find_boards
-from tracking.lens_fit import View
-from tracking.track import track
-from tracking.video import VideoReader
 
 REALDATA = Path(__file__).parents[3] / "shared" / "realdata"
 EVERY = 12  # frames: the others take a tenth of a second each, or minutes

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import compiled
-from model.drive import summed
-from model.errors import ModelError
-from model.integrate import FIRST_STEPS, at_rest, fill_inside, fill_start
-from model.parameters import StrawParameters
-from model.rest import rest_state
-from model.simulate import FIRST_STEP_S, MAX_STEP_S, Prediction, prediction, sampled
-from model.stages import Limits, arrive, limits_for, stages_for, work_for
-from model.step import DONE, take_step
+from straw.model.compiled import compiled
+from straw.model.drive import summed
+from straw.model.errors import ModelError
+from straw.model.integrate import FIRST_STEPS, at_rest, fill_inside, fill_start
+from straw.model.parameters import StrawParameters
+from straw.model.rest import rest_state
+from straw.model.simulate import FIRST_STEP_S, MAX_STEP_S, Prediction, prediction, sampled
+from straw.model.stages import Limits, arrive, limits_for, stages_for, work_for
+from straw.model.step import DONE, take_step
 
 Floats = NDArray[np.float64]
 

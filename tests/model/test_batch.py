@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from model.batch import Job, simulate_many
-from model.errors import ModelError
-from model.integrate import integrate
-from model.parameters import StrawParameters
-from model.simulate import Prediction, simulate
+from straw.model.batch import Job, simulate_many
+from straw.model.errors import ModelError
+from straw.model.integrate import integrate
+from straw.model.parameters import StrawParameters
+from straw.model.simulate import Prediction, simulate
 
 TIME_S = np.arange(0, 0.3, 1 / 240)
 

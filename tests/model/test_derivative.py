@@ -14,15 +14,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from model.derivative import Derivatives, differentiate
-from model.direction import NUMBERS, Direction
-from model.errors import ModelError
-from model.parameters import StrawParameters
-from model.simulate import Prediction, sampled, simulate
-from model.table import POINTS
-from model.term import Constant
-from model.terms import TERMS
-from model.typical import typical
+from straw.model.derivative import Derivatives, differentiate
+from straw.model.direction import NUMBERS, Direction
+from straw.model.errors import ModelError
+from straw.model.parameters import StrawParameters
+from straw.model.simulate import Prediction, sampled, simulate
+from straw.model.table import POINTS
+from straw.model.term import Constant
+from straw.model.terms import TERMS
+from straw.model.typical import typical
 from tests.model.held import Held
 
 LIVELY = StrawParameters(cells=2, c_zeta_n_s_per_m=2.0, c_phi_n_m_s_per_rad=3e-3, r_ch_m=0.6e-3, F_X_n=0.2)

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from model.design import Wish, gives, in_order, read_wish, refined, sweep, with_varied
-from model.errors import ModelError
-from model.parameters import StrawParameters
+from straw.model.design import Wish, gives, in_order, read_wish, refined, sweep, with_varied
+from straw.model.errors import ModelError
+from straw.model.parameters import StrawParameters
 
 RANGES = {"zeta01_mm": (3.0, 5.0), "zeta02_mm": (-3.5, -1.5), "h_mm": (0.3, 0.8)}
 

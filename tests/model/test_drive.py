@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from model.drive import FELT_S, SHORT_S, SHORTER, Table, seen, summed, summed_to
-from model.integrate import at_rest, integrate
-from model.parameters import StrawParameters
-from model.rest import rest_state
-from model.scheme import COEFFICIENTS, TIMES
-from model.simulate import FIRST_STEP_S, MAX_STEP_S, MOST_STEPS_PER_S, TOLERANCE_M, sampled, simulate
-from model.terms.elasticity import elastic_force, softest
+from straw.model.drive import FELT_S, SHORT_S, SHORTER, Table, seen, summed, summed_to
+from straw.model.integrate import at_rest, integrate
+from straw.model.parameters import StrawParameters
+from straw.model.rest import rest_state
+from straw.model.scheme import COEFFICIENTS, TIMES
+from straw.model.simulate import FIRST_STEP_S, MAX_STEP_S, MOST_STEPS_PER_S, TOLERANCE_M, sampled, simulate
+from straw.model.terms.elasticity import elastic_force, softest
 
 STEP_S = 2.5e-4
 

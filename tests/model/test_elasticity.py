@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model.elasticity import elasticity_of
-from model.errors import ModelError
-from model.frustum import Frustum
-from model.parameters import StrawParameters, load_straw, straw_from_toml
-from model.rest import rest_state
-from model.straw import potential_energy_at
-from model.terms.shell_energy import shell_energy, shell_force, shell_stiffness
+from straw.model.elasticity import elasticity_of
+from straw.model.errors import ModelError
+from straw.model.frustum import Frustum
+from straw.model.parameters import StrawParameters, load_straw, straw_from_toml
+from straw.model.rest import rest_state
+from straw.model.straw import potential_energy_at
+from straw.model.terms.shell_energy import shell_energy, shell_force, shell_stiffness
 
 SHELL = StrawParameters(elasticity="shell")
 ROW = SHELL.constants().wall[0, 1]

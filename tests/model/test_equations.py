@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from model.kinematics import tip_pose
-from model.parameters import StrawParameters
-from model.straw import acceleration, kinetic_energy_at, mass_at, pressure_at, residual, volume_at
+from straw.model.kinematics import tip_pose
+from straw.model.parameters import StrawParameters
+from straw.model.straw import acceleration, kinetic_energy_at, mass_at, pressure_at, residual, volume_at
 from tests.model.paper import PaperStraw
 
 

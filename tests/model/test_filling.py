@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model.errors import ModelError
-from model.filling import COLUMNS, FillingTests, channel_radius, read_filling_tests
+from straw.model.errors import ModelError
+from straw.model.filling import COLUMNS, FillingTests, channel_radius, read_filling_tests
 
 HEADER = ",".join(COLUMNS)
 

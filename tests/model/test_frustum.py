@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from mpmath import mpf
 
-from model.errors import ModelError
-from model.frustum import Frustum
-from model.parameters import StrawParameters
+from straw.model.errors import ModelError
+from straw.model.frustum import Frustum
+from straw.model.parameters import StrawParameters
 from tests.model.paper import PaperStraw
 
 STRAW = StrawParameters()

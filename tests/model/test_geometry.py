@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from model.errors import ModelError
-from model.geometry import Readings, identify_geometry
-from model.parameters import StrawParameters
-from model.snap import snap_pair
+from straw.model.errors import ModelError
+from straw.model.geometry import Readings, identify_geometry
+from straw.model.parameters import StrawParameters
+from straw.model.snap import snap_pair
 
 STRAW = StrawParameters()
 

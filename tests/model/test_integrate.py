@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from model.scheme import COEFFICIENTS as A
-from model.scheme import ERROR, GAMMA
-from model.scheme import TIMES as C
+from straw.model.scheme import COEFFICIENTS as A
+from straw.model.scheme import ERROR, GAMMA
+from straw.model.scheme import TIMES as C
 
 B = A[-1]  # stiffly accurate: the last stage is the result
 LOWER = B - ERROR

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model.errors import ModelError
-from model.parameters import StrawParameters, load_straw, straw_from_toml
+from straw.model.errors import ModelError
+from straw.model.parameters import StrawParameters, load_straw, straw_from_toml
 
 
 def test_a_straw_file_reads_back_exactly() -> None:

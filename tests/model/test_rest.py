@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from model.errors import ModelError
-from model.parameters import StrawParameters
-from model.rest import rest_state
-from model.stiffness import stability
-from model.straw import residual
+from straw.model.errors import ModelError
+from straw.model.parameters import StrawParameters
+from straw.model.rest import rest_state
+from straw.model.stiffness import stability
+from straw.model.straw import residual
 
 STRAW = StrawParameters()
 

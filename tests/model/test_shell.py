@@ -9,18 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model.errors import ModelError
+from straw.model.errors import ModelError
 
 pytest.importorskip("skfem")
 
-from model.shell.equilibria import balance, softening_heights
-from model.shell.hold import Hold
-from model.shell.landscape import Grid, landscape, load_landscape
-from model.shell.mesh import Mesh, Shell
-from model.shell.problem import Problem
-from model.shell.profile import Meridian, Profile, cell, frustum, read_profile
-from model.shell.solve import Model
-from model.shell.threads import one_thread
+from straw.model.shell.equilibria import balance, softening_heights
+from straw.model.shell.hold import Hold
+from straw.model.shell.landscape import Grid, landscape, load_landscape
+from straw.model.shell.mesh import Mesh, Shell
+from straw.model.shell.problem import Problem
+from straw.model.shell.profile import Meridian, Profile, cell, frustum, read_profile
+from straw.model.shell.solve import Model
+from straw.model.shell.threads import one_thread
 
 CONE = frustum(11.1e-3, 14.65e-3, -2.28e-3, 0.508e-3)
 E_PA, NU = 0.92e9, 0.33

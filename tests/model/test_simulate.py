@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model.errors import ModelError
-from model.parameters import StrawParameters
-from model.simulate import Prediction, Stepper, simulate
+from straw.model.errors import ModelError
+from straw.model.parameters import StrawParameters
+from straw.model.simulate import Prediction, Stepper, simulate
 
 FOLDING = StrawParameters()
 DEPLOYMENT = FOLDING.replace(c_zeta_n_s_per_m=0.1, c_phi_n_m_s_per_rad=3e-3, r_ch_m=0.315e-3)

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from mpmath import mpf
 
-from model.continuation import Branch, follow
-from model.errors import ModelError
-from model.parameters import StrawParameters
-from model.rest import rest_state
-from model.simulate import simulate
-from model.snap import next_snap, snap_of, snap_pair, snaps
-from model.stiffness import length_scale, stability, stiffness_matrix
+from straw.model.continuation import Branch, follow
+from straw.model.errors import ModelError
+from straw.model.parameters import StrawParameters
+from straw.model.rest import rest_state
+from straw.model.simulate import simulate
+from straw.model.snap import next_snap, snap_of, snap_pair, snaps
+from straw.model.stiffness import length_scale, stability, stiffness_matrix
 from tests.model.paper import PaperStraw
 
 STRAW = StrawParameters()
@@ -128,6 +128,6 @@ def test_a_snap_pressure_costs_a_few_hundred_stiffness_matrices(monkeypatch: pyt
         calls += 1
         return stiffness_matrix(*args)
 
-    monkeypatch.setattr("model.continuation.stiffness_matrix", counted)
+    monkeypatch.setattr("straw.model.continuation.stiffness_matrix", counted)
     snap_pair(STRAW, 1)
     assert calls < 2 * 400

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model.errors import ModelError
-from model.parameters import StrawParameters
-from model.solid.outline import Flange, section, volume_m3
-from model.solid.step import step_text
-from model.solid.stl import RECORD, stl_bytes, triangles
-from replay.cli import main
+from straw.model.errors import ModelError
+from straw.model.parameters import StrawParameters
+from straw.model.solid.outline import Flange, section, volume_m3
+from straw.model.solid.step import step_text
+from straw.model.solid.stl import RECORD, stl_bytes, triangles
+from straw.replay.cli import main
 
 STRAW = StrawParameters(cells=3)
 

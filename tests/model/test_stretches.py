@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from model.parameters import StrawParameters
-from model.simulate import simulate
-from model.stretches import Stretch, simulate_stretches
+from straw.model.parameters import StrawParameters
+from straw.model.simulate import simulate
+from straw.model.stretches import Stretch, simulate_stretches
 
 EVERYTHING = (-np.inf, np.inf)
 

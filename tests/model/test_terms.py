@@ -7,21 +7,21 @@ import itertools
 import numpy as np
 import pytest
 
-from model.channel import channel_of, inside_pressure
-from model.drive import Table as PressureTable
-from model.errors import ModelError
-from model.frusta import MEMORY_TERMS
-from model.integrate import at_rest, integrate
-from model.kinematics import chain_of, motion_of
-from model.load import no_load, project
-from model.parameters import StrawParameters, straw_from_toml
-from model.rest import rest_state
-from model.simulate import MOST_STEPS_PER_S, simulate
-from model.straw import forces_left, kinetic_energy_at, potential_energy_at, pressure_at, room_for
-from model.term import Frustum, Term
-from model.terms import CAUSES, COLUMNS, TERMS
-from model.terms.pressure import pressure_per_pa
-from model.typical import typical, with_typical
+from straw.model.channel import channel_of, inside_pressure
+from straw.model.drive import Table as PressureTable
+from straw.model.errors import ModelError
+from straw.model.frusta import MEMORY_TERMS
+from straw.model.integrate import at_rest, integrate
+from straw.model.kinematics import chain_of, motion_of
+from straw.model.load import no_load, project
+from straw.model.parameters import StrawParameters, straw_from_toml
+from straw.model.rest import rest_state
+from straw.model.simulate import MOST_STEPS_PER_S, simulate
+from straw.model.straw import forces_left, kinetic_energy_at, potential_energy_at, pressure_at, room_for
+from straw.model.term import Frustum, Term
+from straw.model.terms import CAUSES, COLUMNS, TERMS
+from straw.model.terms.pressure import pressure_per_pa
+from straw.model.typical import typical, with_typical
 
 FOLDING = StrawParameters()
 DEPLOYMENT = FOLDING.replace(c_zeta_n_s_per_m=0.1, c_phi_n_m_s_per_rad=3e-3, r_ch_m=0.315e-3)

@@ -8,8 +8,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-from replay.lab.guard import Door
-from replay.lab.server import make
+from straw.replay.lab.guard import Door
+from straw.replay.lab.server import make
 
 
 class ServedLab:

@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model.parameters import StrawParameters
-from replay.cli import main
-from rig.notes import read_notes
-from rig.run_read import read_run
-from rig.run_write import RunWriter
-from tracking.camera import Camera, save_camera
-from tracking.encode import VideoWriter
-from tracking.lens import shipped_lens
+from straw.model.parameters import StrawParameters
+from straw.replay.cli import main
+from straw.rig.notes import read_notes
+from straw.rig.run_read import read_run
+from straw.rig.run_write import RunWriter
+from straw.tracking.camera import Camera, save_camera
+from straw.tracking.encode import VideoWriter
+from straw.tracking.lens import shipped_lens
 
 PROTOCOL = 'name = "p"\npressure_unit = "kPa"\ninitial_deployed = [1, 4]\n[[main]]\nhold = {p}\nfor_s = {t}\n'
 ZERO_NS = 1_795_000_000_000_000_000
@@ -26,7 +26,7 @@ ZERO_NS = 1_795_000_000_000_000_000
 def test_help_loads_none_of_the_heavy_libraries() -> None:
     """That is what keeps the answer under 0.3 s, on any machine."""
     code = (
-        "import sys; from replay.cli import parser; parser().format_help(); "
+        "import sys; from straw.replay.cli import parser; parser().format_help(); "
         "print(*{'numpy', 'scipy', 'cv2', 'numba', 'av', 'mcap', 'serial', 'google', 'matplotlib'} & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -229,7 +229,7 @@ def test_a_command_line_that_is_not_one_is_one_line_too(argv: list[str], capsys:
 
 
 def test_a_demo_made_anew_leaves_what_it_did_not_make(tmp_path: Path) -> None:
-    from replay.commands.demo import MADE, clear_folder
+    from straw.replay.commands.demo import MADE, clear_folder
 
     folder = clear_folder(tmp_path / "demo")
     for name in (*MADE, "tip.mcap.part", "mine.mcap"):

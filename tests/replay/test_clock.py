@@ -8,23 +8,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model.parameters import StrawParameters
-from model.simulate import Stepper
-from replay.cli import main
-from rig.camera_clock import CameraClock, bursts_of, fit_led, load_clock
-from rig.clock import SteppedClock
-from rig.controller import make_controller
-from rig.emulate import Emulation
-from rig.errors import RigError
-from rig.protocol_toml import protocol_from_toml
-from rig.run_derived import write_tip
-from rig.run_read import read_run
-from rig.session import run_protocol
-from tracking.encode import VideoWriter
-from tracking.errors import TrackingError
-from tracking.lamp import blocks_of, find_blinks
-from tracking.trace import TipTrace
-from tracking.video import Frame
+from straw.model.parameters import StrawParameters
+from straw.model.simulate import Stepper
+from straw.replay.cli import main
+from straw.rig.camera_clock import CameraClock, bursts_of, fit_led, load_clock
+from straw.rig.clock import SteppedClock
+from straw.rig.controller import make_controller
+from straw.rig.emulate import Emulation
+from straw.rig.errors import RigError
+from straw.rig.protocol_toml import protocol_from_toml
+from straw.rig.run_derived import write_tip
+from straw.rig.run_read import read_run
+from straw.rig.session import run_protocol
+from straw.tracking.encode import VideoWriter
+from straw.tracking.errors import TrackingError
+from straw.tracking.lamp import blocks_of, find_blinks
+from straw.tracking.trace import TipTrace
+from straw.tracking.video import Frame
 
 FPS = Fraction(240_000, 1001)
 A_S, B = 1.8342, 1.0 + 180e-6  # what is planted: the video started earlier, and its clock is fast

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model.parameters import StrawParameters
-from model.simulate import simulate
-from replay.compare import compare
-from replay.driving import driving_pressure
-from replay.errors import ReplayError
-from rig.run import PressureLog, Run
-from tracking.trace import TipTrace
+from straw.model.parameters import StrawParameters
+from straw.model.simulate import simulate
+from straw.replay.compare import compare
+from straw.replay.driving import driving_pressure
+from straw.replay.errors import ReplayError
+from straw.rig.run import PressureLog, Run
+from straw.tracking.trace import TipTrace
 
 STRAW = StrawParameters()
 

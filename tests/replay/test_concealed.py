@@ -9,15 +9,15 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from model.parameters import StrawParameters
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.diagnosis import inquire
-from replay.diagnose.findings import Findings, conclude
-from replay.diagnose.hypothesis import base_unknowns
-from replay.diagnose.judge import NOISE_LEAVES, unexplained
-from replay.diagnose.library import hypothesis
-from replay.diagnose.observation import observe
-from replay.diagnose.search import descend
+from straw.model.parameters import StrawParameters
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.diagnosis import inquire
+from straw.replay.diagnose.findings import Findings, conclude
+from straw.replay.diagnose.hypothesis import base_unknowns
+from straw.replay.diagnose.judge import NOISE_LEAVES, unexplained
+from straw.replay.diagnose.library import hypothesis
+from straw.replay.diagnose.observation import observe
+from straw.replay.diagnose.search import descend
 from tests.apparatus.campaign import campaign
 from tests.apparatus.effects import Cause
 

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from model.parameters import StrawParameters
-from replay.commands.demo import figures
-from replay.compare import CHANNELS
-from replay.demo.campaign import PLANS, FaultyGauge, protocol_of
-from replay.demo.conceal import DRAWER, NOTHING, Concealed, Seal, draw, named, opened, story
-from replay.diagnose.instrument import Instrument
-from replay.diagnose.library import causes
+from straw.model.parameters import StrawParameters
+from straw.replay.commands.demo import figures
+from straw.replay.compare import CHANNELS
+from straw.replay.demo.campaign import PLANS, FaultyGauge, protocol_of
+from straw.replay.demo.conceal import DRAWER, NOTHING, Concealed, Seal, draw, named, opened, story
+from straw.replay.diagnose.instrument import Instrument
+from straw.replay.diagnose.library import causes
 
 BASE = StrawParameters()
 

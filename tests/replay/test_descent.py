@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from replay.diagnose.contest import looks, walks
-from replay.diagnose.hypothesis import Hypothesis, Unknown
-from replay.diagnose.search import Straight, central_slopes, descend, measured_slopes
+from straw.replay.diagnose.contest import looks, walks
+from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
+from straw.replay.diagnose.search import Straight, central_slopes, descend, measured_slopes
 
 OFFSET, LENGTH = (Unknown(name, 1.0, sd=10.0, low=-8.0, high=8.0) for name in ("offset", "length"))
 FIRST, SECOND = (Unknown(name, 1.0, kind="linear", sd=10.0) for name in ("first", "second"))

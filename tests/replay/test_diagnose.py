@@ -9,29 +9,29 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from model.parameters import StrawParameters, straw_from_toml
-from model.simulate import run as simulate
-from model.simulate import sampled
-from replay.cli import main
-from replay.diagnose import diagnosis
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.contest import Contestant, nothing_yet, seen_again
-from replay.diagnose.diagnosis import inquire
-from replay.diagnose.experiment import Choice, _toml, menu
-from replay.diagnose.findings import _says, conclude, verdict_of
-from replay.diagnose.hypothesis import base_unknowns
-from replay.diagnose.inquiry import Inquiry
-from replay.diagnose.instrument import Instrument
-from replay.diagnose.judge import UNKNOWN_AT_MOST, by_cause, surviving, unknown_leaves, weighed
-from replay.diagnose.library import causes
-from replay.diagnose.misfit import FINE_M, ROUGH_M, TOLERANCE_M, bend, misfit, most_steps_per_s, whitened
-from replay.diagnose.observation import observe
-from replay.diagnose.pairs import in_pairs, in_their_place, led_on
-from replay.diagnose.search import Fit, descend
-from replay.diagnose.snaps import crossings, levels_of
-from replay.diagnose.stages import CLOSE, HOPELESS, base_anew, from_the_winner
-from replay.paper.runs import DEPLOYMENT
-from rig.protocol_toml import load_protocol
+from straw.model.parameters import StrawParameters, straw_from_toml
+from straw.model.simulate import run as simulate
+from straw.model.simulate import sampled
+from straw.replay.cli import main
+from straw.replay.diagnose import diagnosis
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.contest import Contestant, nothing_yet, seen_again
+from straw.replay.diagnose.diagnosis import inquire
+from straw.replay.diagnose.experiment import Choice, _toml, menu
+from straw.replay.diagnose.findings import _says, conclude, verdict_of
+from straw.replay.diagnose.hypothesis import base_unknowns
+from straw.replay.diagnose.inquiry import Inquiry
+from straw.replay.diagnose.instrument import Instrument
+from straw.replay.diagnose.judge import UNKNOWN_AT_MOST, by_cause, surviving, unknown_leaves, weighed
+from straw.replay.diagnose.library import causes
+from straw.replay.diagnose.misfit import FINE_M, ROUGH_M, TOLERANCE_M, bend, misfit, most_steps_per_s, whitened
+from straw.replay.diagnose.observation import observe
+from straw.replay.diagnose.pairs import in_pairs, in_their_place, led_on
+from straw.replay.diagnose.search import Fit, descend
+from straw.replay.diagnose.snaps import crossings, levels_of
+from straw.replay.diagnose.stages import CLOSE, HOPELESS, base_anew, from_the_winner
+from straw.replay.paper.runs import DEPLOYMENT
+from straw.rig.protocol_toml import load_protocol
 from tests.apparatus.campaign import NONE, campaign
 from tests.apparatus.campaign import write as write_run
 from tests.apparatus.effects import Cause
@@ -373,7 +373,7 @@ def test_runs_of_two_specimens_or_one_run_twice_are_one_line(tmp_path, capsys):
 def test_a_run_that_starts_where_no_straw_can_rest_is_one_line(tmp_path, capsys):
     from dataclasses import replace
 
-    from rig.run import PressureLog
+    from straw.rig.run import PressureLog
 
     (run,) = campaign((), 3, FEW[3:], NONE)
     high = PressureLog(run.pressure.time_s, run.pressure.pressure_pa + 90e3, run.pressure.sigma_pa)

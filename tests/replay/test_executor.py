@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from model.parameters import StrawParameters
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.hypothesis import base_unknowns
-from replay.diagnose.observation import observe
+from straw.model.parameters import StrawParameters
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.hypothesis import base_unknowns
+from straw.replay.diagnose.observation import observe
 from tests.apparatus.campaign import NONE, campaign
 
 

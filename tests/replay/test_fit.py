@@ -8,12 +8,12 @@ import itertools
 import numpy as np
 import pytest
 
-from model.parameters import StrawParameters
-from model.simulate import simulate
-from replay.errors import ReplayError
-from replay.fit import fit, most_different, with_values
-from rig.run import PressureLog, Run
-from tracking.trace import TipTrace
+from straw.model.parameters import StrawParameters
+from straw.model.simulate import simulate
+from straw.replay.errors import ReplayError
+from straw.replay.fit import fit, most_different, with_values
+from straw.rig.run import PressureLog, Run
+from straw.tracking.trace import TipTrace
 
 NAMES = ("c_zeta_n_s_per_m", "c_phi_n_m_s_per_rad", "r_ch_m")
 SHORT = StrawParameters(cells=3)

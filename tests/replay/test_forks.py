@@ -10,18 +10,18 @@ from typing import cast
 import numpy as np
 import pytest
 
-from model.parameters import StrawParameters
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.contest import Contestant
-from replay.diagnose.findings import _doubts
-from replay.diagnose.forks import _calm, _fork, forks
-from replay.diagnose.hypothesis import base_unknowns
-from replay.diagnose.inquiry import Inquiry
-from replay.diagnose.judge import NOISE_LEAVES, run_by_run, unexplained
-from replay.diagnose.misfit import Misfit
-from replay.diagnose.observation import observe
-from replay.diagnose.search import Fit, descend
-from replay.diagnose.stages import until_they_fork
+from straw.model.parameters import StrawParameters
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.contest import Contestant
+from straw.replay.diagnose.findings import _doubts
+from straw.replay.diagnose.forks import _calm, _fork, forks
+from straw.replay.diagnose.hypothesis import base_unknowns
+from straw.replay.diagnose.inquiry import Inquiry
+from straw.replay.diagnose.judge import NOISE_LEAVES, run_by_run, unexplained
+from straw.replay.diagnose.misfit import Misfit
+from straw.replay.diagnose.observation import observe
+from straw.replay.diagnose.search import Fit, descend
+from straw.replay.diagnose.stages import until_they_fork
 from tests.apparatus.campaign import NONE, SCATTER, campaign, drawn
 from tests.apparatus.effects import Cause
 from tests.apparatus.straw import Straw

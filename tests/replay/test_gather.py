@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from replay.errors import ReplayError
-from replay.gather import gather
-from rig.run_derived import write_tip
-from rig.run_read import read_run
+from straw.replay.errors import ReplayError
+from straw.replay.gather import gather
+from straw.rig.run_derived import write_tip
+from straw.rig.run_read import read_run
+from straw.tracking.trace import TipTrace
 from tests.replay.test_cli import recording
-from tracking.trace import TipTrace
 
 TRACKS = {"a.mcap": 0.0, "b.mcap": 0.1}
 

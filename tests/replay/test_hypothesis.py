@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from model.parameters import StrawParameters
-from model.terms import CAUSES
-from replay.diagnose.contest import Contestant, released
-from replay.diagnose.hypothesis import MEASUREMENT, Unknown, applied, base_unknowns, dragged, held
-from replay.diagnose.instrument import Instrument
-from replay.diagnose.library import causes, hypothesis
-from replay.diagnose.search import Fit
+from straw.model.parameters import StrawParameters
+from straw.model.terms import CAUSES
+from straw.replay.diagnose.contest import Contestant, released
+from straw.replay.diagnose.hypothesis import MEASUREMENT, Unknown, applied, base_unknowns, dragged, held
+from straw.replay.diagnose.instrument import Instrument
+from straw.replay.diagnose.library import causes, hypothesis
+from straw.replay.diagnose.search import Fit
 
 BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)
 

@@ -7,11 +7,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from model.parameters import StrawParameters
-from replay.compare import Comparison, compare
-from replay.metrics.noise import independent
-from replay.metrics.validation import RESOLVED, UNKNOWN, UNRESOLVED
-from rig.run import Run
+from straw.model.parameters import StrawParameters
+from straw.replay.compare import Comparison, compare
+from straw.replay.metrics.noise import independent
+from straw.replay.metrics.validation import RESOLVED, UNKNOWN, UNRESOLVED
+from straw.rig.run import Run
 from tests.replay.test_compare import recorded
 
 STRAW = StrawParameters()

@@ -7,15 +7,15 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from model.parameters import StrawParameters
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.contest import Contestant
-from replay.diagnose.hypothesis import base_unknowns
-from replay.diagnose.knocks import cell_by_cell, knocked
-from replay.diagnose.library import causes, hypothesis
-from replay.diagnose.observation import observe
-from replay.diagnose.search import descend
-from replay.diagnose.start import dampings
+from straw.model.parameters import StrawParameters
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.contest import Contestant
+from straw.replay.diagnose.hypothesis import base_unknowns
+from straw.replay.diagnose.knocks import cell_by_cell, knocked
+from straw.replay.diagnose.library import causes, hypothesis
+from straw.replay.diagnose.observation import observe
+from straw.replay.diagnose.search import descend
+from straw.replay.diagnose.start import dampings
 from tests.apparatus.campaign import NONE, campaign
 from tests.apparatus.effects import Cause
 

@@ -13,14 +13,14 @@ import pytest
 
 pytest.importorskip("uvicorn", reason="the lab's packages are not installed")
 
-from replay.cli import main
-from replay.lab.alone import check_alone
-from replay.lab.control import Control
-from replay.lab.queue import Queue
-from rig.errors import RigError
-from rig.notes import read_notes
-from rig.run_derived import write_tip
-from rig.run_read import read_run
+from straw.replay.cli import main
+from straw.replay.lab.alone import check_alone
+from straw.replay.lab.control import Control
+from straw.replay.lab.queue import Queue
+from straw.rig.errors import RigError
+from straw.rig.notes import read_notes
+from straw.rig.run_derived import write_tip
+from straw.rig.run_read import read_run
 from tests.replay.lab import ServedLab
 from tests.rig.conftest import trace as _trace
 from tests.rig.test_catalogue import recorded
@@ -185,7 +185,7 @@ def test_nothing_starts_unarmed_or_by_who_is_not_in_control(lab: ServedLab) -> N
 
 
 def test_control_goes_to_who_asks_when_the_one_who_has_it_has_gone_home(monkeypatch: pytest.MonkeyPatch) -> None:
-    from replay.lab import control as module
+    from straw.replay.lab import control as module
 
     now = [0.0]
     monkeypatch.setattr(module.time, "monotonic", lambda: now[0])

@@ -11,9 +11,9 @@ pytest.importorskip("uvicorn", reason="the lab's packages are not installed")
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from replay.errors import ReplayError
-from replay.lab.guard import Door
-from replay.lab.serve import bound
+from straw.replay.errors import ReplayError
+from straw.replay.lab.guard import Door
+from straw.replay.lab.serve import bound
 from tests.replay.lab import ServedLab
 
 ARM = '{"who": "x", "on": true}'

@@ -17,7 +17,7 @@ import pytest
 
 pytest.importorskip("uvicorn", reason="the lab's packages are not installed")
 
-from rig.catalogue import catalogue
+from straw.rig.catalogue import catalogue
 from tests.replay.driven import Browser, Tab
 from tests.replay.lab import ServedLab
 
@@ -133,7 +133,7 @@ main = [{ hold = -5, for_s = 60 }]
 @pytest.mark.skipif(os.name != "posix", reason="freezes the server with SIGSTOP")
 def test_the_page_vents_the_run_past_a_frozen_server_and_says_so(browser: Browser, tmp_path: Path) -> None:
     (tmp_path / "slow.toml").write_text(SLOW)
-    command = [sys.executable, "-m", "replay.cli", "lab", str(tmp_path), "--emulate", "--no-browser"]
+    command = [sys.executable, "-m", "straw.replay.cli", "lab", str(tmp_path), "--emulate", "--no-browser"]
     with subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True) as started:
         try:
             assert started.stdout is not None

@@ -18,13 +18,13 @@ pytest.importorskip("uvicorn", reason="the lab's packages are not installed")
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from model.parameters import StrawParameters
-from replay.cli import main
-from replay.commands.rig_run import drive, emulation
-from replay.live.feed import Live
-from rig.controller import make_controller
-from rig.protocol_toml import protocol_from_toml
-from rig.run_read import read_run
+from straw.model.parameters import StrawParameters
+from straw.replay.cli import main
+from straw.replay.commands.rig_run import drive, emulation
+from straw.replay.live.feed import Live
+from straw.rig.controller import make_controller
+from straw.rig.protocol_toml import protocol_from_toml
+from straw.rig.run_read import read_run
 from tests.replay.test_replay_command import FOLD
 
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from model.parameters import StrawParameters
-from replay.diagnose.instrument import Instrument
-from replay.diagnose.matching import matched, without_odd
-from replay.diagnose.misfit import MISSING, misfit, rough_misfit
-from replay.diagnose.observation import observe
-from replay.diagnose.robust import robust_cost
+from straw.model.parameters import StrawParameters
+from straw.replay.diagnose.instrument import Instrument
+from straw.replay.diagnose.matching import matched, without_odd
+from straw.replay.diagnose.misfit import MISSING, misfit, rough_misfit
+from straw.replay.diagnose.observation import observe
+from straw.replay.diagnose.robust import robust_cost
 from tests.apparatus.campaign import NONE, campaign
 
 BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from replay.metrics import metrics_of
-from replay.metrics.noise import independent
-from replay.metrics.ringdown import ring_down
-from replay.metrics.signal import sprague_geers_from
-from replay.metrics.snaps import match, named, snaps_of
-from replay.metrics.validation import RESOLVED, UNKNOWN, UNRESOLVED, Quantity, signal_verdict
+from straw.replay.metrics import metrics_of
+from straw.replay.metrics.noise import independent
+from straw.replay.metrics.ringdown import ring_down
+from straw.replay.metrics.signal import sprague_geers_from
+from straw.replay.metrics.snaps import match, named, snaps_of
+from straw.replay.metrics.validation import RESOLVED, UNKNOWN, UNRESOLVED, Quantity, signal_verdict
 
 TIME_S = np.arange(0, 10, 1 / 240)
 UNKNOWN_SIGMA = np.full_like(TIME_S, np.nan)

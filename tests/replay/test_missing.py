@@ -7,17 +7,17 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from model.parameters import StrawParameters, straw_from_toml
-from model.simulate import simulate
-from replay.diagnose.campaign import Campaign
-from replay.diagnose.dictionary import atoms
-from replay.diagnose.formula import Formula, Tangent, sparse
-from replay.diagnose.hypothesis import applied, base_unknowns
-from replay.diagnose.instrument import Instrument
-from replay.diagnose.missing import missing_force
-from replay.diagnose.observation import observe
-from replay.diagnose.search import descend
-from replay.diagnose.states import STATES, points
+from straw.model.parameters import StrawParameters, straw_from_toml
+from straw.model.simulate import simulate
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.dictionary import atoms
+from straw.replay.diagnose.formula import Formula, Tangent, sparse
+from straw.replay.diagnose.hypothesis import applied, base_unknowns
+from straw.replay.diagnose.instrument import Instrument
+from straw.replay.diagnose.missing import missing_force
+from straw.replay.diagnose.observation import observe
+from straw.replay.diagnose.search import descend
+from straw.replay.diagnose.states import STATES, points
 from tests.apparatus.campaign import NONE, campaign
 from tests.apparatus.effects import Cause
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from replay.cli import main
+from straw.replay.cli import main
 
 BASE = "r_ch_m = 0.40e-3\nc_zeta_n_s_per_m = 20.0\nc_phi_n_m_s_per_rad = 2e-3\n"
 

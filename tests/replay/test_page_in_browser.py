@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model.parameters import StrawParameters
-from replay.compare import Comparison, compare
-from replay.report.page import page
+from straw.model.parameters import StrawParameters
+from straw.replay.compare import Comparison, compare
+from straw.replay.report.page import page
 from tests.replay.browser import asked
 from tests.replay.test_compare import recorded
 
@@ -85,7 +85,7 @@ def test_the_straw_on_the_page_ends_where_the_model_says(comparison: Comparison,
 
 
 def test_the_energy_on_the_page_is_the_models(comparison: Comparison, tmp_path: Path) -> None:
-    from model.frustum import Frustum
+    from straw.model.frustum import Frustum
 
     script = "return [[2e-3, 0.1, 0], [-1e-3, 0.2, -2e4]].map((at) => energyOf(runs[0].straw.frusta[0], ...at));"
     one, other = asked(page([comparison]), script, tmp_path)["answer"]

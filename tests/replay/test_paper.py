@@ -10,11 +10,11 @@ import cv2
 import numpy as np
 import pytest
 
-from model.kinematics import tip_pose
-from model.parameters import StrawParameters
-from model.rest import rest_state
-from replay.cli import main
-from replay.paper.shapes import outline_m
+from straw.model.kinematics import tip_pose
+from straw.model.parameters import StrawParameters
+from straw.model.rest import rest_state
+from straw.replay.cli import main
+from straw.replay.paper.shapes import outline_m
 
 
 @pytest.fixture(scope="module")

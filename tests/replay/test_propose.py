@@ -7,18 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model.parameters import StrawParameters
-from replay.diagnose.library import causes
-from replay.diagnose.observation import Observation, observe
-from replay.diagnose.propose import network
-from replay.diagnose.propose.dataset import Examples
-from replay.diagnose.propose.learned import SHIPPED, load, shipped
-from replay.diagnose.propose.proposal import Proposal, propose
-from replay.diagnose.propose.recorded import recorded
-from replay.diagnose.propose.simulate_campaigns import Group, simulated_group
-from replay.diagnose.propose.train import scales_of
-from replay.errors import ReplayError
-from replay.gather import gather
+from straw.model.parameters import StrawParameters
+from straw.replay.diagnose.library import causes
+from straw.replay.diagnose.observation import Observation, observe
+from straw.replay.diagnose.propose import network
+from straw.replay.diagnose.propose.dataset import Examples
+from straw.replay.diagnose.propose.learned import SHIPPED, load, shipped
+from straw.replay.diagnose.propose.proposal import Proposal, propose
+from straw.replay.diagnose.propose.recorded import recorded
+from straw.replay.diagnose.propose.simulate_campaigns import Group, simulated_group
+from straw.replay.diagnose.propose.train import scales_of
+from straw.replay.errors import ReplayError
+from straw.replay.gather import gather
 
 BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)
 

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from rig.run_read import read_run
+from straw.rig.run_read import read_run
 
 
 def commands(repository: Path) -> list[str]:

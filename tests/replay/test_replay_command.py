@@ -15,17 +15,17 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from model.parameters import StrawParameters
-from replay.cli import main
-from replay.compare import compare
-from replay.gather import gather
-from replay.report.proxy import film
-from rig.run_read import read_run
+from straw.model.parameters import StrawParameters
+from straw.replay.cli import main
+from straw.replay.compare import compare
+from straw.replay.gather import gather
+from straw.replay.report.proxy import film
+from straw.rig.run_read import read_run
+from straw.tracking.camera import Camera, save_camera
+from straw.tracking.encode import VideoWriter
+from straw.tracking.lens import shipped_lens
+from straw.tracking.synthetic import camera_looking_at
 from tests.replay.test_report import unpacked
-from tracking.camera import Camera, save_camera
-from tracking.encode import VideoWriter
-from tracking.lens import shipped_lens
-from tracking.synthetic import camera_looking_at
 
 #: Cell 1 folds within a second.
 FOLD = """

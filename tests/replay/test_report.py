@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from model.parameters import StrawParameters
-from replay.compare import Comparison, compare
-from replay.report.page import page
+from straw.model.parameters import StrawParameters
+from straw.replay.compare import Comparison, compare
+from straw.replay.report.page import page
 from tests.replay.test_compare import recorded
 
 STRAW = StrawParameters()

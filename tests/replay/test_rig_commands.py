@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from replay.cli import main
-from rig.controller import make_controller
-from rig.errors import RigError
-from rig.run_read import read_run
+from straw.replay.cli import main
+from straw.rig.controller import make_controller
+from straw.rig.errors import RigError
+from straw.rig.run_read import read_run
 
 SHORT = """
 pressure_unit = "kPa"
@@ -85,7 +85,7 @@ def test_what_belongs_to_the_emulator_is_refused_on_a_port(protocol: Path, tmp_p
 
 @pytest.mark.skipif(os.name != "posix", reason="ends the emulator with SIGTERM")
 def test_an_emulator_with_faults_serves_any_program_and_says_what_it_did(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "replay.cli", "rig", "emulate", "--faults", "0.2", "--seed", "3"]
+    command = [sys.executable, "-m", "straw.replay.cli", "rig", "emulate", "--faults", "0.2", "--seed", "3"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parents[2]) as server:
         try:
             assert server.stdout is not None

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from replay.cli import main
+from straw.replay.cli import main
 
 pytest.importorskip("skfem")
 

@@ -5,17 +5,17 @@ from pathlib import Path
 
 import pytest
 
-from model.parameters import StrawParameters
-from model.snap import snap_pair
-from replay.cli import main
-from rig.clock import SteppedClock
-from rig.controller import make_controller
-from rig.emulate import Emulation
-from rig.errors import RigError
-from rig.plant import PressurePlant
-from rig.run_read import read_run
-from rig.snap_search import SnapPlan, snap_search
-from rig.watch import AskingWatcher, MotionWatcher, volume_from_flow
+from straw.model.parameters import StrawParameters
+from straw.model.snap import snap_pair
+from straw.replay.cli import main
+from straw.rig.clock import SteppedClock
+from straw.rig.controller import make_controller
+from straw.rig.emulate import Emulation
+from straw.rig.errors import RigError
+from straw.rig.plant import PressurePlant
+from straw.rig.run_read import read_run
+from straw.rig.snap_search import SnapPlan, snap_search
+from straw.rig.watch import AskingWatcher, MotionWatcher, volume_from_flow
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,8 @@ from typing import cast
 
 import numpy as np
 
-from replay.diagnose.observation import Observation
-from replay.diagnose.start import FAR_OFF, few_of
+from straw.replay.diagnose.observation import Observation
+from straw.replay.diagnose.start import FAR_OFF, few_of
 
 
 def _run(name: str, deployed: tuple[int, ...], snaps: int) -> Observation:

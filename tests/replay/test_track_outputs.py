@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from replay.cli import main
-from rig.run_read import read_run
-from rig.schema import message_class
+from straw.replay.cli import main
+from straw.rig.run_read import read_run
+from straw.rig.schema import message_class
+from straw.tracking.board import Board
+from straw.tracking.camera import Camera, load_camera, save_camera
+from straw.tracking.encode import VideoWriter
+from straw.tracking.lens import shipped_lens
+from straw.tracking.mend import load_edits
+from straw.tracking.synthetic import camera_looking_at, paint_video
+from straw.tracking.video import VideoReader
 from tests.replay.browser import asked
-from tracking.board import Board
-from tracking.camera import Camera, load_camera, save_camera
-from tracking.encode import VideoWriter
-from tracking.lens import shipped_lens
-from tracking.mend import load_edits
-from tracking.synthetic import camera_looking_at, paint_video
-from tracking.video import VideoReader
 
 REST = "22.1,0,87.6620"  # mm, mm, deg
 

@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rig.controller import Controller, make_controller
-from rig.emulate import Emulation
-from rig.plant import PressurePlant
-from rig.protocol import PressureProtocol
-from rig.protocol_toml import protocol_from_toml
-from tracking.trace import TipTrace
+from straw.rig.controller import Controller, make_controller
+from straw.rig.emulate import Emulation
+from straw.rig.plant import PressurePlant
+from straw.rig.protocol import PressureProtocol
+from straw.rig.protocol_toml import protocol_from_toml
+from straw.tracking.trace import TipTrace
 
 
 class KnownStraw:
-    """Stands in for model.simulate.Stepper: the tip is where the mean pressure of the step puts it."""
+    """Stands in for straw.model.simulate.Stepper: the tip is where the mean pressure of the step puts it."""
 
     def __init__(self) -> None:
         self.time_s = 0.0

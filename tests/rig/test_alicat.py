@@ -11,21 +11,21 @@ from pathlib import Path
 
 import pytest
 
-from rig.clock import SteppedClock
-from rig.controller import make_controller
-from rig.controllers.alicat import Alicat, decode_frame, encode_set
-from rig.emulate import Emulation
-from rig.emulator import Emulator
-from rig.emulators.alicat import AlicatEmulator
-from rig.errors import RigError
-from rig.guarded import GuardedController
-from rig.plant import PressurePlant
-from rig.protocol import PressureProtocol
-from rig.protocol_toml import protocol_from_toml
-from rig.reading import Reading
-from rig.run_read import read_run
-from rig.session import run_protocol
-from rig.wire import Sent
+from straw.rig.clock import SteppedClock
+from straw.rig.controller import make_controller
+from straw.rig.controllers.alicat import Alicat, decode_frame, encode_set
+from straw.rig.emulate import Emulation
+from straw.rig.emulator import Emulator
+from straw.rig.emulators.alicat import AlicatEmulator
+from straw.rig.errors import RigError
+from straw.rig.guarded import GuardedController
+from straw.rig.plant import PressurePlant
+from straw.rig.protocol import PressureProtocol
+from straw.rig.protocol_toml import protocol_from_toml
+from straw.rig.reading import Reading
+from straw.rig.run_read import read_run
+from straw.rig.session import run_protocol
+from straw.rig.wire import Sent
 from tests.benchmarks.soak import misread
 
 EXCHANGES = (Path(__file__).parent / "exchanges" / "alicat.txt").read_text().splitlines()

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from rig.errors import RigError
-from rig.mcap_scan import Scan, scan
-from rig.run_read import read_run
+from straw.rig.errors import RigError
+from straw.rig.mcap_scan import Scan, scan
+from straw.rig.run_read import read_run
 from tests.rig.mcap_conformance import DIGEST, INPUTS, TIMES, conformance_files
 
 

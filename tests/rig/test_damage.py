@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rig.errors import RigError
-from rig.run import Run
-from rig.run_file import RunFile
-from rig.run_read import read_run
-from rig.schema import encode
+from straw.rig.errors import RigError
+from straw.rig.run import Run
+from straw.rig.run_file import RunFile
+from straw.rig.run_read import read_run
+from straw.rig.schema import encode
 
 ZERO_NS = 1_795_000_000_000_000_000
 METADATA = {
@@ -157,7 +157,7 @@ def test_recordings_of_another_logger_survive_being_cut(recordings: Path, tmp_pa
 def test_a_writer_that_is_killed_loses_less_than_its_last_second(tmp_path: Path) -> None:
     script = f"""
 import os, sys, time
-from rig.run_write import RunWriter
+from straw.rig.run_write import RunWriter
 writer = RunWriter(sys.argv[1], {METADATA!r}, {{"protocol.toml": b"x"}})
 while True:
     now_ns = time.time_ns()

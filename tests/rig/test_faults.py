@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from rig.controller import make_controller
-from rig.emulate import Emulation
-from rig.errors import RigError
-from rig.faults import KINDS, SeededFaults
-from rig.plant import PressurePlant
+from straw.rig.controller import make_controller
+from straw.rig.emulate import Emulation
+from straw.rig.errors import RigError
+from straw.rig.faults import KINDS, SeededFaults
+from straw.rig.plant import PressurePlant
 from tests.benchmarks.soak import TIMEOUT_S, soak
 
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from replay.cli import main
-from rig.catalogue import Entry
-from rig.columns import differing, ordered
-from rig.errors import RigError
-from rig.filter import compiled
+from straw.replay.cli import main
+from straw.rig.catalogue import Entry
+from straw.rig.columns import differing, ordered
+from straw.rig.errors import RigError
+from straw.rig.filter import compiled
 from tests.rig.test_catalogue import recorded
 
 

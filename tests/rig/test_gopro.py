@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from rig.camera import gopro
-from rig.camera.gopro import GoPro
-from rig.camera.gopro_emulator import GoProEmulator
-from rig.errors import LinkLostError, RigError
+from straw.rig.camera import gopro
+from straw.rig.camera.gopro import GoPro
+from straw.rig.camera.gopro_emulator import GoProEmulator
+from straw.rig.errors import LinkLostError, RigError
 
 
 @pytest.fixture

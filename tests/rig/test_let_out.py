@@ -11,12 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from replay.cli import main
-from rig.emulate import Emulation
-from rig.emulator import Emulator
-from rig.errors import RigError
-from rig.guarded import GuardedController
-from rig.ports import Known, is_guarded, known_ports, remember
+from straw.replay.cli import main
+from straw.rig.emulate import Emulation
+from straw.rig.emulator import Emulator
+from straw.rig.errors import RigError
+from straw.rig.guarded import GuardedController
+from straw.rig.ports import Known, is_guarded, known_ports, remember
 
 LEFT_UNDER_PRESSURE = 30e3
 
@@ -119,7 +119,7 @@ def test_a_run_that_holds_the_port_is_ended_by_its_guardian_even_when_script_and
     emulation: Emulation, capsys: pytest.CaptureFixture[str], sets: Callable[[], list[int]]
 ) -> None:
     code = (
-        "import sys, time; from rig.guarded import GuardedController\n"
+        "import sys, time; from straw.rig.guarded import GuardedController\n"
         "c = GuardedController('ob1-mk4', sys.argv[1], heartbeat_s=60.0); c.open(); c.set_pressure(1, -25e3)\n"
         "print(c.guardian_pid, flush=True); time.sleep(60)"
     )

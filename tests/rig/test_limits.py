@@ -5,12 +5,12 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from rig.clock import SteppedClock
-from rig.controller import Controller, make_controller
-from rig.emulate import Emulation
-from rig.errors import LimitError, RigError
-from rig.limits import Leash, PressureLimits
-from rig.plant import PressurePlant
+from straw.rig.clock import SteppedClock
+from straw.rig.controller import Controller, make_controller
+from straw.rig.emulate import Emulation
+from straw.rig.errors import LimitError, RigError
+from straw.rig.limits import Leash, PressureLimits
+from straw.rig.plant import PressurePlant
 
 
 def test_limits_can_only_be_narrowed_and_come_back(controller: Controller) -> None:

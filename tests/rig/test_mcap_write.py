@@ -10,7 +10,7 @@ from mcap.records import Chunk, MessageIndex
 from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
-from rig.mcap_write import McapWriter
+from straw.rig.mcap_write import McapWriter
 
 
 def written() -> tuple[bytes, bytes]:

@@ -12,14 +12,14 @@ import pytest
 from serial import SerialTimeoutException
 from serial.urlhandler.protocol_socket import Serial as SocketSerial
 
-from rig.controller import Controller, controller_names, make_controller
-from rig.controllers.ob1_mk4 import READ_ALL, Dialect, decode_payload, decode_readings, encode_set, is_answer_to
-from rig.emulate import Emulation
-from rig.emulators.ob1_mk4 import Ob1Mk4Emulator
-from rig.errors import LinkLostError, RigError
-from rig.limits import PressureLimits
-from rig.line import Line
-from rig.plant import PressurePlant
+from straw.rig.controller import Controller, controller_names, make_controller
+from straw.rig.controllers.ob1_mk4 import READ_ALL, Dialect, decode_payload, decode_readings, encode_set, is_answer_to
+from straw.rig.emulate import Emulation
+from straw.rig.emulators.ob1_mk4 import Ob1Mk4Emulator
+from straw.rig.errors import LinkLostError, RigError
+from straw.rig.limits import PressureLimits
+from straw.rig.line import Line
+from straw.rig.plant import PressurePlant
 
 EXCHANGES = (Path(__file__).parent / "exchanges" / "ob1_mk4.txt").read_text().splitlines()
 PAIRS = [(sent[2:] + "\n", answer[2:] + "\n") for sent, answer in pairwise(EXCHANGES) if sent.startswith("> ")]

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from rig.controllers.ob1_sdk import Ob1Sdk
-from rig.errors import LinkLostError, RigError
-from rig.guarded import GuardedController
+from straw.rig.controllers.ob1_sdk import Ob1Sdk
+from straw.rig.errors import LinkLostError, RigError
+from straw.rig.guarded import GuardedController
 
 SOURCE = Path(__file__).parent / "sdk" / "elveflow.c"
 GENERATIONS = {"3.08.06 or earlier": ["-DPER_CALL"], "3.10 or later": []}

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from rig import operator as operator_module
-from rig.controller import Controller
-from rig.errors import RigError
-from rig.operator import Operator, StoppedError
-from rig.orders import Orders, control_of, running, send_order
-from rig.protocol import PressureProtocol
-from rig.run_read import read_run
-from rig.session import run_protocol
+from straw.rig import operator as operator_module
+from straw.rig.controller import Controller
+from straw.rig.errors import RigError
+from straw.rig.operator import Operator, StoppedError
+from straw.rig.orders import Orders, control_of, running, send_order
+from straw.rig.protocol import PressureProtocol
+from straw.rig.run_read import read_run
+from straw.rig.session import run_protocol
 
 
 class At(Operator):

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from rig.outlet import Outlet
-from rig.plant import PressurePlant
-from rig.protocol_toml import protocol_from_toml
+from straw.rig.outlet import Outlet
+from straw.rig.plant import PressurePlant
+from straw.rig.protocol_toml import protocol_from_toml
 
 HEAD = 'pressure_unit = "kPa"\ninitial_deployed = []\n'
 

@@ -7,16 +7,16 @@ import time
 import numpy as np
 import pytest
 
-from model.parameters import StrawParameters
-from model.simulate import Stepper
-from rig.clock import SteppedClock
-from rig.controller import make_controller
-from rig.emulate import Emulation
-from rig.errors import RigError
-from rig.line import Line
-from rig.plant import PressurePlant
-from rig.twin import Twin
-from rig.wire import Wire
+from straw.model.parameters import StrawParameters
+from straw.model.simulate import Stepper
+from straw.rig.clock import SteppedClock
+from straw.rig.controller import make_controller
+from straw.rig.emulate import Emulation
+from straw.rig.errors import RigError
+from straw.rig.line import Line
+from straw.rig.plant import PressurePlant
+from straw.rig.twin import Twin
+from straw.rig.wire import Wire
 
 
 def test_a_step_has_settled_to_97_percent_after_70_ms() -> None:

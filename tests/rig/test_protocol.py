@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from replay.cli import main
-from rig.errors import RigError
-from rig.limits import PressureLimits
-from rig.protocol_toml import load_protocol, protocol_from_toml
+from straw.replay.cli import main
+from straw.rig.errors import RigError
+from straw.rig.limits import PressureLimits
+from straw.rig.protocol_toml import load_protocol, protocol_from_toml
 from tests.benchmarks.mutated_protocols import show
 
 HEAD = 'pressure_unit = "kPa"\ninitial_deployed = [1, 4]\n'
@@ -20,7 +20,7 @@ HOLD = "[[main]]\nhold = 0\nfor_s = 1\n"
 
 
 def test_the_papers_folding_run_is_compiled_as_written() -> None:
-    protocol = load_protocol(str(files("rig") / "protocols" / "fold-25kPa.toml"))
+    protocol = load_protocol(str(files("straw.rig") / "protocols" / "fold-25kPa.toml"))
     assert protocol.initial_deployed == (1, 4)
     assert (protocol.duration_s, protocol.zero_s) == (6.0, 0.5)
     np.testing.assert_array_equal(
@@ -30,7 +30,7 @@ def test_the_papers_folding_run_is_compiled_as_written() -> None:
 
 
 def test_every_protocol_that_is_shipped_loads() -> None:
-    shipped = sorted(Path(str(files("rig") / "protocols")).glob("*.toml"))
+    shipped = sorted(Path(str(files("straw.rig") / "protocols")).glob("*.toml"))
     assert len(shipped) >= 2
     assert [load_protocol(path).name for path in shipped] == [path.stem for path in shipped]
 

@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
-from rig.emulate import Emulation
-from rig.errors import RigError
-from rig.recover import recover
-from rig.run_file import RunFile
-from rig.run_read import read_run
-from rig.schema import encode
+from straw.rig.emulate import Emulation
+from straw.rig.errors import RigError
+from straw.rig.recover import recover
+from straw.rig.run_file import RunFile
+from straw.rig.run_read import read_run
+from straw.rig.schema import encode
 
 ZERO_NS = 1_795_000_000_000_000_000
 METADATA = {"run_id": "r1", "specimen": "s1", "initial_deployed": "1,4", "cycle": "3", "cells": "9"}
@@ -92,9 +92,9 @@ def test_what_needs_no_recovery_or_allows_none_is_one_line(tmp_path: Path) -> No
 
 SCRIPT = """
 import resource, sys
-from rig.guarded import GuardedController
-from rig.protocol_toml import protocol_from_toml
-from rig.session import run_protocol
+from straw.rig.guarded import GuardedController
+from straw.rig.protocol_toml import protocol_from_toml
+from straw.rig.session import run_protocol
 protocol = protocol_from_toml('pressure_unit = "kPa"\\ninitial_deployed=[]\\nmain = [{ hold = -25, for_s = 60 }]', "p")
 with GuardedController("ob1-mk4", sys.argv[1]) as controller:
     limit = int(sys.argv[3])

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from replay.cli import main
-from rig.errors import RigError
-from rig.rig_file import load_rig
-from rig.run_channels import details
-from rig.run_read import read_run
+from straw.replay.cli import main
+from straw.rig.errors import RigError
+from straw.rig.rig_file import load_rig
+from straw.rig.run_channels import details
+from straw.rig.run_read import read_run
 
 BENCH = """
 name = "bench 1"

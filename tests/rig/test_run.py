@@ -12,13 +12,13 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from rig.errors import RigError
-from rig.run import PressureLog
-from rig.run_derived import write_prediction, write_tip
-from rig.run_read import read_run
-from rig.run_write import RunWriter
-from rig.schema import TOPICS, descriptor_set, message_class
-from tracking.trace import TipTrace
+from straw.rig.errors import RigError
+from straw.rig.run import PressureLog
+from straw.rig.run_derived import write_prediction, write_tip
+from straw.rig.run_read import read_run
+from straw.rig.run_write import RunWriter
+from straw.rig.schema import TOPICS, descriptor_set, message_class
+from straw.tracking.trace import TipTrace
 
 ZERO_NS = 1_795_000_000_000_000_000
 METADATA = {"run_id": "r1", "specimen": "s1", "initial_deployed": "1,4", "cycle": "3", "cells": "9"}
@@ -269,8 +269,8 @@ def test_a_measured_pressure_is_interpolated_and_a_command_is_held() -> None:
 
 
 def test_reading_a_run_loads_no_serial_port_and_no_wire() -> None:
-    heavy = ("serial", "mcap", "google", "cv2", "rig.wire")
-    code = f"import sys, rig.run_read, rig.protocol; print([m for m in {heavy} if m in sys.modules])"
+    heavy = ("serial", "mcap", "google", "cv2", "straw.rig.wire")
+    code = f"import sys, straw.rig.run_read, straw.rig.protocol; print([m for m in {heavy} if m in sys.modules])"
     root = Path(__file__).parents[2]
     assert subprocess.check_output([sys.executable, "-c", code], cwd=root, text=True).strip() == "[]"
 

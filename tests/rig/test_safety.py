@@ -11,17 +11,17 @@ from pathlib import Path
 
 import pytest
 
-from replay.commands.rig_snap_search import answered
-from rig.controller import Controller
-from rig.emulate import Emulation
-from rig.errors import LimitError, LinkLostError, RigError
-from rig.guarded import GuardedController
-from rig.interrupts import Interrupts
-from rig.limits import PressureLimits
-from rig.protocol import PressureProtocol
-from rig.run_read import read_run
-from rig.session import run_protocol
-from rig.wire import Wire
+from straw.replay.commands.rig_snap_search import answered
+from straw.rig.controller import Controller
+from straw.rig.emulate import Emulation
+from straw.rig.errors import LimitError, LinkLostError, RigError
+from straw.rig.guarded import GuardedController
+from straw.rig.interrupts import Interrupts
+from straw.rig.limits import PressureLimits
+from straw.rig.protocol import PressureProtocol
+from straw.rig.run_read import read_run
+from straw.rig.session import run_protocol
+from straw.rig.wire import Wire
 
 Sets = Callable[[], list[int]]
 posix = pytest.mark.skipif(os.name != "posix", reason="sends POSIX signals")
@@ -30,7 +30,7 @@ VENT = b"<PRESS!:0:0\n"
 # A script as an experimentalist would write one. What it does under pressure comes in as text.
 SCRIPT = """
 import os, signal, sys, time
-from rig.guarded import GuardedController
+from straw.rig.guarded import GuardedController
 if hasattr(signal, "SIGHUP"):  # under nohup it would be ignored, by everything that is started
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 with GuardedController("ob1-mk4", sys.argv[1], heartbeat_s=1.0, patience_s=20.0) as controller:
@@ -241,7 +241,7 @@ def test_a_killed_run_keeps_its_record_and_the_guardian_notes_its_vent_beside_it
     emulation: Emulation, script: Callable[..., Script], tmp_path: Path
 ) -> None:
     one = script(
-        "from rig.protocol_toml import protocol_from_toml; from rig.session import run_protocol; "
+        "from straw.rig.protocol_toml import protocol_from_toml; from straw.rig.session import run_protocol; "
         "run_protocol(controller, "
         "protocol_from_toml('pressure_unit = \"kPa\"\\ninitial_deployed = []\\nmain = [{ hold = -25, for_s = 60 }]', "
         f"'long.toml'), {str(tmp_path / 'run.mcap')!r})"

@@ -16,13 +16,13 @@ import pytest
 from serial import SerialTimeoutException
 from serial.urlhandler.protocol_socket import Serial as SocketSerial
 
-from rig.controller import Controller, make_controller
-from rig.emulate import Emulation
-from rig.errors import RigError
-from rig.limits import PressureLimits
-from rig.protocol import PressureProtocol
-from rig.run_read import read_run
-from rig.session import run_protocol
+from straw.rig.controller import Controller, make_controller
+from straw.rig.emulate import Emulation
+from straw.rig.errors import RigError
+from straw.rig.limits import PressureLimits
+from straw.rig.protocol import PressureProtocol
+from straw.rig.run_read import read_run
+from straw.rig.session import run_protocol
 
 Sets = Callable[[], list[int]]
 
@@ -170,9 +170,9 @@ def test_ctrl_c_and_kill_vent_first_even_when_they_come_again(
 @pytest.mark.skipif(os.name != "posix", reason="sends POSIX signals")
 def test_a_process_that_is_told_to_end_vents_on_its_way_out(emulation: Emulation, sets: Sets, tmp_path: Path) -> None:
     script = f"""
-from rig.controller import make_controller
-from rig.protocol_toml import protocol_from_toml
-from rig.session import run_protocol
+from straw.rig.controller import make_controller
+from straw.rig.protocol_toml import protocol_from_toml
+from straw.rig.session import run_protocol
 text = 'pressure_unit = "kPa"\\ninitial_deployed = []\\nmain = [{{hold = 20, for_s = 60}}]'
 with make_controller("ob1-mk4", "{emulation.url}") as controller:
     run_protocol(controller, protocol_from_toml(text, "long.toml"), r"{tmp_path / "run.mcap"}")
@@ -308,8 +308,8 @@ def test_a_full_disk_stops_the_run_and_vents(
         if sets()[-1] != 0:
             raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("rig.run_file.os.fsync", no_space)
-    monkeypatch.setattr("rig.run_write.FLUSH_S", 0.2)
+    monkeypatch.setattr("straw.rig.run_file.os.fsync", no_space)
+    monkeypatch.setattr("straw.rig.run_write.FLUSH_S", 0.2)
     with pytest.raises(RigError, match="No space left on device; check space"):
         run_protocol(controller, short, tmp_path / "run.mcap")
     assert sets()[-2:] == [-250, 0]

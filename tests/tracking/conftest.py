@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 import pytest
 
-from tracking.board import Board
-from tracking.camera import Camera
-from tracking.lens import Lens, shipped_lens
-from tracking.synthetic import camera_looking_at, paint_video
+from straw.tracking.board import Board
+from straw.tracking.camera import Camera
+from straw.tracking.lens import Lens, shipped_lens
+from straw.tracking.synthetic import camera_looking_at, paint_video
 
 REST = (0.0221, 0.0, 1.53)  # straw deployed: x_m, z_m, phi_rad
 STILL_S = 0.1

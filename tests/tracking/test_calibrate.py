@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
-from tracking.calibrate import _crossed, calibrate, projection_uncertainty
-from tracking.errors import TrackingError
-from tracking.lens_fit import View, fit_lens
+from straw.tracking.calibrate import _crossed, calibrate, projection_uncertainty
+from straw.tracking.errors import TrackingError
+from straw.tracking.lens_fit import View, fit_lens
 
 
 def views_by_opencv(lens, count=12, noise_px=0.05, seed=0, reach=0.25, tilt=0.6):

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tracking.board import Board
-from tracking.camera import Camera, load_camera, save_camera
-from tracking.errors import TrackingError
+from straw.tracking.board import Board
+from straw.tracking.camera import Camera, load_camera, save_camera
+from straw.tracking.errors import TrackingError
 
 
 def test_a_saved_camera_comes_back_exactly(tmp_path, setup):

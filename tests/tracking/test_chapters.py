@@ -8,17 +8,17 @@ import av
 import numpy as np
 import pytest
 
+from straw.tracking.board import Board
+from straw.tracking.camera import Camera
+from straw.tracking.chapters import Timeline, copies, in_order, siblings
+from straw.tracking.encode import VideoWriter
+from straw.tracking.errors import TrackingError
+from straw.tracking.gpmf import parse_telemetry, read_telemetry
+from straw.tracking.lens import Lens
+from straw.tracking.track import track
+from straw.tracking.video import VideoReader
 from tests.painting.film import encode
 from tests.tracking.test_video import pictures, written
-from tracking.board import Board
-from tracking.camera import Camera
-from tracking.chapters import Timeline, copies, in_order, siblings
-from tracking.encode import VideoWriter
-from tracking.errors import TrackingError
-from tracking.gpmf import parse_telemetry, read_telemetry
-from tracking.lens import Lens
-from tracking.track import track
-from tracking.video import VideoReader
 
 
 def test_gopro_chapters_are_put_in_order_and_others_left_alone():

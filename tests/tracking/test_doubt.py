@@ -7,11 +7,11 @@ import dataclasses
 import numpy as np
 import pytest
 
+from straw.tracking.doubt import JUMPS, LOST, MISFIT, REPEATED, Courses, course_of, doubted
+from straw.tracking.lattice import chequered
+from straw.tracking.misprint import Misprint
 from tests.benchmarks.tracking_painted import errors, side_on, tracked
 from tests.painting.film import RATE, encode, film
-from tracking.doubt import JUMPS, LOST, MISFIT, REPEATED, Courses, course_of, doubted
-from tracking.lattice import chequered
-from tracking.misprint import Misprint
 
 REPEATS = (58, 59, 77, 100)  # from 0.24 s on: before, the board hardly moves and a repeat does no harm
 

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 import pytest
 
-from tracking.errors import TrackingError
-from tracking.lens import Lens, load_lens, shipped_lens
+from straw.tracking.errors import TrackingError
+from straw.tracking.lens import Lens, load_lens, shipped_lens
 
 BROWN = Lens("brown_conrady", 1280, 720, 900.0, 905.0, 640.0, 355.0, (-0.25, 0.08, 0.001, -0.0007, -0.01))
 

@@ -7,14 +7,14 @@ import dataclasses
 import numpy as np
 import pytest
 
+from straw.tracking.by_point import with_point
+from straw.tracking.errors import TrackingError
+from straw.tracking.mend import BY_HAND, Edit, load_edits, mended
+from straw.tracking.point import follow_point
 from tests.benchmarks.tracking_painted import end_on, errors, tracked
 from tests.painting.film import RATE, encode, film
 from tests.painting.motions import snaps
 from tests.painting.scene import Camera
-from tracking.by_point import with_point
-from tracking.errors import TrackingError
-from tracking.mend import BY_HAND, Edit, load_edits, mended
-from tracking.point import follow_point
 
 DOT_ON_BOARD_M = (0.0, 0.0235)  # beside the chequered field, on its sheet's edge
 HIDDEN = range(45, 62)

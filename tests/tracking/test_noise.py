@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from straw.tracking.board import Board
+from straw.tracking.camera import Camera
+from straw.tracking.noise import Frames, exposure_by_smear, lag_of, lag_share, without_lag
+from straw.tracking.pose import Plane, apply, world_from_tip
+from straw.tracking.synthetic import camera_looking_at, paint_video
+from straw.tracking.track import track
 from tests.tracking.test_track import REST
-from tracking.board import Board
-from tracking.camera import Camera
-from tracking.noise import Frames, exposure_by_smear, lag_of, lag_share, without_lag
-from tracking.pose import Plane, apply, world_from_tip
-from tracking.synthetic import camera_looking_at, paint_video
-from tracking.track import track
 
 PERIOD_S = 1001 / 240000
 

@@ -6,11 +6,11 @@ import cv2
 import numpy as np
 import pytest
 
-from tracking.board import Board
-from tracking.camera import Camera
-from tracking.lens import Lens
-from tracking.pose import Plane, free_pose
-from tracking.synthetic import camera_looking_at
+from straw.tracking.board import Board
+from straw.tracking.camera import Camera
+from straw.tracking.lens import Lens
+from straw.tracking.pose import Plane, free_pose
+from straw.tracking.synthetic import camera_looking_at
 
 POINTS = Board().corner_points_m() + np.array((0, 0, 0.0088))  # in the tip frame
 START = np.array((0.018, -0.001, 1.6))

@@ -9,14 +9,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from straw.tracking.board import Board
+from straw.tracking.camera import Camera, save_camera
+from straw.tracking.doubt import REPEATED
+from straw.tracking.encode import VideoWriter
+from straw.tracking.synthetic import paint_video
+from straw.tracking.track import track
+from straw.tracking.video import VideoReader
 from tests.tracking.test_track import REST, errors, rms
-from tracking.board import Board
-from tracking.camera import Camera, save_camera
-from tracking.doubt import REPEATED
-from tracking.encode import VideoWriter
-from tracking.synthetic import paint_video
-from tracking.track import track
-from tracking.video import VideoReader
 
 
 def stop_after(count):
@@ -118,8 +118,8 @@ def test_memory_does_not_grow_with_the_video(small_clip, tmp_path):
             for luma in (lumas + lumas[::-1]) * times:
                 new.write(luma)
         script = (
-            "import resource, sys; from tracking.track import track; from tracking.board import Board;"
-            "from tracking.camera import load_camera;"
+            "import resource, sys; from straw.tracking.track import track; from straw.tracking.board import Board;"
+            "from straw.tracking.camera import load_camera;"
             "track(sys.argv[1], load_camera(sys.argv[2]), Board());"
             "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
         )

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tracking.board import Board
-from tracking.camera import Camera
-from tracking.errors import TrackingError
-from tracking.pose import apply
-from tracking.settle import settle
-from tracking.variance import Scatter
-from tracking.views import Views
+from straw.tracking.board import Board
+from straw.tracking.camera import Camera
+from straw.tracking.errors import TrackingError
+from straw.tracking.pose import apply
+from straw.tracking.settle import settle
+from straw.tracking.variance import Scatter
+from straw.tracking.views import Views
 
 REST = (0.0221, 0.0, 1.53)
 

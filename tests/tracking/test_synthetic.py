@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import tracking.synthetic
-from tracking.camera import Camera
-from tracking.errors import TrackingError
-from tracking.lens import Lens
-from tracking.synthetic import camera_looking_at, paint_video
-from tracking.video import VideoReader
+import straw.tracking.synthetic
+from straw.tracking.camera import Camera
+from straw.tracking.errors import TrackingError
+from straw.tracking.lens import Lens
+from straw.tracking.synthetic import camera_looking_at, paint_video
+from straw.tracking.video import VideoReader
 
 
 def still(pose):
@@ -28,7 +28,7 @@ def lumas(path):
 
 
 def test_the_painter_knows_nothing_of_the_tracker():
-    folder = Path(tracking.synthetic.__file__).parent
+    folder = Path(straw.tracking.synthetic.__file__).parent
     for name in ("synthetic.py", "brush.py"):
         tree = ast.parse((folder / name).read_text(encoding="utf-8"))
         modules = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}

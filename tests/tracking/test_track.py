@@ -9,16 +9,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tracking.board import Board
-from tracking.camera import Camera
-from tracking.corners import find_boards, moved_by
-from tracking.encode import VideoWriter
-from tracking.errors import TrackingError
-from tracking.follow import Follower, Sighting
-from tracking.synthetic import camera_looking_at, paint_video
-from tracking.task import Track
-from tracking.track import track
-from tracking.video import VideoReader
+from straw.tracking.board import Board
+from straw.tracking.camera import Camera
+from straw.tracking.corners import find_boards, moved_by
+from straw.tracking.encode import VideoWriter
+from straw.tracking.errors import TrackingError
+from straw.tracking.follow import Follower, Sighting
+from straw.tracking.synthetic import camera_looking_at, paint_video
+from straw.tracking.task import Track
+from straw.tracking.track import track
+from straw.tracking.video import VideoReader
 
 REST = (0.0221, 0.0, 1.53)  # as the painted clips begin
 SI = np.array((1e6, 1e6, 1e3))  # to um, um, mrad
@@ -149,7 +149,7 @@ def test_a_search_that_skips_rows_of_the_board_is_made_again_at_once(small_clip,
         for grid in find_boards(picture):
             yield grid if len(searched) > 1 else (grid[:, [0, 2, 4, 6]] + grid[:, [0, 1, 3, 5]]) / 2
 
-    monkeypatch.setattr("tracking.follow.find_boards", skipping)
+    monkeypatch.setattr("straw.tracking.follow.find_boards", skipping)
     found = track(small_clip.path, small_clip.camera, Board())
     assert not found.trace.valid[0]
     assert found.trace.valid[1:].all()
@@ -236,7 +236,8 @@ def test_a_board_that_never_rests_cannot_place_the_camera(small, tmp_path):
 
 def test_the_words_of_this_room_are_light_to_import():
     heavy = (
-        "import sys, tracking.trace, tracking.errors; print([m for m in ('cv2', 'av', 'numba') if m in sys.modules])"
+        "import sys, straw.tracking.trace, straw.tracking.errors; "
+        "print([m for m in ('cv2', 'av', 'numba') if m in sys.modules])"
     )
     assert (
         subprocess.run([sys.executable, "-c", heavy], capture_output=True, text=True, check=True).stdout.strip() == "[]"

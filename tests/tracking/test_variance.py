@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tracking.board import Board
-from tracking.patterns import Patterns
-from tracking.pose import Plane, apply
-from tracking.variance import FAST, FRESH, SLOW, Scatter, kinds, learnt, seen_of
+from straw.tracking.board import Board
+from straw.tracking.patterns import Patterns
+from straw.tracking.pose import Plane, apply
+from straw.tracking.variance import FAST, FRESH, SLOW, Scatter, kinds, learnt, seen_of
 
 REST = (0.0221, 0.0, 1.53)
 SHAPE = (7, 7)

@@ -8,9 +8,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from tracking.encode import GOPRO_RATE, VideoWriter
-from tracking.errors import TrackingError
-from tracking.video import VideoReader, ahead
+from straw.tracking.encode import GOPRO_RATE, VideoWriter
+from straw.tracking.errors import TrackingError
+from straw.tracking.video import VideoReader, ahead
 
 
 def pictures(count: int, width: int = 320, height: int = 240) -> list[np.ndarray]:

@@ -12,15 +12,15 @@ from types import ModuleType
 import numpy as np
 from numpy.typing import NDArray
 
-from model.parameters import StrawParameters
-from replay.diagnose.hypothesis import Unknown, base_unknowns
-from replay.diagnose.library import causes
-from replay.diagnose.propose import features as features_module
-from replay.diagnose.propose import movement, recorded, seen
-from replay.diagnose.propose.features import features
-from replay.diagnose.propose.network import Batch, Truth
-from replay.diagnose.propose.recorded import recorded as recording_of
-from replay.diagnose.propose.simulate_campaigns import Group, library_unknowns
+from straw.model.parameters import StrawParameters
+from straw.replay.diagnose.hypothesis import Unknown, base_unknowns
+from straw.replay.diagnose.library import causes
+from straw.replay.diagnose.propose import features as features_module
+from straw.replay.diagnose.propose import movement, recorded, seen
+from straw.replay.diagnose.propose.features import features
+from straw.replay.diagnose.propose.network import Batch, Truth
+from straw.replay.diagnose.propose.recorded import recorded as recording_of
+from straw.replay.diagnose.propose.simulate_campaigns import Group, library_unknowns
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from replay.diagnose.propose.movement import LITTLE, UNIT, camera, lags, ringing, snaps, squashed, times
-from replay.diagnose.propose.seen import RATE_HZ, Seen
+from straw.replay.diagnose.propose.movement import LITTLE, UNIT, camera, lags, ringing, snaps, squashed, times
+from straw.replay.diagnose.propose.seen import RATE_HZ, Seen
 
 Floats = NDArray[np.float64]
 

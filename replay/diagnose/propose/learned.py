@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.diagnose.propose.network import Batch, Weights, answer
-from replay.errors import ReplayError
+from straw.replay.diagnose.propose.network import Batch, Weights, answer
+from straw.replay.errors import ReplayError
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 
-TRAIN = "train it with python -m replay.diagnose.propose.train"
+TRAIN = "train it with python -m straw.replay.diagnose.propose.train"
 SHIPPED = Path(__file__).with_name("weights.npz")
 VERSION = 1
 #: Numbers that say where the familiar ends are kept in this accuracy, the networks' weights in half of it.

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from replay.diagnose.propose.seen import RATE_HZ
+from straw.replay.diagnose.propose.seen import RATE_HZ
 
 Floats = NDArray[np.float64]
 

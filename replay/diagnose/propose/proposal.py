@@ -14,16 +14,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import ModelError
-from model.parameters import StrawParameters
-from replay.diagnose.hypothesis import Unknown, applied, base_unknowns
-from replay.diagnose.library import causes
-from replay.diagnose.observation import Observation
-from replay.diagnose.propose.dataset import Number
-from replay.diagnose.propose.features import features
-from replay.diagnose.propose.learned import Learned, shipped
-from replay.diagnose.propose.network import LOG_SD
-from replay.diagnose.propose.seen import observed
+from straw.model.errors import ModelError
+from straw.model.parameters import StrawParameters
+from straw.replay.diagnose.hypothesis import Unknown, applied, base_unknowns
+from straw.replay.diagnose.library import causes
+from straw.replay.diagnose.observation import Observation
+from straw.replay.diagnose.propose.dataset import Number
+from straw.replay.diagnose.propose.features import features
+from straw.replay.diagnose.propose.learned import Learned, shipped
+from straw.replay.diagnose.propose.network import LOG_SD
+from straw.replay.diagnose.propose.seen import observed
 
 Floats = NDArray[np.float64]
 

@@ -9,11 +9,11 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from model.drive import Table
-from model.errors import ModelError
-from model.parameters import StrawParameters
-from replay.diagnose.observation import Observation
-from replay.diagnose.propose.simulate_campaigns import played
+from straw.model.drive import Table
+from straw.model.errors import ModelError
+from straw.model.parameters import StrawParameters
+from straw.replay.diagnose.observation import Observation
+from straw.replay.diagnose.propose.simulate_campaigns import played
 
 Floats = NDArray[np.float64]
 

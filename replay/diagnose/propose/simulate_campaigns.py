@@ -15,15 +15,15 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from model.drive import Table
-from model.errors import ModelError
-from model.parameters import StrawParameters, straw_from_toml
-from model.simulate import run
-from replay.diagnose.hypothesis import Unknown, applied, base_unknowns
-from replay.diagnose.instrument import Instrument
-from replay.diagnose.library import causes
-from replay.diagnose.propose.protocols import USUAL, Protocol, drawn
-from replay.diagnose.propose.specimens import (
+from straw.model.drive import Table
+from straw.model.errors import ModelError
+from straw.model.parameters import StrawParameters, straw_from_toml
+from straw.model.simulate import run
+from straw.replay.diagnose.hypothesis import Unknown, applied, base_unknowns
+from straw.replay.diagnose.instrument import Instrument
+from straw.replay.diagnose.library import causes
+from straw.replay.diagnose.propose.protocols import USUAL, Protocol, drawn
+from straw.replay.diagnose.propose.specimens import (
     another_time,
     base_by_chance,
     causes_by_chance,

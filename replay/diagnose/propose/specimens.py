@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from model.parameters import StrawParameters
-from model.terms import TERMS
-from replay.diagnose.hypothesis import MEASUREMENT, Unknown, base_unknowns
-from replay.diagnose.library import causes
+from straw.model.parameters import StrawParameters
+from straw.model.terms import TERMS
+from straw.replay.diagnose.hypothesis import MEASUREMENT, Unknown, base_unknowns
+from straw.replay.diagnose.library import causes
 
 Floats = NDArray[np.float64]
 

@@ -1,6 +1,6 @@
 """Learns the proposal: simulates campaigns, makes recordings of them, trains networks, writes the weights.
 
-    python -m replay.diagnose.propose.train FOLDER --campaigns 15000
+    python -m straw.replay.diagnose.propose.train FOLDER --campaigns 15000
 
 FOLDER keeps what is simulated and every network that is done: an interrupted training goes on where it stopped, and a
 larger one begins with what is there. With a new law in `model/terms` and in the library, the same command on another
@@ -18,14 +18,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.parameters import StrawParameters
-from replay.diagnose.library import causes
-from replay.diagnose.propose import network
-from replay.diagnose.propose.dataset import Examples, examples_of, hash_of_code, joined, numbers, recipe
-from replay.diagnose.propose.learned import SHIPPED, Familiar, Learned, Scaling
-from replay.diagnose.propose.network import Adam, Batch, Weights, answer, fresh, learning_rates, slopes
-from replay.diagnose.propose.simulate_campaigns import SPECIMENS, simulate_until
-from replay.progress import progress_bar, say
+from straw.model.parameters import StrawParameters
+from straw.replay.diagnose.library import causes
+from straw.replay.diagnose.propose import network
+from straw.replay.diagnose.propose.dataset import Examples, examples_of, hash_of_code, joined, numbers, recipe
+from straw.replay.diagnose.propose.learned import SHIPPED, Familiar, Learned, Scaling
+from straw.replay.diagnose.propose.network import Adam, Batch, Weights, answer, fresh, learning_rates, slopes
+from straw.replay.diagnose.propose.simulate_campaigns import SPECIMENS, simulate_until
+from straw.replay.progress import progress_bar, say
 
 #: Every tenth group is held out, and as many again say where the familiar ends and how sure the answers may be.
 FOLDS, HELD_OUT, CALIBRATE = 10, 2, 3
