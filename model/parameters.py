@@ -293,10 +293,11 @@ def straw_from_toml(text: str, name: str = "straw file", folder: Path | None = N
         raise ModelError(f"{name}: {error}") from None
 
 
-def load_straw(path: Path | None) -> StrawParameters:
+def load_straw(path: str | Path | None = None) -> StrawParameters:
     """The straw in a TOML file, the paper's for None; ModelError where it cannot be read or is not a straw."""
     if path is None:
         return StrawParameters()
+    path = Path(path)
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

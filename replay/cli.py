@@ -200,14 +200,36 @@ def parser() -> argparse.ArgumentParser:
     p = _command(commands, "diagnose", "locate what differs, name what was left out, model it, show the fit improve")
     p.add_argument("runs", type=Path, nargs="+", metavar="RUN.mcap", help="runs of one specimen, and their tracks")
     _straw(p, "the base model; its own constants are refitted")
+    p.add_argument("--system", type=Path, metavar="S.py", help="a system of your own, of tables of readings")
+    p.add_argument(
+        "--hold-out",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="NAME",
+        help="recordings no fit sees (of a system)",
+    )
+    p.add_argument(
+        "--given", action="append", default=[], metavar="C=VALUE,LOW,HIGH", help="a constant known better than the file"
+    )
+    p.add_argument(
+        "--tolerance",
+        metavar="x=0.1mm,phi=2mrad",
+        help="what may remain (RMS), by channel or as a share of the motion: 2%%",
+    )
     p.add_argument("--report", type=Path, metavar="R.html", help="one page, from the verdict to the evidence")
     p.add_argument("-o", "--output", type=Path, metavar="S.toml", help="the improved straw")
     p.add_argument("--experiment", type=Path, metavar="P.toml", help="the protocol that would tell what survives")
     p.add_argument(
         "--without", nargs="+", action="extend", default=[], metavar="CAUSE", help="leave causes out of the library"
     )
-    p.add_argument("--thorough", action="store_true", help="fit every cause from every start, more pairs: slow")
+    p.add_argument("--jobs", type=int, default=2, metavar="N", help="threads (2)")
+    p.add_argument("--dask", metavar="ADDRESS", help="a Dask scheduler to send the work to")
     p.add_argument("--partial", action="store_true", help="take damaged or cut recordings for what is left of them")
+    _json(p)
+
+    p = _command(commands, "check", "the contract test over a system of your own")
+    p.add_argument("part", type=Path, metavar="SYSTEM.py")
     _json(p)
 
     p = _command(commands, "paper", "the paper's numbers beside the model's, and its figures drawn anew")
