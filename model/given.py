@@ -107,7 +107,7 @@ def given(straw: StrawParameters, table: Table, directions: Sequence[Direction])
         in_world=bool(body_terms or c.F_X != 0 or c.F_Z != 0),
         odd_moves=bool(rigid and odd.any()),
         scalars=scalars,
-        moves=scalars.any(axis=1),
+        moves=np.asarray(scalars.any(axis=1)),
         odd=odd if rigid else np.zeros_like(odd),
         cell=where[:, 0].copy(),
         frustum=where[:, 1].copy(),

@@ -64,11 +64,10 @@ def _kernel(rows: int, wide: int, split: int) -> Callable[..., Any]:
     def kernel(typing: Any, matrix: Any, block: Any, out: Any, other: Any, row: Any, column: Any) -> Any:
         return types.none(matrix, block, out, other, types.intp, types.intp), emit
 
-    return intrinsic(kernel)  # type: ignore[no-any-return]
+    return intrinsic(kernel)
 
 
-@intrinsic
-def plus(typing: Any, one: Any, share: Any, other: Any, out: Any) -> Any:
+def _plus(typing: Any, one: Any, share: Any, other: Any, out: Any) -> Any:
     """out = one + share * other, all (n,) float64 without gaps, n a multiple of `WIDTH`; nothing is checked."""
 
     def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -87,6 +86,9 @@ def plus(typing: Any, one: Any, share: Any, other: Any, out: Any) -> Any:
         return context.get_dummy_value()
 
     return types.none(one, types.float64, other, out), emit
+
+
+plus: Callable[..., None] = intrinsic(_plus)
 
 
 _three8, _two8, _one8 = _kernel(3, 8, 3), _kernel(2, 8, 2), _kernel(1, 8, 1)
