@@ -132,7 +132,8 @@ def conclude(
             notes.append("the curve of what is missing does not make the runs held out better: located, not explained")
         else:
             fit, there, held = curve.fit, curve.campaign, tried
-            discovered = missing.discovered()
+            places = (system.places(campaign, found.null, o) for o in campaign.observations)
+            discovered = missing.discovered(sorted({place for run in places for place in run}))
     within = tolerance is not None and _within(tolerance, campaign, found.null, held)
     if tolerance is not None and verdict != "complete":
         if within:

@@ -32,6 +32,7 @@ class Atom:
     power: float
     of: Callable[[Floats], Floats]
     numbers: int = 1  # constants it brings, its own shape included
+    code: str = ""  # the same as Python over x, for a law's file; empty where no law of the straw depends on the state
 
 
 @dataclass(frozen=True)

@@ -18,10 +18,10 @@ def atoms(state: State, at: Floats) -> tuple[Atom, ...]:
     x = state.symbol
     if state.odd:  # over a size
         return (
-            Atom(x, 1, lambda v: v),
-            Atom(f"|{x}| {x}", 2, lambda v: v**2),
-            Atom(f"{x}^3", 3, lambda v: v**3),
-            Atom(f"sign {x}", 0, lambda v: np.ones_like(v)),
+            Atom(x, 1, lambda v: v, code="x"),
+            Atom(f"|{x}| {x}", 2, lambda v: v**2, code="x**2"),
+            Atom(f"{x}^3", 3, lambda v: v**3, code="x**3"),
+            Atom(f"sign {x}", 0, lambda v: np.ones_like(v), code="1.0"),
         )
     if state.state_unit == "s":
         return (*_powers(x, 2), *(_step(x, t) for t in _middles(at)))
@@ -42,7 +42,7 @@ def atoms(state: State, at: Floats) -> tuple[Atom, ...]:
 
 def _powers(x: str, most: int) -> tuple[Atom, ...]:
     texts = ("", x, *(f"{x}^{n}" for n in range(2, most + 1)))
-    return tuple(Atom(text, n, lambda v, n=n: v**n) for n, text in enumerate(texts))  # type: ignore[misc]
+    return tuple(Atom(text, n, lambda v, n=n: v**n, code=f"x**{n}" if n else "1.0") for n, text in enumerate(texts))  # type: ignore[misc]
 
 
 def _middles(at: Floats) -> Floats:
@@ -55,7 +55,13 @@ def _step(x: str, edge: float) -> Atom:
 
 def _beyond(x: str, edge: float, unit: str) -> Atom:
     sign = "-" if edge > 0 else "+"
-    return Atom(f"max(0, {x} {sign} {abs(edge):.3g} {unit})", 1, lambda v: np.maximum(0.0, v - edge), 2)
+    return Atom(
+        f"max(0, {x} {sign} {abs(edge):.3g} {unit})",
+        1,
+        lambda v: np.maximum(0.0, v - edge),
+        2,
+        f"max(0.0, x - {edge:.6g})",
+    )
 
 
 def _near_folded(x: str, folded: float) -> tuple[Atom, ...]:
@@ -65,9 +71,27 @@ def _near_folded(x: str, folded: float) -> tuple[Atom, ...]:
     for reach in (0.1e-3, 0.2e-3, 0.4e-3, 0.8e-3):
         mm = f"{1e3 * reach:.1f} mm"
         out += [
-            Atom(f"exp(-({gap})/{mm})", 0, partial(_fading, folded, reach), 2),
-            Atom(f"exp(-(({gap})/{mm})^2/2)", 0, partial(_well, folded, reach), 2),
-            Atom(f"(1 + ({gap})/{mm})^-3", 0, partial(_film, folded, reach), 2),
+            Atom(
+                f"exp(-({gap})/{mm})",
+                0,
+                partial(_fading, folded, reach),
+                2,
+                f"math.exp(-max(0.0, x - {folded:.6g}) / {reach})",
+            ),
+            Atom(
+                f"exp(-(({gap})/{mm})^2/2)",
+                0,
+                partial(_well, folded, reach),
+                2,
+                f"math.exp(-(((x - {folded:.6g}) / {reach}) ** 2) / 2)",
+            ),
+            Atom(
+                f"(1 + ({gap})/{mm})^-3",
+                0,
+                partial(_film, folded, reach),
+                2,
+                f"(1 + max(0.0, x - {folded:.6g}) / {reach}) ** -3",
+            ),
         ]
     return tuple(out)
 

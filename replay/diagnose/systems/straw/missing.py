@@ -22,6 +22,7 @@ from straw.replay.diagnose.robust import weights
 from straw.replay.diagnose.systems.straw.base import telling_runs
 from straw.replay.diagnose.systems.straw.constants import applied
 from straw.replay.diagnose.systems.straw.dictionary import atoms
+from straw.replay.diagnose.systems.straw.discovered import discovered
 from straw.replay.diagnose.systems.straw.of import straw_of, with_straw
 from straw.replay.diagnose.systems.straw.simulated import simulated
 from straw.replay.diagnose.systems.straw.states import STATES, State, points
@@ -106,6 +107,10 @@ class Missing:
             f"{s.value_unit.replace('1', '')} at {s.symbol} = {self.at[k]:.3g} {s.state_unit}; it takes away "
             f"{100 * self.explains:.0f} % of what the base model leaves"
         )
+
+    def discovered(self, cells: Sequence[int]) -> dict[str, Any]:
+        """The same in the contract's words, with a law file."""
+        return discovered(self, cells)
 
     def as_json(self) -> dict[str, Any]:
         """Plain data."""
