@@ -16,7 +16,7 @@ from straw.model.kinematics import Chain, Motion, empty_chain, still_motion
 from straw.model.links import JOINT, JOINT_IN_WORLD, LAW_IN, LAW_OUT, Links, links_for
 from straw.model.load import Load, no_load
 from straw.model.scheme import STAGES
-from straw.model.sweeps import Sweeps, sweeps_for
+from straw.model.sweeps import Sweeps, sweeps_for, wide
 
 Floats = NDArray[np.float64]
 
@@ -24,8 +24,7 @@ Floats = NDArray[np.float64]
 class Columns(NamedTuple):
     """Derivatives of where a run stands by P parameters; coordinates of a cell as in `straw.model.linearised`."""
 
-    q: Floats  # (cells, moving, P)
-    v: Floats
+    qv: Floats  # (cells, 2 moving wide) displacements, then rates, row by row; zeros behind the columns of each
     memory: Floats  # (cells, 2, MEMORIES, 2, P)
     way_in: Floats  # (STATES, P)
     inside_pa: Floats  # (P,)
@@ -39,9 +38,8 @@ class Bench(NamedTuple):
     load: Load
     links: Links
     sweeps: Sweeps
-    found: Floats  # (cells, moving, P + 1) accelerations; the last column is what one pascal inside does
-    q: Floats  # (STAGES, cells, moving, P) rates of q and v in each stage
-    v: Floats
+    found: Floats  # (cells, moving, wide) accelerations; behind the columns what one pascal inside does
+    qv: Floats  # (STAGES, cells, 2 moving wide) rates of the columns in each stage
     memory: Floats  # (STAGES, cells, 2, MEMORIES, 2, P)
     way_in: Floats  # (STAGES, STATES, P)
     known_memory: Floats
@@ -49,7 +47,8 @@ class Bench(NamedTuple):
     now_memory: Floats
     now_way_in: Floats
     external: Floats  # (P,)
-    flow: Floats  # (P,)
+    flow: Floats  # (wide,)
+    inside_pa: Floats  # (wide,)
     slopes: Floats  # (cells, 2, 2, 4)
     memory_by: Floats  # (cells, 2, MEMORIES, 2, 6)
     law: Floats  # (cells + 1, LAW_OUT, LAW_IN)
@@ -77,9 +76,8 @@ def bench_for(c: Constants, given: Given, P: int) -> Bench:
         no_load(n),
         links,
         sweeps_for(c, links, P + 1),
-        np.zeros((n, k, P + 1)),
-        np.zeros((STAGES, n, k, P)),
-        np.zeros((STAGES, n, k, P)),
+        np.zeros((n, k, wide(P + 1))),
+        np.zeros((STAGES, n, 2 * k * wide(P + 1))),
         np.zeros((STAGES, n, 2, MEMORIES, 2, memory.shape[4])),
         np.zeros((STAGES, STATES, P)),
         memory,
@@ -87,7 +85,8 @@ def bench_for(c: Constants, given: Given, P: int) -> Bench:
         memory.copy(),
         np.zeros((STATES, P)),
         np.zeros(P),
-        np.zeros(P),
+        np.zeros(wide(P + 1)),
+        np.zeros(wide(P + 1)),
         np.zeros((n, 2, 2, 4)),
         np.zeros((n, 2, MEMORIES, 2, 6)),
         np.zeros((n + 1, LAW_OUT, LAW_IN)),
@@ -101,15 +100,6 @@ def bench_for(c: Constants, given: Given, P: int) -> Bench:
         np.zeros((2, n, 7)),
         np.zeros(c.wall.shape[2]),
     )
-
-
-@allocates_nothing
-def moves(row: Floats) -> bool:
-    """Whether a row has anything but zeros."""
-    for p in range(len(row)):  # noqa: SIM110  (numba knows no generators)
-        if row[p] != 0:
-            return True
-    return False
 
 
 @allocates_nothing

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.model.compiled import allocates_nothing
+from straw.model.compiled import fused
 from straw.model.constants import Constants
 from straw.model.kinematics import Motion
 
@@ -37,13 +37,13 @@ class Body(NamedTuple):
 L0, L1, L2, X0, X1, X2, T0, T1, T2, MASS, I0, I1 = range(12)
 
 
-@allocates_nothing
+@fused
 def _times(a: tuple[float, float, float], b: tuple[float, float, float]) -> tuple[float, float, float]:
     """Product of two quantities and its first two time derivatives."""
     return (a[0] * b[0], a[1] * b[0] + a[0] * b[1], a[2] * b[0] + 2 * a[1] * b[1] + a[0] * b[2])
 
 
-@allocates_nothing
+@fused
 def _inverse(a: tuple[float, float, float]) -> tuple[float, float, float]:
     """One over a quantity and its first two time derivatives."""
     over = 1 / a[0]
@@ -51,7 +51,7 @@ def _inverse(a: tuple[float, float, float]) -> tuple[float, float, float]:
     return over, rate * over, (2 * rate**2 - a[2] * over) * over
 
 
-@allocates_nothing
+@fused
 def _factors(c: Constants) -> tuple[float, float, float, float, float, float]:
     """Of the place (across; along by heights, by angles) and of the inertia (three) of a cell's fluid, see `place`."""
     r_i, r_o = c.r_i, c.r_o
@@ -66,7 +66,7 @@ def _factors(c: Constants) -> tuple[float, float, float, float, float, float]:
     )
 
 
-@allocates_nothing
+@fused
 def shape_of(c: Constants, m: Motion, i: int, slots: Indices, by_slot: Floats) -> Body:
     """The body of cell i, and the derivatives of its place, tilt, mass and inertia by the coordinates, ``by_slot``."""
     cx, z1, z2, i1, i2, i3 = _factors(c)
@@ -122,7 +122,7 @@ def shape_of(c: Constants, m: Motion, i: int, slots: Indices, by_slot: Floats) -
     return Body(za + z[0], za1 + z[1], za2 + z[2], x[0], x[1], x[2], tilt1, tilt2, mass, mass1, inertia, inertia1)
 
 
-@allocates_nothing
+@fused
 def second(
     c: Constants,
     m: Motion,

@@ -25,8 +25,9 @@ from straw.model.kinematics import place, spread
 from straw.model.linearised import linearise
 from straw.model.pushing import add_pushed, body_slopes
 from straw.model.scheme import COEFFICIENTS, GAMMA, STAGES, TIMES
-from straw.model.stages import Stages, State, stages_for
+from straw.model.stages import Stages, State, copy, stages_for
 from straw.model.sweeps import Rows, rows_of, solve
+from straw.model.vectors import plus
 from straw.model.way_columns import advance_way
 
 Floats = NDArray[np.float64]
@@ -36,9 +37,7 @@ REST_S = 1e9
 
 
 @allocates_nothing
-def _linearised(
-    c: Constants, given: Given, s: Stages, stage: int, hg: float, b: Bench, rows: Rows, columns: int
-) -> None:
+def _linearised(c: Constants, given: Given, s: Stages, stage: int, hg: float, b: Bench, rows: Rows) -> None:
     """Linearise the straw at what a stage found, and clear the block."""
     block = b.sweeps.block
     spread(c, s.q[stage], s.v[stage], s.a[stage], b.motion)
@@ -49,30 +48,30 @@ def _linearised(
     linearise(c, b.motion, b.slopes, b.law, b.pushed, b.links)
     eliminate(c, b.links, b.law, b.pushed, s.inside_pa[stage], hg, b.eliminating, b.sweeps)
     for i in range(c.cells):
-        for row in range(rows.q):
-            for p in range(columns):
-                block[i, row, p] = 0.0
+        empty = b.sweeps.flat[i, : rows.q * block.shape[2]]
+        for x in range(np.uint64(len(empty))):
+            empty[x] = 0.0
         if given.odd_moves:
-            odd = block[i, rows.v - 1]
-            for p in range(columns - 1):
+            odd = block[i, rows.rigid]
+            for p in range(given.odd.shape[1]):
                 odd[p] = given.odd[i, p]
-    for row in range(rows.joint, rows.end):
-        for p in range(columns):
-            block[0, row, p] = 0.0
+    at_base = b.sweeps.flat[0, rows.joint * block.shape[2] :]
+    for x in range(np.uint64(len(at_base))):
+        at_base[x] = 0.0
 
 
 @allocates_nothing
-def _answered(c: Constants, given: Given, s: Stages, stage: int, hg: float, b: Bench, rows: Rows, columns: int) -> None:
-    """Accelerations of all columns at the pressure of the stage, and in the last what one pascal inside does."""
-    block, n = b.sweeps.block, c.cells
+def _answered(c: Constants, given: Given, s: Stages, stage: int, hg: float, b: Bench, rows: Rows) -> None:
+    """Accelerations of all columns at the pressure of the stage, and behind them what one pascal inside does."""
+    block, n, P = b.sweeps.block, c.cells, given.scalars.shape[1]
     add_given(c, given, s, stage, hg, b, rows)
     add_pushed(c, given, b, rows)
     for i in range(n):
         for x in range(c.active):
-            block[i, rows.force + x, columns - 1] = c.C3
+            block[i, rows.force + x, P] = c.C3
     end = math.pi * c.r_i**2
-    block[n - 1, rows.beyond, columns - 1] = end * b.links.axis[n, 0]
-    block[n - 1, rows.beyond + 1, columns - 1] = end * b.links.axis[n, 1]
+    block[n - 1, rows.beyond, P] = end * b.links.axis[n, 0]
+    block[n - 1, rows.beyond + 1, P] = end * b.links.axis[n, 1]
     solve(c, b.links, b.sweeps, b.found)
 
 
@@ -92,6 +91,7 @@ def _recalled(c: Constants, b: Bench, rows: Rows) -> None:
 @allocates_nothing
 def _remembered(c: Constants, stage: int, hg: float, b: Bench, rows: Rows) -> None:
     """The columns of the memories at the stage's end, and their rates."""
+    W = b.sweeps.block.shape[2]
     for i in range(c.cells):
         for j in range(2 - c.active, 2):
             z, f = j - 2 + c.active, j - 2 + 2 * c.active
@@ -100,7 +100,7 @@ def _remembered(c: Constants, stage: int, hg: float, b: Bench, rows: Rows) -> No
                     now, by = b.now_memory[i, j, at, y], b.memory_by[i, j, at, y]
                     rate, known = b.memory[stage, i, j, at, y], b.known_memory[i, j, at, y]
                     q_zeta, q_phi = b.sweeps.block[i, rows.q + z], b.sweeps.block[i, rows.q + f]
-                    v_zeta, v_phi = b.q[stage, i, z], b.q[stage, i, f]
+                    v_zeta, v_phi = b.qv[stage, i, z * W :], b.qv[stage, i, f * W :]
                     for p in range(len(now)):
                         now[p] += by[0] * q_zeta[p] + by[1] * q_phi[p] + by[2] * v_zeta[p] + by[3] * v_phi[p]
                         rate[p] = (now[p] - known[p]) / hg
@@ -109,20 +109,15 @@ def _remembered(c: Constants, stage: int, hg: float, b: Bench, rows: Rows) -> No
 @allocates_nothing
 def _known(state: State, i: int, h: float, d: Columns, given: Given, b: Bench, rows: Rows) -> None:
     """What the columns of stage i start from, into the block, and displacements that follow from the known rates."""
-    hg, P = h * GAMMA, np.uint64(d.q.shape[2])
-    for cell in range(d.q.shape[0]):
-        for x in range(d.q.shape[1]):
-            q, v = b.sweeps.block[cell, rows.q + x], b.sweeps.block[cell, rows.v + x]
-            q0, v0 = d.q[cell, x], d.v[cell, x]
-            for p in range(P):
-                q[p], v[p] = q0[p], v0[p]
-            for j in range(i):
-                k, q_rate, v_rate = h * COEFFICIENTS[i, j], b.q[j, cell, x], b.v[j, cell, x]
-                for p in range(P):
-                    q[p] += k * q_rate[p]
-                    v[p] += k * v_rate[p]
-            for p in range(P):
-                q[p] += hg * v[p]
+    P, W, hg = np.uint64(len(d.inside_pa)), b.sweeps.block.shape[2], h * GAMMA
+    many = d.qv.shape[1]
+    half = many // 2
+    for cell in range(d.qv.shape[0]):
+        qv, start = b.sweeps.flat[cell, rows.q * W : rows.q * W + many], d.qv[cell]
+        plus(start, h * COEFFICIENTS[i, 0] if i > 0 else 0.0, b.qv[0, cell], qv)
+        for j in range(1, i):
+            plus(qv, h * COEFFICIENTS[i, j], b.qv[j, cell], qv)
+        plus(qv[:half], hg, qv[half:], qv[:half])
     for x in range(STATES):
         for p in range(P):
             b.known_way_in[x, p] = d.way_in[x, p]
@@ -130,7 +125,7 @@ def _known(state: State, i: int, h: float, d: Columns, given: Given, b: Bench, r
             for p in range(P):
                 b.known_way_in[x, p] += h * COEFFICIENTS[i, j] * b.way_in[j, x, p]
     if given.remembers:
-        for cell in range(d.q.shape[0]):
+        for cell in range(d.qv.shape[0]):
             for f in range(2):
                 for at in range(MEMORIES):
                     for y in range(2):
@@ -142,8 +137,23 @@ def _known(state: State, i: int, h: float, d: Columns, given: Given, b: Bench, r
                                 known[p] += h * COEFFICIENTS[i, j] * b.memory[j, cell, f, at, y, p]
 
 
-@called
-def solve_stage(
+@allocates_nothing
+def _moved_on(c: Constants, stage: int, hg: float, b: Bench, rows: Rows, P: int) -> None:
+    """Rates of the columns in a stage and their displacements at its end, by the accelerations at its pressure and
+    what the pressure inside adds."""
+    W, k = b.sweeps.block.shape[2], 2 * c.active
+    b.inside_pa[P] = -1.0  # of what a pascal does nothing is left in its own column
+    for i in range(c.cells):
+        q, v = b.sweeps.flat[i, rows.q * W : rows.v * W], b.sweeps.flat[i, rows.v * W : rows.rigid * W]
+        q_rate, v_rate = b.qv[stage, i, : k * W], b.qv[stage, i, k * W :]
+        for x in range(k):
+            plus(b.found[i, x], b.found[i, x, P], b.inside_pa, v_rate[x * W : (x + 1) * W])
+        plus(v, hg, v_rate, q_rate)
+        plus(q, hg * hg, v_rate, q)
+
+
+@allocates_nothing
+def _solve_stage(
     c: Constants,
     given: Given,
     table: Table,
@@ -156,25 +166,17 @@ def solve_stage(
     b: Bench,
 ) -> None:
     """All columns of one stage: rates of q and v into the bench, what is left at its end into ``d`` when it is last."""
-    n, k, P, hg = c.cells, 2 * c.active, d.q.shape[2], h * GAMMA
-    rows, block = rows_of(c, b.links), b.sweeps.block
-    _linearised(c, given, s, stage, hg, b, rows, P + 1)
+    P, hg, rows = len(d.inside_pa), h * GAMMA, rows_of(c, b.links)
+    _linearised(c, given, s, stage, hg, b, rows)
     _known(state, stage, h, d, given, b, rows)
     if given.remembers:
         _recalled(c, b, rows)
-    _answered(c, given, s, stage, hg, b, rows, P + 1)
+    _answered(c, given, s, stage, hg, b, rows)
     for at in range(len(given.driven)):
         drive = Table(table.start_s, table.step_s, given.drive[at])
         b.external[given.driven[at]] = pressure_in(drive, state.clock[0] + TIMES[stage] * h)
     advance_way(c, given, w, s, stage, hg, d, b, rows)
-    for i in range(n):
-        for x in range(k):
-            v, q, found = block[i, rows.v + x], block[i, rows.q + x], b.found[i, x]
-            q_rate, v_rate = b.q[stage, i, x], b.v[stage, i, x]
-            for p in range(P):
-                v_rate[p] = found[p]
-                q_rate[p] = v[p] + hg * found[p]
-                q[p] += hg * hg * found[p]
+    _moved_on(c, stage, hg, b, rows, P)
     for x in range(STATES):
         for p in range(P):
             b.way_in[stage, x, p] = (b.now_way_in[x, p] - b.known_way_in[x, p]) / hg
@@ -187,15 +189,13 @@ def advance_columns(
     c: Constants, given: Given, table: Table, w: Channel, state: State, h: float, s: Stages, d: Columns, b: Bench
 ) -> None:
     """Take the columns along an accepted step of h, whose stages are ``s``; ``state`` is still where it started."""
-    P, rows = d.q.shape[2], rows_of(c, b.links)
+    P, rows, W, half = len(d.inside_pa), rows_of(c, b.links), b.sweeps.block.shape[2], d.qv.shape[1] // 2
     for stage in range(STAGES):
-        solve_stage(c, given, table, w, state, h, s, stage, d, b)
+        _solve_stage(c, given, table, w, state, h, s, stage, d, b)
     end = STAGES - 1
     for i in range(c.cells):
-        for x in range(2 * c.active):
-            for p in range(P):
-                d.q[i, x, p] = b.sweeps.block[i, rows.q + x, p]
-                d.v[i, x, p] = b.q[end, i, x, p]
+        copy(b.sweeps.flat[i, rows.q * W : rows.q * W + half], d.qv[i, :half])
+        copy(b.qv[end, i, :half], d.qv[i, half:])
     for x in range(STATES):
         for p in range(P):
             d.way_in[x, p] = b.now_way_in[x, p]
@@ -218,8 +218,8 @@ def rest_columns(c: Constants, given: Given, q: Floats, first_pa: float, by_firs
     s, b = stages_for(c, len(q)), bench_for(c, given, P)
     s.q[0], s.inside_pa[0] = q, first_pa
     rows = rows_of(c, b.links)
-    _linearised(c, given, s, 0, hg, b, rows, P + 1)
-    _answered(c, given, s, 0, hg, b, rows, P + 1)
+    _linearised(c, given, s, 0, hg, b, rows)
+    _answered(c, given, s, 0, hg, b, rows)
     out = np.empty((c.cells, 2 * c.active, P))
     for i in range(c.cells):
         for x in range(2 * c.active):

@@ -10,15 +10,18 @@ from typing import TYPE_CHECKING
 
 import numba
 
+from straw.model import plugged
+
 
 def _cache_folder() -> Path:
     """Folder for compiled code, one per state of the model's source.
 
     Numba notices a change in the file of the function it cached but not in the files that function calls into, so a
-    stale answer is possible after an edit or an upgrade. Keying the folder by all of the source rules that out.
+    stale answer is possible after an edit or an upgrade. Keying the folder by all of the source rules that out, that of
+    laws from outside included.
     """
     digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
-    for source in sorted(Path(__file__).parent.rglob("*.py")):
+    for source in [*sorted(Path(__file__).parent.rglob("*.py")), *plugged.sources()]:
         digest.update(source.read_bytes())
     parent = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     return Path(parent) / "straw" / f"numba-{digest.hexdigest()[:16]}"

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from straw.model.errors import ModelError
 from straw.model.parameters import StrawParameters
 from straw.model.stiffness import length_scale, pressure_force, rest_force, stiffness_matrix
 
@@ -112,6 +113,8 @@ def _tangent(J: Floats, along: Floats) -> Floats:
 
 def _softest(J: Floats) -> float:
     """Smallest real part of the stiffness' eigenvalues where the branch's jacobian is J, N m."""
+    if not np.isfinite(J).all():
+        raise ModelError("no rest state: the straw's stiffness is not finite; check its constants and the pressure")
     return float(np.linalg.eigvals(-J[:, :-1]).real.min())
 
 

@@ -36,6 +36,7 @@ from straw.model.simulate import (
     sampled,
 )
 from straw.model.stages import limits_for
+from straw.model.sweeps import wide
 from straw.model.terms import COLUMNS
 
 Floats = NDArray[np.float64]
@@ -131,8 +132,8 @@ def differentiate(
     c, P = straw.constants(), len(directions)
     q = rest_state(straw, deployed, float(table.pressure_pa[0]), near=near)
     changes, linear = given(straw, table, directions), linearised(straw, directions)
-    columns = _start(straw, changes, linear, table, q, directions)
-    rest = columns.q.transpose(1, 0, 2).reshape(len(q), P)
+    columns, at_start = _start(straw, changes, linear, table, q, directions)
+    rest = at_start.transpose(1, 0, 2).reshape(len(q), P)
     state, counts = at_rest(c, q, float(time_s[0]), float(table.pressure_pa[0]), FIRST_STEP_S), np.zeros(4, np.int64)
     out, by = _room(straw, len(time_s), P)
     end_s = float(time_s[-1])
@@ -200,8 +201,8 @@ def _start(
     table: Table,
     q: Floats,
     directions: Sequence[Direction],
-) -> Columns:
-    """Where the columns start: how the rest state and the way in change."""
+) -> tuple[Columns, Floats]:
+    """Where the columns start: how the rest state, (cells, moving, P) once more, and the way in change."""
     P, n, moving, first_pa = len(directions), straw.cells, len(q) // straw.cells, float(table.pressure_pa[0])
     by_first_pa, way_in = np.zeros(P), np.zeros((STATES, P))
     by_first_pa[changes.driven] = changes.drive[:, 0]
@@ -219,7 +220,9 @@ def _start(
     way_in[0] = by_first_pa
     way_in[2] = gas.gas * by_first_pa + gas.gas_by_volume * changes.way[5] + gas.gas_by_exponent * changes.way[6]
     memory = np.zeros((n, 2, MEMORIES, 2, P if changes.remembers else 0))
-    return Columns(rest, np.zeros((n, moving, P)), memory, way_in, by_first_pa)
+    qv = np.zeros((n, 2 * moving, wide(P + 1)))
+    qv[:, :moving, :P] = rest
+    return Columns(qv.reshape(n, -1), memory, way_in, by_first_pa), rest
 
 
 @compiled

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.model.compiled import allocates_nothing, called
+from straw.model.compiled import called, fused
 from straw.model.constants import Constants
 from straw.model.links import ANGLE, AX, AZ, D_SPIN, JOINT, JOINT_IN_WORLD, LAW_IN, SPIN, VX, VZ, Links, X, Z
 from straw.model.sweeps import Sweeps
@@ -19,7 +19,7 @@ from straw.model.sweeps import Sweeps
 Floats = NDArray[np.float64]
 
 
-@allocates_nothing
+@fused
 def _invert(S: Floats, k: int, out: Floats) -> None:
     """Inverse of the k x k matrix S, which is overwritten, by Gauss and Jordan with pivots."""
     if k == 2:
@@ -51,7 +51,7 @@ def _invert(S: Floats, k: int, out: Floats) -> None:
                     out[row, j] -= factor * out[i, j]
 
 
-@allocates_nothing
+@fused
 def _tip(c: Constants, s: Links, law: Floats, pushed: Floats, inside_pa: float, A: Floats, wrench: Floats) -> None:
     """The sealing: how its wrench answers what the tip does, and the wrench."""
     dims, n, tip = s.next.shape[1], c.cells, s.joint[c.cells]
@@ -81,7 +81,7 @@ def _tip(c: Constants, s: Links, law: Floats, pushed: Floats, inside_pa: float, 
     wrench[2] = -c.I_tip * tip[D_SPIN] + torque
 
 
-@allocates_nothing
+@fused
 def _beyond(A: Floats, there: Floats, column: int, dims: int, r: int) -> tuple[float, float, float]:
     """Wrench from beyond the outer joint by a column: A times what the joint does, whose other rows are zero."""
     fx = fz = moment = 0.0
@@ -118,11 +118,13 @@ def eliminate(
     k, r, dims = 2 * c.active, len(s.slots), s.next.shape[1]
     if k == 2 and r == 2 and dims == JOINT:  # sizes that the compiler knows: most straws, in half the time
         _eliminate(c, s, law, pushed, inside_pa, hg, work, e, 2, 2, JOINT)
+    elif k == 2 and r == 3 and dims == JOINT:
+        _eliminate(c, s, law, pushed, inside_pa, hg, work, e, 2, 3, JOINT)
     else:
         _eliminate(c, s, law, pushed, inside_pa, hg, work, e, k, r, dims)
 
 
-@allocates_nothing
+@fused
 def _eliminate(
     c: Constants,
     s: Links,
@@ -138,7 +140,8 @@ def _eliminate(
 ) -> None:
     A, wrench = work[0:3], work[3]
     S, inverse = work[4:8], work[8:12]
-    given, beyond, q, v = 3, 3 + k, 6 + k, 6 + k + r
+    given, beyond, q, v = 3, 3 + k, 6 + k, 6 + 2 * k
+    tied = k + r  # known displacements and rates of what moves, then displacements of what does not
     bends = dims + k - 1  # the displacement of phi_2, last of what moves
     _tip(c, s, law, pushed, inside_pa, A, wrench)
     for i in range(c.cells - 1, -1, -1):
@@ -178,7 +181,7 @@ def _eliminate(
                 S[row, x] = own[3 + row, dims + 2 * r + x]
         _invert(S, k, inverse)
         for row in range(k):
-            for x in range(6 + k + 2 * r):
+            for x in range(6 + k + tied):
                 back[row, x] = 0.0
             for x in range(k):
                 part, slot = inverse[row, x], s.slots[x]
@@ -192,46 +195,50 @@ def _eliminate(
                         back[row, beyond] += part * length * uz
                         back[row, beyond + 1] -= part * length * ux
                 for y in range(r):
-                    back[row, q + y] += part * own[3 + x, dims + y]
-                    back[row, v + y] += part * own[3 + x, dims + r + y]
+                    back[row, q + y if y < k else q + k + y] += part * own[3 + x, dims + y]
+                    if y < k:
+                        back[row, v + y] += part * own[3 + x, dims + r + y]
         for row in range(3):
             target = back[k + row]
-            for x in range(6 + k + 2 * r):
+            for x in range(6 + k + tied):
                 target[x] = 0.0
             target[row] = target[beyond + row] = 1.0
             if row == 2:
                 target[beyond], target[beyond + 1] = length * uz, -length * ux
             for y in range(r):
-                target[q + y] = own[row, dims + y]
-                target[v + y] = own[row, dims + r + y]
+                target[q + y if y < k else q + k + y] = own[row, dims + y]
+                if y < k:
+                    target[v + y] = own[row, dims + r + y]
             for x in range(k):
                 by = own[row, dims + 2 * r + x]
-                for y in range(6 + k + 2 * r):
+                for y in range(6 + k + tied):
                     target[y] -= by * back[x, y]
         for row in range(k):
             target = ahead[row]
-            for x in range(2 * r + k):
+            for x in range(tied + k):
                 target[x] = 0.0
-            target[2 * r + row] = -1.0
+            target[tied + row] = -1.0
             for d in range(dims):
                 total = 0.0
                 for x in range(k):
                     total += inverse[row, x] * own[3 + x, d]
-                target[2 * r + k + d] = -total
+                target[tied + k + d] = -total
         for row in range(dims):
             target = ahead[k + row]
             for y in range(r):
-                target[y], target[r + y] = there[row, dims + y], there[row, dims + r + y]
+                target[y if y < k else k + y] = there[row, dims + y]
+                if y < k:
+                    target[k + y] = there[row, dims + r + y]
             for x in range(k):
-                target[2 * r + x] = -there[row, dims + 2 * r + x]
+                target[tied + x] = -there[row, dims + 2 * r + x]
             for d in range(dims):
                 total = there[row, d]
                 for x in range(k):
-                    total += there[row, dims + 2 * r + x] * ahead[x, 2 * r + k + d]
-                target[2 * r + k + d] = total
+                    total += there[row, dims + 2 * r + x] * ahead[x, tied + k + d]
+                target[tied + k + d] = total
         for row in range(3):
             for d in range(dims):
                 total = own[row, d]
                 for x in range(k):
-                    total += own[row, dims + 2 * r + x] * ahead[x, 2 * r + k + d]
+                    total += own[row, dims + 2 * r + x] * ahead[x, tied + k + d]
                 A[row, d] = total

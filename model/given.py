@@ -37,6 +37,7 @@ class Given(NamedTuple):
     in_world: bool  # forces act in the world's directions, or depend on where a body is
     odd_moves: bool  # heights of rigid odd frusta change
     scalars: Floats  # (len(SCALARS), P)
+    moves: NDArray[np.bool_]  # (len(SCALARS),) whether any column moves it
     odd: Floats  # (cells, P) heights of rigid odd frusta
     cell: Indices  # (E,)
     frustum: Indices  # (E,)
@@ -44,7 +45,7 @@ class Given(NamedTuple):
     term: Indices  # (E,) place of the term among all, -1 for none
     step: Floats  # (E,)
     start: Indices  # (E + 1,) where its columns start
-    column: Indices
+    column: NDArray[np.uint64]  # not signed, as none is counted from the end: that would have to be asked each time
     value: Floats
     wall_cell: Indices  # (W,) rows of `straw.model.terms.shell_energy`: of which frustum, in which column,
     wall_frustum: Indices
@@ -106,6 +107,7 @@ def given(straw: StrawParameters, table: Table, directions: Sequence[Direction])
         in_world=bool(body_terms or c.F_X != 0 or c.F_Z != 0),
         odd_moves=bool(rigid and odd.any()),
         scalars=scalars,
+        moves=np.asarray(scalars.any(axis=1)),
         odd=odd if rigid else np.zeros_like(odd),
         cell=where[:, 0].copy(),
         frustum=where[:, 1].copy(),
@@ -113,7 +115,7 @@ def given(straw: StrawParameters, table: Table, directions: Sequence[Direction])
         term=np.array([_TERM[key[2] - 12] if key[2] >= 12 else -1 for key in keys], np.int64),
         step=np.array([_step(c, key) for key in keys]),
         start=np.cumsum([0, *(len(x) for x in pairs)]),
-        column=np.array([p for x in pairs for p, _ in x], np.int64),
+        column=np.array([p for x in pairs for p, _ in x], np.uint64),
         value=np.array([by for x in pairs for _, by in x], np.float64),
         wall_cell=np.array([i for _, i, _ in walls], np.int64),
         wall_frustum=np.array([j for _, _, j in walls], np.int64),

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.model.bench import Bench, add, moves
+from straw.model.bench import Bench, add
 from straw.model.compiled import allocates_nothing, called
 from straw.model.constants import Constants
 from straw.model.frusta import MEMORIES, frustum_at
@@ -66,7 +66,13 @@ def add_given(c: Constants, given: Given, s: Stages, stage: int, hg: float, b: B
 def _of_bodies(c: Constants, given: Given, b: Bench, rows: Rows) -> None:
     """By what gives the cells' bodies their mass and shape."""
     block, links, ends, n, k = b.sweeps.block, b.links, b.ends, c.cells, 2 * c.active
-    if moves(given.scalars[RHO]):  # to which the load of a body is proportional, but for what the world does to it
+    if given.moves[RHO] and not given.in_world:  # to which the load of a body is proportional,
+        for i in range(n):
+            for x in range(3):
+                add(links.wrench[i, x] / c.rho, given.scalars[RHO], block[i, x])
+            for x in range(k):
+                add(links.force[i, x] / c.rho, given.scalars[RHO], block[i, rows.force + x])
+    elif given.moves[RHO]:  # but for what the world does to it
         own_loads(c, b.motion, b.unpushed, links, ends[0])
         for i in range(n):
             for x in range(3):
@@ -75,7 +81,7 @@ def _of_bodies(c: Constants, given: Given, b: Bench, rows: Rows) -> None:
                 add(ends[0, i, 3 + links.slots[x]] / c.rho, given.scalars[RHO], block[i, rows.force + x])
     for number in (R_I, R_O, AREA):
         row = given.scalars[number]
-        if moves(row):
+        if given.moves[number]:
             value = c.r_i if number == R_I else c.r_o if number == R_O else c.S
             e = 1e-6 * value
             own_loads(_moved(c, number, e), b.motion, b.pushed, links, ends[0])
@@ -94,7 +100,7 @@ def _of_all_frusta(c: Constants, given: Given, s: Stages, stage: int, hg: float,
     block, n = b.sweeps.block, c.cells
     for number in (R_I, R_O, CYCLE):
         row = given.scalars[number]
-        if moves(row):
+        if given.moves[number]:
             e = 1e-6 * (c.r_i if number == R_I else c.r_o if number == R_O else max(c.cycle, 1.0))
             field = 9 if number == R_I else 10 if number == R_O else 11
             for i in range(n):
@@ -114,19 +120,24 @@ def _of_ends(c: Constants, given: Given, inside_pa: float, b: Bench, rows: Rows)
     block, links, n = b.sweeps.block, b.links, c.cells
     tip, wrench = links.joint[n], block[n - 1]
     ux, uz = links.axis[n, 0], links.axis[n, 1]
-    add(2 * math.pi * c.r_i * inside_pa * ux, given.scalars[R_I], wrench[rows.beyond])
-    add(2 * math.pi * c.r_i * inside_pa * uz, given.scalars[R_I], wrench[rows.beyond + 1])
-    add(-tip[AX], given.scalars[M_TIP], wrench[rows.beyond])
-    add(-tip[AZ], given.scalars[M_TIP], wrench[rows.beyond + 1])
-    add(-tip[D_SPIN], given.scalars[I_TIP], wrench[rows.beyond + 2])
-    add(1.0, given.scalars[F_X], wrench[rows.beyond])
-    add(1.0, given.scalars[F_Z], wrench[rows.beyond + 1])
-    add(1.0, given.scalars[M_Y], wrench[rows.beyond + 2])
-    add(1.0, given.scalars[GRAVITY], block[0, rows.joint + AZ])
-    add(-c.g, given.scalars[PHI_0], block[0, rows.joint + AX])
-    if given.in_world:
-        add(1.0, given.scalars[PHI_0], block[0, rows.joint + ANGLE])
-    if moves(given.scalars[C3]):
+    if given.moves[R_I]:
+        add(2 * math.pi * c.r_i * inside_pa * ux, given.scalars[R_I], wrench[rows.beyond])
+        add(2 * math.pi * c.r_i * inside_pa * uz, given.scalars[R_I], wrench[rows.beyond + 1])
+    if given.moves[M_TIP]:
+        add(-tip[AX], given.scalars[M_TIP], wrench[rows.beyond])
+        add(-tip[AZ], given.scalars[M_TIP], wrench[rows.beyond + 1])
+    if given.moves[I_TIP]:
+        add(-tip[D_SPIN], given.scalars[I_TIP], wrench[rows.beyond + 2])
+    for x, number in enumerate((F_X, F_Z, M_Y)):
+        if given.moves[number]:
+            add(1.0, given.scalars[number], wrench[rows.beyond + x])
+    if given.moves[GRAVITY]:
+        add(1.0, given.scalars[GRAVITY], block[0, rows.joint + AZ])
+    if given.moves[PHI_0]:
+        add(-c.g, given.scalars[PHI_0], block[0, rows.joint + AX])
+        if given.in_world:
+            add(1.0, given.scalars[PHI_0], block[0, rows.joint + ANGLE])
+    if given.moves[C3]:
         for i in range(n):
             for x in range(c.active):
                 add(inside_pa, given.scalars[C3], block[i, rows.force + x])
@@ -172,6 +183,7 @@ def _by_constant(
 ) -> tuple[float, float]:
     """Derivative of a frustum's force and moment by a constant of a term, whose law alone is asked."""
     k, f = c.terms[i, j], frustum_at(c, b.motion, i, j)
+    over = 0.5 / e if memory < 0 else -0.5 / e  # a memory is minus the force
     zeta = phi = 0.0
     if memory >= 0:
         zeta, phi = s.known_memory[stage, i, j, memory, 0], s.known_memory[stage, i, j, memory, 1]
@@ -181,8 +193,7 @@ def _by_constant(
     k[at] = held - e
     force2, moment2 = law_of(term, f, k, zeta, phi, hg)
     k[at] = held
-    sign = 2 * e if memory < 0 else -2 * e  # a memory is minus the force
-    return (force - force2) / sign, (moment - moment2) / sign
+    return (force - force2) * over, (moment - moment2) * over
 
 
 @allocates_nothing
@@ -199,7 +210,8 @@ def _by_number(
     else:
         f, g = base_force(c, b.motion, i, j, number, e)
         f2, g2 = base_force(c, b.motion, i, j, number, -e)
-        force, moment = (f - f2) / (2 * e), (g - g2) / (2 * e)
+        over = 0.5 / e
+        force, moment = (f - f2) * over, (g - g2) * over
     if c.plain:
         return force, moment
     up, down, known = b.remembering[0], b.remembering[1], s.known_memory[stage, i, j]

@@ -17,6 +17,7 @@ from straw.model.integrate import between, fill_inside, fill_start
 from straw.model.scheme import STAGES
 from straw.model.stages import Limits, Stages, State, arrive, stages_for, work_for
 from straw.model.step import DONE, take_step
+from straw.model.sweeps import wide
 
 Floats = NDArray[np.float64]
 
@@ -57,9 +58,9 @@ def integrate_columns(
 
     ``linear`` are the constants to linearise at, see `straw.model.given`.
     """
-    n, P, sums = len(state.q), columns.q.shape[2], summed(table)
+    n, P, sums = len(state.q), len(columns.inside_pa), summed(table)
     s, w, b = stages_for(c, n), work_for(c, n), bench_for(linear, given, P)
-    before = Columns(columns.q.copy(), columns.v.copy(), columns.memory, columns.way_in, columns.inside_pa.copy())
+    before = Columns(columns.qv.copy(), columns.memory, columns.way_in, columns.inside_pa.copy())
     filled = fill_start(state, output_s, out.q, out.v, out.inside_pa)
     for at in range(filled):
         fill_columns(0.0, 1.0, before, columns, by, at)
@@ -69,7 +70,7 @@ def integrate_columns(
         if status != DONE:
             return status
         if P > 0:
-            before.q[:], before.v[:], before.inside_pa[:] = columns.q, columns.v, columns.inside_pa
+            before.qv[:], before.inside_pa[:] = columns.qv, columns.inside_pa
             advance_columns(linear, given, table, w.way, state, h, s, columns, b)
         new_s = limits.end_s if h == remaining else state.clock[0] + h
         start = filled
@@ -85,14 +86,16 @@ def integrate_columns(
 @allocates_nothing
 def fill_columns(x: float, h: float, start: Columns, end: Columns, by: OutputsBy, at: int) -> None:
     """Derivatives of the output that lies a share x into a step of h: those of what `fill_inside` does."""
-    cells, moving, P = end.q.shape
+    cells, P = len(end.qv), len(end.inside_pa)
+    W, moving = wide(P + 1), by.q.shape[1] // cells
     for p in range(P):
         by.inside_pa[at, p] = start.inside_pa[p] + x * (end.inside_pa[p] - start.inside_pa[p])
     for i in range(cells):
         for z in range(moving):
-            q0, v0, q1, v1 = start.q[i, z], start.v[i, z], end.q[i, z], end.v[i, z]
+            q, v = z * W, (moving + z) * W
+            q0, v0, q1, v1 = start.qv[i, q:], start.qv[i, v:], end.qv[i, q:], end.qv[i, v:]
             out = by.q[at, z * cells + i]
-            for p in range(P):
+            for p in range(np.uint64(P)):
                 out[p], _ = between(x, h, q0[p], v0[p], q1[p], v1[p])
 
 
@@ -119,7 +122,8 @@ def find_snaps(c: Constants, state: State, s: Stages, h: float, start: Columns, 
         n += 1
         by.snaps[0, 0] = n
         by.snaps[n, 0], by.snaps[n, 1], by.snaps[n, 2] = i, state.clock[0] + x * h, rate
-        for p in range(end.q.shape[2]):
-            z = c.active - 1
-            change, _ = between(x, h, start.q[i, z, p], start.v[i, z, p], end.q[i, z, p], end.v[i, z, p])
+        P = len(end.inside_pa)
+        q, v = (c.active - 1) * wide(P + 1), (3 * c.active - 1) * wide(P + 1)
+        for p in range(P):
+            change, _ = between(x, h, start.qv[i, q + p], start.qv[i, v + p], end.qv[i, q + p], end.qv[i, v + p])
             by.snaps_by[n, p] = -change / rate

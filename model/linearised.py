@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.model.body import I0, I1, L0, L1, L2, MASS, T0, T1, T2, X0, X1, X2, Body, second, shape_of
-from straw.model.compiled import allocates_nothing, called
+from straw.model.compiled import called, fused
 from straw.model.constants import Constants
 from straw.model.kinematics import Motion
 from straw.model.links import (
@@ -32,13 +32,14 @@ from straw.model.links import (
     Loads,
     X,
     Z,
+    force_on,
     loads_of,
 )
 
 Floats = NDArray[np.float64]
 
 
-@allocates_nothing
+@fused
 def _joint_changes(b: Body, p: Loads, ux: float, uz: float, spin: float, dims: int, g: Floats) -> None:
     """What the joint's own changes do to the body, one row a column; see `_rows` for what a row holds."""
     for d in range(dims):
@@ -54,7 +55,7 @@ def _joint_changes(b: Body, p: Loads, ux: float, uz: float, spin: float, dims: i
     g[D_SPIN, 3], g[D_SPIN, 4], g[D_SPIN, 5] = b.mass * b.x0, -b.mass * b.l0, -b.inertia
 
 
-@allocates_nothing
+@fused
 def _own_changes(b: Body, p: Loads, by: Floats, spin: float, d_spin: float, q: Floats, v: Floats, a: Floats) -> None:
     """What a coordinate of the cell does by its displacement, rate and acceleration, as in `_joint_changes`."""
     l0, l1, l2, x0, x1, x2, t0, t1, t2 = by[L0], by[L1], by[L2], by[X0], by[X1], by[X2], by[T0], by[T1], by[T2]
@@ -76,7 +77,7 @@ def _own_changes(b: Body, p: Loads, by: Floats, spin: float, d_spin: float, q: F
         v[x] = a[x] = 0.0
 
 
-@allocates_nothing
+@fused
 def _push_changes(b: Body, p: Loads, ux: float, uz: float, k: Floats, pushed: Floats, slots: int, g: Floats) -> None:
     """Add what the world's forces on a body do: by where it is and how it moves in the world, in axes that turn."""
     va, vb = p.v_u * ux + p.v_w * uz, p.v_u * uz - p.v_w * ux
@@ -95,7 +96,7 @@ def _push_changes(b: Body, p: Loads, ux: float, uz: float, k: Floats, pushed: Fl
         r[4] += fx * uz - fz * ux
 
 
-@allocates_nothing
+@fused
 def _rows(b: Body, p: Loads, ux: float, uz: float, s: Links, i: int, columns: int, moving: int) -> None:
     """A cell's own rows from what each column changes: the body's velocity along and across, its spin, its force along
     and across, its torque, its place along and across, its mass."""
@@ -112,7 +113,7 @@ def _rows(b: Body, p: Loads, ux: float, uz: float, s: Links, i: int, columns: in
             )
 
 
-@allocates_nothing
+@fused
 def _outer_joint(
     m: Motion, i: int, ux: float, uz: float, spin: float, d_spin: float, s: Links, dims: int, slots: int
 ) -> None:
@@ -155,7 +156,7 @@ def _outer_joint(
                 there[ANGLE, q] = 1.0
 
 
-@allocates_nothing
+@fused
 def _turn_base(base: Floats, dims: int, slots: int, matrix: Floats) -> None:
     """Add to the columns of phi_1, the third slot, what turning the cell about its base joint does."""
     q, v, a = dims + 2, dims + slots + 2, dims + 2 * slots + 2
@@ -179,11 +180,13 @@ def linearise(c: Constants, m: Motion, frusta: Floats, law: Floats, pushed: Floa
     dims, slots, moving = s.next.shape[1], len(s.slots), 2 * c.active
     if dims == JOINT and slots == 2 and moving == 2:  # sizes that the compiler knows: most straws, in half the time
         _linearise(c, m, frusta, law, pushed, s, JOINT, 2, 2)
+    elif dims == JOINT and slots == 3 and moving == 2:
+        _linearise(c, m, frusta, law, pushed, s, JOINT, 3, 2)
     else:
         _linearise(c, m, frusta, law, pushed, s, dims, slots, moving)
 
 
-@allocates_nothing
+@fused
 def _linearise(
     c: Constants, m: Motion, frusta: Floats, law: Floats, pushed: Floats, s: Links, dims: int, slots: int, moving: int
 ) -> None:
@@ -201,6 +204,10 @@ def _linearise(
         second(c, m, i, b, s.slots, s.by, p.f_u, p.f_w, p.torque, p.spin**2, s.second)
         s.wrench[i, 0], s.wrench[i, 1] = p.f_u * ux + p.f_w * uz, p.f_u * uz - p.f_w * ux
         s.wrench[i, 2] = p.torque + b.l0 * p.f_w - b.x0 * p.f_u
+        for x in range(slots):
+            s.force[i, x] = force_on(s.by[s.slots[x]], p)
+            if s.slots[x] == 2:  # phi_1 turns all of the cell
+                s.force[i, x] += s.wrench[i, 2]
         g = s.changes
         _joint_changes(b, p, ux, uz, spin, dims, g)
         for x in range(slots):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.model.body import I0, L0, MASS, T0, X0, Body, shape_of
-from straw.model.compiled import allocates_nothing, compiled
+from straw.model.compiled import compiled, fused
 from straw.model.constants import Constants
 from straw.model.kinematics import Motion
 
@@ -38,6 +38,7 @@ class Links(NamedTuple):
     wrench: Floats  # (cells, 3) force and moment about the base joint of the cell's own body
     axis: Floats  # (cells + 1, 2) of each cell after its first angle; the last is the tip's
     length: Floats  # (cells,)
+    force: Floats  # (cells, slots) of the cell's own body on its coordinates
     joint: Floats  # (cells + 1, JOINT_IN_WORLD) what each cell's base joint does; the last is the tip
     by: Floats  # (4, 12) scratch, see straw.model.body
     second: Floats  # (4, 4) scratch
@@ -57,6 +58,7 @@ def links_for(c: Constants, dims: int, extra: int) -> Links:
         np.zeros((n, 3)),
         np.zeros((n + 1, 2)),
         np.zeros(n),
+        np.zeros((n, len(slots))),
         np.zeros((n + 1, JOINT_IN_WORLD)),
         np.zeros((4, 12)),
         np.zeros((4, 4)),
@@ -78,7 +80,7 @@ class Loads(NamedTuple):
     torque: float
 
 
-@allocates_nothing
+@fused
 def loads_of(
     b: Body, base: Floats, ux: float, uz: float, spin: float, d_spin: float, pushed: Floats, in_world: bool
 ) -> Loads:
@@ -97,7 +99,14 @@ def loads_of(
     return Loads(v_u, v_w, a_u, a_w, turning, d_turning, f_u, f_w, torque)
 
 
-@allocates_nothing
+@fused
+def force_on(by: Floats, p: Loads) -> float:
+    """Generalised force of a body on a coordinate, by how its place, tilt, mass and inertia change with it."""
+    force = by[L0] * p.f_u + by[X0] * p.f_w + by[T0] * p.torque
+    return float(force + by[MASS] * (p.v_u**2 + p.v_w**2) / 2 + by[I0] * p.spin**2 / 2)
+
+
+@fused
 def own_loads(c: Constants, m: Motion, pushed: Floats, s: Links, out: Floats) -> None:
     """Each cell's body alone, where the joints move as in the links, for constants that may be others: into out
     (cells, 7) its wrench about the base joint and its force on zeta_1, zeta_2, phi_1, phi_2."""
@@ -110,14 +119,12 @@ def own_loads(c: Constants, m: Motion, pushed: Floats, s: Links, out: Floats) ->
         out[i, 2] = p.torque + b.l0 * p.f_w - b.x0 * p.f_u
         for at in range(len(s.slots)):
             slot = s.slots[at]
-            by = s.by[slot]
-            out[i, 3 + slot] = by[L0] * p.f_u + by[X0] * p.f_w + by[T0] * p.torque
-            out[i, 3 + slot] += by[MASS] * (p.v_u**2 + p.v_w**2) / 2 + by[I0] * p.spin**2 / 2
+            out[i, 3 + slot] = force_on(s.by[slot], p)
         if c.active == 2:
             out[i, 5] += out[i, 2]  # phi_1 turns all of the cell
 
 
-@allocates_nothing
+@fused
 def pushed_loads(c: Constants, m: Motion, load: Floats, s: Links, out: Floats) -> None:
     """What forces and torques on the cells' bodies, load (cells + 1, 3), hand on, in the way of `own_loads`."""
     for i in range(c.cells):

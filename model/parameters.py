@@ -14,10 +14,11 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from straw.model import plugged
 from straw.model.constants import Constants
 from straw.model.elasticity import EQUATION_7, SHIPPED, elasticity_of
 from straw.model.errors import ModelError
-from straw.model.terms import COLUMNS, DEFAULTS, TERMS, WIDTH
+from straw.model.terms import COLUMNS, DEFAULTS, ORIGINS, TERMS, WIDTH
 from straw.model.terms.shell_energy import ROW
 
 Floats = NDArray[np.float64]
@@ -246,9 +247,17 @@ class StrawParameters:
                     )
         return packed
 
+    @property
+    def laws(self) -> dict[str, str]:
+        """What a recording says of laws of somebody's own that are in this straw: name and SHA-256; {} without any."""
+        told = [f"{name} {ORIGINS[name].sha256}" for name in self.terms if name in ORIGINS]
+        return {"laws": ", ".join(told)} if told else {}
+
     def to_toml(self) -> str:
         """The straw as the text of a straw file; `straw_from_toml` reads it back exactly."""
         lines = []
+        if laws := sorted({ORIGINS[name].as_toml() for name in self.terms if name in ORIGINS}):
+            lines.append(f"laws = [{', '.join(laws)}]")
         for f in fields(self):
             value = getattr(self, f.name)
             if isinstance(value, Mapping):
@@ -274,6 +283,8 @@ def straw_from_toml(text: str, name: str = "straw file", folder: Path | None = N
         table: Mapping[str, Any] = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ModelError(f"{name}: not TOML: {error}") from None
+    _check_laws(table.get("laws", []), folder or Path(), name)
+    table = {key: value for key, value in table.items() if key != "laws"}
     known = {f.name: f.type for f in fields(StrawParameters)}
     for key, value in table.items():
         if key not in known:
@@ -293,10 +304,29 @@ def straw_from_toml(text: str, name: str = "straw file", folder: Path | None = N
         raise ModelError(f"{name}: {error}") from None
 
 
-def load_straw(path: Path | None) -> StrawParameters:
+def _check_laws(given: object, folder: Path, name: str) -> None:
+    """Raise ModelError unless the laws that a straw file names are part of the model, unchanged."""
+    loaded = {origin.sha256 for origin in ORIGINS.values()}
+    for path, sha256 in plugged.laws_of(given, folder, name):
+        if sha256 in loaded:
+            continue
+        if sha256 and (path is None or not path.exists() or plugged.sha256_of(path) != sha256):
+            what = f"{path} has changed since or is gone" if path else "the package is another version or not installed"
+            raise ModelError(
+                f"{name}: made with a law of SHA-256 {sha256[:12]}...: {what}; take it back, or leave out sha256"
+            )
+        if path and plugged.sha256_of(path) not in loaded:
+            raise ModelError(
+                f"{name}: its law {path} is not part of the model that is loaded; give --laws {path}, or call "
+                f"straw.add_laws({str(path)!r}) before anything else"
+            )
+
+
+def load_straw(path: str | Path | None = None) -> StrawParameters:
     """The straw in a TOML file, the paper's for None; ModelError where it cannot be read or is not a straw."""
     if path is None:
         return StrawParameters()
+    path = Path(path)
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

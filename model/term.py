@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from straw.model.errors import ModelError
+
 Floats = NDArray[np.float64]
 
 #: No row of `straw.model.terms.shell_energy`.
@@ -62,17 +64,31 @@ class Term:
     """
 
     name: str  # the cause's name in the contract, if it is one
-    kind: str
     law: str
     source: str
-    strengths: tuple[str, ...]
     constants: tuple[Constant, ...]
     force: Any = None
     energy: Any = None
+    kind: str = "frustum"
+    strengths: tuple[str, ...] = ()  # the first constant, where none is named
     rising: tuple[tuple[str, ...], ...] = ()  # constants that are points of a table: each beyond the one before
     cause: bool = True  # one of the contract's; a table stands for what none of them explains
 
     def __post_init__(self) -> None:
-        names = [c.name for c in self.constants]
-        assert set(self.strengths) <= set(names), f"{self.name}: a strength is not among its constants"
-        assert all(c.default == 0 for c in self.constants if c.name in self.strengths), f"{self.name}: not zero"
+        names = [c.name for c in self.constants if isinstance(c, Constant)]
+        if not names:
+            raise ModelError(f"law {self.name}: has no constants; its strength is one, straw.Constant(name, unit, ...)")
+        object.__setattr__(self, "strengths", tuple(self.strengths) or (names[0],))
+        object.__setattr__(self, "constants", tuple(self.constants))
+        for name in self.strengths:
+            if name not in names:
+                raise ModelError(f"law {self.name}: strength {name} is not among its constants {', '.join(names)}")
+        for c in self.constants:
+            if isinstance(c, Constant) and c.name in self.strengths and c.default != 0:
+                raise ModelError(
+                    f"law {self.name}: strength {c.name} is {c.default} by default; it must be 0: not there"
+                )
+
+
+#: What `straw.Law` is.
+Law = Term

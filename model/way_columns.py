@@ -13,6 +13,7 @@ from straw.model.given import AREA, Given
 from straw.model.stages import Stages
 from straw.model.straw import volume_rate
 from straw.model.sweeps import Rows
+from straw.model.vectors import plus
 
 Floats = NDArray[np.float64]
 
@@ -21,8 +22,8 @@ Floats = NDArray[np.float64]
 def advance_way(
     c: Constants, given: Given, w: Channel, s: Stages, stage: int, hg: float, d: Columns, b: Bench, rows: Rows
 ) -> None:
-    """Close the loop through the way in: the pressure inside and the states of the way in, and all accelerations."""
-    P, n = d.q.shape[2], c.cells
+    """Close the loop through the way in: the pressure inside, also into the bench, and the states of the way in."""
+    P, n = len(d.inside_pa), c.cells
     inside_pa, flow, known = s.inside_pa[stage], s.way_in[stage, 1], s.known_way_in[stage]
     slopes = way_slopes(w, hg, inside_pa, flow)
     per_pa = 0.0
@@ -30,12 +31,13 @@ def advance_way(
         for x in range(c.active):
             per_pa += c.S * hg * b.found[i, x, P]
     rate = volume_rate(c, s.v[stage]) / c.S
-    for p in range(P):
-        total = rate * given.scalars[AREA, p]
-        for i in range(n):
-            for x in range(c.active):
-                total += c.S * (b.sweeps.block[i, rows.v + x, p] + hg * b.found[i, x, p])
-        b.flow[p] = total
+    for p in range(np.uint64(len(b.flow))):
+        b.flow[p] = 0.0
+    for i in range(n):
+        for x in range(c.active):
+            plus(b.flow, c.S, b.sweeps.block[i, rows.v + x], b.flow)
+            plus(b.flow, c.S * hg, b.found[i, x], b.flow)
+    add(rate, given.scalars[AREA], b.flow[:P])
     reservoir_pa, time_s = s.way_in[stage, 0], w.lag_s + hg
     for p in range(P):
         way = given.way[:, p]
@@ -48,12 +50,9 @@ def advance_way(
         # inside = at_rest - resists Q,  Q = V' + (known gas - gas) / hg,  gas and V' in turn by the pressure inside
         still = b.flow[p] + (b.known_way_in[2, p] - gas) / hg
         inside = (at_rest - slopes.resists * still) / (1 + slopes.resists * (per_pa - slopes.gas / hg))
-        d.inside_pa[p] = inside
+        d.inside_pa[p] = b.inside_pa[p] = inside
         passes = still + (per_pa - slopes.gas / hg) * inside
         b.now_way_in[1, p] = passes
         b.now_way_in[0, p] = slopes.reservoir * b.known_way_in[0, p] + slopes.external * b.external[p]
         b.now_way_in[0, p] += lag / time_s - slopes.drain * passes
         b.now_way_in[2, p] = gas + slopes.gas * inside
-    for i in range(n):
-        for x in range(2 * c.active):
-            add(b.found[i, x, P], d.inside_pa, b.found[i, x])

@@ -19,6 +19,7 @@ TAKEN = (
     "cycles",
     "missed_readings",
     "channel",
+    "laws",
 )
 MAY_BE_GIVEN = ("operator", "note")
 

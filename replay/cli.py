@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from typing import NoReturn
 
+from straw.model.plugged import add_laws, laws_named_in, straw_of_rig
 from straw.replay.errors import USER_ERRORS
 from straw.replay.shell.options import design_options, shell_options, solid_options
 from straw.replay.tables.options import export_options, import_options
@@ -207,13 +208,31 @@ def parser() -> argparse.ArgumentParser:
     p = _command(commands, "diagnose", "locate what differs, name what was left out, model it, show the fit improve")
     p.add_argument("runs", type=Path, nargs="+", metavar="RUN.mcap", help="runs of one specimen, and their tracks")
     _straw(p, "the base model; its own constants are refitted")
+    p.add_argument("--system", type=Path, metavar="S.py", help="a system of your own, of tables of readings")
+    p.add_argument(
+        "--hold-out",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="NAME",
+        help="recordings no fit sees (of a system)",
+    )
+    p.add_argument(
+        "--given", action="append", default=[], metavar="C=VALUE,LOW,HIGH", help="a constant known better than the file"
+    )
+    p.add_argument(
+        "--tolerance",
+        metavar="x=0.1mm,phi=2mrad",
+        help="what may remain (RMS), by channel or as a share of the motion: 2%%",
+    )
     p.add_argument("--report", type=Path, metavar="R.html", help="one page, from the verdict to the evidence")
     p.add_argument("-o", "--output", type=Path, metavar="S.toml", help="the improved straw")
     p.add_argument("--experiment", type=Path, metavar="P.toml", help="the protocol that would tell what survives")
     p.add_argument(
         "--without", nargs="+", action="extend", default=[], metavar="CAUSE", help="leave causes out of the library"
     )
-    p.add_argument("--thorough", action="store_true", help="fit every cause from every start, more pairs: slow")
+    p.add_argument("--jobs", type=int, default=2, metavar="N", help="threads (2)")
+    p.add_argument("--dask", metavar="ADDRESS", help="a Dask scheduler to send the work to")
     p.add_argument("--partial", action="store_true", help="take damaged or cut recordings for what is left of them")
     _json(p)
 
@@ -236,6 +255,11 @@ def parser() -> argparse.ArgumentParser:
     p = _command(commands, "solid", "the straw as a body for a printer (STL) or a mould (STEP)")
     solid_options(p)
     _straw(p)
+
+    p = _command(commands, "check", "a law, or another part of your own: does it do what it must, in one line")
+    p.add_argument("part", type=Path, metavar="PART.py", help="a LAW, a CONTROLLER, or a system")
+    p.add_argument("--run", action="store_true", help="run the straw with the law as well: compiles, a minute or two")
+    _json(p)
 
     p = _command(commands, "terms", "the laws that can be added to a straw, and what each does to the paper's two runs")
     _json(p)
@@ -336,7 +360,9 @@ def _rig(p: argparse.ArgumentParser) -> None:
 
 
 def _controller(p: argparse.ArgumentParser, default: str | None = "ob1-mk4") -> None:
-    p.add_argument("--controller", default=default, metavar="NAME", help="ob1-mk4 (default), ob1-sdk or alicat")
+    p.add_argument(
+        "--controller", default=default, metavar="NAME", help="ob1-mk4 (default), ob1-sdk, alicat, or a file D.py"
+    )
     p.add_argument("--limits", metavar="MIN,MAX[,RATE]", help="in kPa, kPa/s, below all else: --limits=-40,60,50")
     p.add_argument("--setting", action="append", default=[], metavar="KEY=VALUE", help="of the driver, as unit=B")
 
@@ -344,7 +370,9 @@ def _controller(p: argparse.ArgumentParser, default: str | None = "ob1-mk4") -> 
 def _port(p: argparse.ArgumentParser) -> None:
     p.add_argument("--port", metavar="URL", help="serial port, by-id path, or socket://host:port (all that are known)")
     p.add_argument(
-        "--controller", metavar="NAME", help="ob1-mk4, ob1-sdk or alicat (what was driven there, or ob1-mk4)"
+        "--controller",
+        metavar="NAME",
+        help="ob1-mk4, ob1-sdk, alicat or D.py (what was driven there, or ob1-mk4)",
     )
     p.add_argument("--setting", action="append", default=[], metavar="KEY=VALUE", help="of the driver, as unit=B")
     p.set_defaults(action=p.prog.split()[-1], limits=None)
@@ -374,6 +402,9 @@ def _command(
 
 def _straw(p: argparse.ArgumentParser, text: str = "the straw") -> None:
     p.add_argument("--straw", type=Path, metavar="S.toml", help=f"{text}: constants that differ from the paper's")
+    p.add_argument(
+        "--laws", type=Path, nargs="+", default=[], metavar="L.py", help="laws of your own, beside those it names"
+    )
 
 
 def _identified(p: argparse.ArgumentParser) -> None:
@@ -387,10 +418,23 @@ def _json(p: argparse.ArgumentParser) -> None:
     p.add_argument("--json", type=Path, metavar="FILE", help="the result for machines")
 
 
+def plug(args: argparse.Namespace) -> None:
+    """Make laws of the user's own part of the model, before a command loads it: those named, and the straw file's."""
+    straw, rig = getattr(args, "straw", None), getattr(args, "rig", None)
+    named = [*getattr(args, "laws", [])]
+    if isinstance(rig, Path) and straw is None:
+        straw = straw_of_rig(rig)
+    if isinstance(straw, Path):
+        named += laws_named_in(straw)
+    if named:
+        add_laws(*named)
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run one command; 0 ok, 1 the answer is no, 2 bad input in one line, 130 interrupted."""
     args = parser().parse_args(argv)
     try:
+        plug(args)
         return int(importlib.import_module(f"straw.replay.commands.{args.module}").run(args))
     except USER_ERRORS as error:
         print(f"straw: {' '.join(str(error).split())}", file=sys.stderr)

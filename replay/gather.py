@@ -34,7 +34,7 @@ def gather(paths: Sequence[Path], *, partial: bool = False) -> list[Run]:
     for run in read:
         if (same := by_sha.setdefault(run.sha256, run)) is not run:
             raise ReplayError(f"{run.path}: the same recording as {same.path}; give it once, or it counts twice")
-    joined: set[str] = set()
+    beside: set[str] = set()
     tracked: set[str] = set()
     for run in read:
         parent = by_sha.get(run.metadata.get("parent_sha256", ""))
@@ -43,25 +43,32 @@ def gather(paths: Sequence[Path], *, partial: bool = False) -> list[Run]:
         if parent.sha256 in tracked:
             raise ReplayError(f"{run.path}: a second track of {parent.path}; give one of them at a time")
         tracked.add(parent.sha256)
-        shift_s = (run.zero_time_ns - parent.zero_time_ns) / 1e9
-        by_sha[parent.sha256] = dataclasses.replace(
-            by_sha[parent.sha256],
-            tip=_shifted(run.tip, shift_s),
-            attachments={**by_sha[parent.sha256].attachments, **run.attachments},
-            lost=(*by_sha[parent.sha256].lost, *run.lost),
-        )
-        joined.add(run.sha256)
-    runs = [run for sha, run in by_sha.items() if sha not in joined]
+        by_sha[parent.sha256] = joined(by_sha[parent.sha256], run)
+        beside.add(run.sha256)
+    runs = [run for sha, run in by_sha.items() if sha not in beside]
     for run in runs:
-        _check(run)
+        check_run(run)
     return runs
+
+
+def joined(run: Run, track: Run) -> Run:
+    """A run with the tip of a track that was derived from it, on the run's clock; ReplayError where it was not."""
+    if track.tip is None or track.metadata.get("parent_sha256") != run.sha256:
+        raise ReplayError(f"{track.path}: is no track of {run.path}; give the track that was made with it as --run")
+    return dataclasses.replace(
+        run,
+        tip=_shifted(track.tip, (track.zero_time_ns - run.zero_time_ns) / 1e9),
+        attachments={**run.attachments, **track.attachments},
+        lost=(*run.lost, *track.lost),
+    )
 
 
 def _shifted(tip: TipTrace, shift_s: float) -> TipTrace:
     return tip if shift_s == 0 else dataclasses.replace(tip, time_s=tip.time_s + shift_s)
 
 
-def _check(run: Run) -> None:
+def check_run(run: Run) -> Run:
+    """The run, if it can be compared with a prediction; ReplayError saying what it lacks."""
     if run.pressure is None:
         tracked = bool(run.metadata.get("parent_sha256"))
         cure = "give the run it was tracked from as well" if tracked else "give a run that recorded it"
@@ -74,3 +81,4 @@ def _check(run: Run) -> None:
         )
     if np.count_nonzero(run.tip.valid) < 2:
         raise ReplayError(f"{run.path}: only one valid tip sample; nothing to compare")
+    return run

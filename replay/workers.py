@@ -3,11 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import get_context
 
 from straw.replay.errors import ReplayError
+
+
+@contextmanager
+def threads(jobs: int, dask: str | None = None) -> Iterator[Executor]:
+    """An executor for what the compiled model does, which releases the GIL: threads here, or a Dask cluster."""
+    if dask:
+        with workers(1, dask) as executor:
+            assert executor is not None
+            yield executor
+        return
+    with ThreadPoolExecutor(max(1, jobs)) as pool:
+        yield pool
 
 
 @contextmanager

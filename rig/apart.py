@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from pathlib import Path
 
-# The directory this package came from, wherever that is: the other process must run the same code.
-START = "import sys; sys.path.insert(0, {folder!r}); from {module} import main; main()"
+# The other process must run the same code, wherever this one has it from, and nobody's file of the working directory
+# in place of a module: hence this process's own path, less that directory.
+START = "import sys; sys.path[:] = {path!r}; from {module} import main; main()"
 
 
 def start_apart(module: str, *, answers: bool) -> subprocess.Popen[bytes]:
@@ -19,7 +19,7 @@ def start_apart(module: str, *, answers: bool) -> subprocess.Popen[bytes]:
 
     def started(flags: int) -> subprocess.Popen[bytes]:
         return subprocess.Popen(
-            [sys.executable, "-c", START.format(folder=str(Path(__file__).parents[1]), module=module)],
+            [sys.executable, "-P", "-c", START.format(path=[p for p in sys.path if p], module=module)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE if answers else subprocess.DEVNULL,
             stderr=None if answers else subprocess.DEVNULL,

@@ -10,10 +10,13 @@ import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib import metadata
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, final
 
+from straw.model.errors import ModelError
+from straw.model.plugged import module_of, said
 from straw.rig.clock import Clock
 from straw.rig.errors import LimitError, LinkLostError, RigError
 from straw.rig.limits import STRAW_LIMITS, Leash, PressureLimits
@@ -24,7 +27,7 @@ from straw.rig.reading import Answer, Command, Reading, Stamp
 class Controller(ABC):
     """A pressure controller. Channels are numbered from 1; pressures are gauge, in Pa.
 
-    A driver is one file in ``rig/controllers`` that ends in ``CONTROLLER = ItsClass`` and fills in the methods with an
+    A driver is one file, here or anybody's own, that ends in ``CONTROLLER = ItsClass`` and fills in the methods with an
     underscore. Every set passes ``set_pressure``, which no driver overrides: nothing beyond ``limits`` can reach the
     wire. ``open`` vents, so that the state is known; ``close`` vents, so that nothing stays under pressure.
     """
@@ -268,22 +271,61 @@ class Controller(ABC):
         }
 
 
+GROUP = "straw.controllers"
+
+
 def controller_names() -> tuple[str, ...]:
-    """Names that ``make_controller`` knows: one for each file in ``rig/controllers``."""
+    """Names that ``make_controller`` knows: of the files in ``rig/controllers``, and of installed packages."""
     import straw.rig.controllers
 
-    return tuple(
-        sorted(module.name.replace("_", "-") for module in pkgutil.iter_modules(straw.rig.controllers.__path__))
-    )
+    own = {module.name.replace("_", "-") for module in pkgutil.iter_modules(straw.rig.controllers.__path__)}
+    return tuple(sorted(own | {entry.name for entry in metadata.entry_points(group=GROUP)}))
 
 
 def make_controller(name: str, port: str, **settings: Any) -> Controller:
-    """The controller called ``name`` on ``port``, not opened yet; settings as its class takes them."""
-    if name not in controller_names():
-        raise RigError(f"controller {name!r} is unknown; known: {', '.join(controller_names())}")
-    driver = importlib.import_module(f"straw.rig.controllers.{name.replace('-', '_')}")
+    """The controller called ``name`` on ``port``, not opened yet; settings as its class takes them.
+
+    ``name`` is one of `controller_names`, or the file of a driver (``my_controller.py``).
+    """
     try:
-        made: Controller = driver.CONTROLLER(port, **settings)
+        return driver_of(name)(port, **settings)
     except TypeError as error:
         raise RigError(f"controller {name}: {error}; its docstring names the settings it takes") from None
-    return made
+
+
+def driver_of(name: str) -> Callable[..., Controller]:
+    """The driver of a controller, by its name or file; RigError where there is none, or where it is none."""
+    if name.endswith(".py"):
+        return driver_in(Path(name).resolve())
+    if name not in controller_names():
+        raise RigError(f"controller {name!r} is unknown; known: {', '.join(controller_names())}, or a file D.py")
+    for entry in metadata.entry_points(group=GROUP):
+        if entry.name == name:
+            try:
+                given = entry.load()
+            except Exception as error:
+                raise RigError(f"controller {name} of an installed package: {said(error)}; mend the package") from None
+            return checked_driver(getattr(given, "CONTROLLER", given), f"controller {name} = {entry.value}")
+    own = importlib.import_module(f"straw.rig.controllers.{name.replace('-', '_')}")
+    driver: Callable[..., Controller] = own.CONTROLLER
+    return driver
+
+
+def driver_in(path: Path) -> type[Controller]:
+    """The driver that a file gives as CONTROLLER; RigError, one line, where it gives none that can be used."""
+    try:
+        module = module_of(path, "controller")
+    except ModelError as error:
+        raise RigError(str(error)) from None
+    return checked_driver(getattr(module, "CONTROLLER", None), str(path))
+
+
+def checked_driver(driver: object, where: str) -> type[Controller]:
+    """A driver's class, if it has all a driver needs; RigError saying what it lacks."""
+    if not (isinstance(driver, type) and issubclass(driver, Controller)):
+        raise RigError(f"{where}: CONTROLLER = {driver!r}; expected a class made of straw.Controller")
+    if lacking := sorted(driver.__abstractmethods__):
+        raise RigError(f"{where}: {driver.__name__} lacks {', '.join(lacking)}; see straw.Controller")
+    if not isinstance(getattr(driver, "name", None), str):
+        raise RigError(f"{where}: {driver.__name__} has no name; give it one, as it stands on record")
+    return driver

@@ -6,10 +6,14 @@ import importlib
 import pkgutil
 import threading
 from collections.abc import Callable, Mapping
+from importlib import metadata
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 import straw.rig.emulators
+from straw.model.errors import ModelError
+from straw.model.plugged import module_of, said
 from straw.rig.clock import Clock, SteppedClock
 from straw.rig.emulator import Emulator
 from straw.rig.errors import RigError
@@ -104,12 +108,35 @@ class Emulation:
             self.twin.stop()
 
 
+GROUP = "straw.emulators"
+
+
 def emulator_of(name: str) -> Callable[..., Emulator]:
-    """The emulator of a controller's name; RigError with the known ones where there is none."""
+    """The emulator of a controller, by its name or by a file that gives an EMULATOR; RigError where there is none."""
+    if name.endswith(".py"):
+        try:
+            module = module_of(Path(name).resolve(), "emulator")
+        except ModelError as error:
+            raise RigError(str(error)) from None
+        return _checked(getattr(module, "EMULATOR", None), name)
+    for entry in metadata.entry_points(group=GROUP):
+        if entry.name == name:
+            try:
+                given = entry.load()
+            except Exception as error:
+                raise RigError(f"emulator {name} of an installed package: {said(error)}; mend the package") from None
+            return _checked(getattr(given, "EMULATOR", given), f"{name} = {entry.value}")
     try:
-        module = importlib.import_module(f"straw.rig.emulators.{name.replace('-', '_')}")
+        own = importlib.import_module(f"straw.rig.emulators.{name.replace('-', '_')}")
     except ModuleNotFoundError:
-        known = [module.name.replace("_", "-") for module in pkgutil.iter_modules(straw.rig.emulators.__path__)]
+        known = {module.name.replace("_", "-") for module in pkgutil.iter_modules(straw.rig.emulators.__path__)}
+        known |= {entry.name for entry in metadata.entry_points(group=GROUP)}
         raise RigError(f"controller {name!r} has no emulator; known: {', '.join(sorted(known))}") from None
-    made: Callable[..., Emulator] = module.EMULATOR
+    made: Callable[..., Emulator] = own.EMULATOR
+    return made
+
+
+def _checked(made: object, where: str) -> Callable[..., Emulator]:
+    if not callable(made):
+        raise RigError(f"{where}: has no EMULATOR; a file may give CONTROLLER and EMULATOR, see rig/emulators")
     return made

@@ -45,6 +45,8 @@ class GuardedController(Controller):
         remembered: bool = True,
         **settings: Any,
     ) -> None:
+        if name.endswith(".py"):
+            name = str(Path(name).resolve())  # the guardian may be started elsewhere
         driver = make_controller(name, port, **settings)  # checks the settings here; it is opened over there only
         self.name, self.port, self.span = driver.name, port, driver.span
         self.resolution_pa, self.byte_s = driver.resolution_pa, driver.byte_s
@@ -96,7 +98,7 @@ class GuardedController(Controller):
 
     def _remember(self, guardian_pid: int) -> None:
         if self._remembered:
-            remember(self.port, self.name, self._orders.settings, guardian_pid)
+            remember(self.port, self._orders.name, self._orders.settings, guardian_pid)
             self._is_remembered = True
 
     def _send(self, channel: int, pressure_pa: float) -> bytes:

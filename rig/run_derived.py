@@ -29,7 +29,7 @@ def write_tip(
     ``metadata`` is what the parent's ``straw.run`` says (``Run.metadata``) plus whatever the tracker adds. In derived
     files log_time equals publish_time, so that viewers, which sort by log_time, lay them over the raw run.
     """
-    _write_derived(path, metadata, parent_sha256, zero_time_ns, {"/tip/state": tip_columns(trace)})
+    write_columns(path, metadata, parent_sha256, zero_time_ns, {"/tip/state": tip_columns(trace)})
 
 
 def write_prediction(
@@ -56,7 +56,7 @@ def write_prediction(
             "pressure_pa": pressure_pa,
             "sigma_pa": np.full(len(pressure_pa), np.nan),
         }
-    _write_derived(path, {**metadata, "model": model_name}, parent_sha256, zero_time_ns, columns)
+    write_columns(path, {**metadata, "model": model_name}, parent_sha256, zero_time_ns, columns)
 
 
 def tip_columns(trace: TipTrace) -> dict[str, Any]:
@@ -64,13 +64,14 @@ def tip_columns(trace: TipTrace) -> dict[str, Any]:
     return {name: getattr(trace, name) for name in ("time_s", *(field for field, *_ in schema_of("/tip/state").fields))}
 
 
-def _write_derived(
+def write_columns(
     path: str | Path,
     metadata: Mapping[str, str],
     parent_sha256: str,
     zero_time_ns: int,
     topics: Mapping[str, Mapping[str, Any]],
 ) -> None:
+    """Write columns (n,) of several topics, each with its ``time_s`` from ``zero_time_ns`` first, in order of time."""
     messages: list[tuple[int, str, bytes]] = []
     for topic, columns in topics.items():
         lists = {name: np.asarray(column).tolist() for name, column in columns.items()}

@@ -16,10 +16,11 @@ from straw.replay.demo.campaign import PLANS, Filmed, record
 from straw.replay.demo.conceal import Seal, draw, opened, story
 from straw.replay.demo.film import lens_alone
 from straw.replay.diagnose.diagnosis import inquire
-from straw.replay.diagnose.figures import Held
 from straw.replay.diagnose.findings import Findings, conclude
-from straw.replay.diagnose.observation import observe
+from straw.replay.diagnose.heldout import Held
 from straw.replay.diagnose.report import report
+from straw.replay.diagnose.systems.straw.observation import observe
+from straw.replay.diagnose.systems.straw.system import StrawSystem
 from straw.replay.errors import ReplayError
 from straw.replay.gather import gather
 from straw.replay.output import write_json, write_text
@@ -62,10 +63,10 @@ def run(args: argparse.Namespace) -> int:
     runs = gather([path for one in filmed for path in (one.recording, one.tip)])
     findings, why = diagnosed(runs)
     write_text(out / "why.html", why)
-    write_text(out / "improved.toml", findings.straw.to_toml())
+    write_text(out / "improved.toml", findings.written["straw"])
 
     say("6/6 replay: the improved model under the measured pressure, laid over the tracks")
-    comparisons = [compare(one, findings.straw) for one in runs]
+    comparisons = [compare(one, findings.model) for one in runs]
     before = compare(runs[0], BASE)
     with progress_bar("proxy", "frame") as progress:
         shown = film_proxy(comparisons[0], [filmed[0].video], progress=progress)
@@ -95,7 +96,7 @@ def diagnosed(runs: list[Run]) -> tuple[Findings, str]:
     with ThreadPoolExecutor() as pool, progress_bar("diagnose", "step") as progress:
         found = inquire(
             [observe(one) for one in runs],
-            BASE,
+            StrawSystem(BASE),
             executor=pool,
             told=lambda _what, done, total: progress(done, total),
             stop=lambda: time.monotonic() > until_s,

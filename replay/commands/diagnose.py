@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 
 from straw.model.parameters import load_straw
 from straw.replay.diagnose import figures
 from straw.replay.diagnose.diagnosis import inquire
 from straw.replay.diagnose.findings import Findings, conclude
-from straw.replay.diagnose.library import causes
-from straw.replay.diagnose.observation import observe
 from straw.replay.diagnose.report import report
+from straw.replay.diagnose.system import Channel, System
+from straw.replay.diagnose.systems.straw.observation import observe
+from straw.replay.diagnose.systems.straw.system import StrawSystem
+from straw.replay.diagnose.tolerance import parse_tolerance
 from straw.replay.errors import ReplayError
 from straw.replay.gather import gather
 from straw.replay.output import check_new, write_json, write_text
 from straw.replay.progress import prepare, progress_bar, say
+from straw.replay.workers import threads
 from straw.rig.interrupts import Interrupts
 from straw.rig.run import Run
 
@@ -26,11 +28,14 @@ SHOWN = 6
 
 def run(args: argparse.Namespace) -> int:
     """Diagnose; 0 when nothing is missing, 1 when something is, is not told apart, or is unknown."""
+    if args.system:
+        from straw.replay.commands import diagnose_system
+
+        return diagnose_system.run(args)
     straw = load_straw(args.straw)
-    library = [name for name in causes(straw.cells) if name not in args.without]
-    for name in args.without:
-        if name not in causes(straw.cells):
-            raise ReplayError(f"--without {name}: no such cause; known: {', '.join(causes(straw.cells))}")
+    system = StrawSystem(straw)
+    library = chosen(system, args.without)
+    tolerance = parse_tolerance(args.tolerance, system.channels) if args.tolerance else None
     for path in (args.output, args.experiment):
         if path:
             check_new(path)
@@ -39,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
     observations = [observe(one) for one in runs]
     prepare()
     with (
-        ThreadPoolExecutor() as pool,
+        threads(args.jobs, args.dask) as pool,
         progress_bar("diagnose", "step") as update,
         Interrupts() as interrupts,
     ):
@@ -49,19 +54,18 @@ def run(args: argparse.Namespace) -> int:
 
         found = inquire(
             observations,
-            straw,
+            system,
             library=library,
             executor=pool,
-            thorough=args.thorough,
             told=told,
             stop=lambda: interrupts.pending is not None,
         )
-        findings = conclude(found, _about(runs), told)
+        findings = conclude(found, _about(runs), told, tolerance=tolerance)
         page = report(findings, found) if args.report else ""
-    print(text(findings))
+    print(text(findings, system.channels))
     written = []
     if args.output:
-        write_text(args.output, findings.straw.to_toml())
+        write_text(args.output, findings.written["straw"])
         written.append(args.output)
     if args.experiment:
         if findings.experiment is None:
@@ -77,7 +81,15 @@ def run(args: argparse.Namespace) -> int:
         written.append(args.json)
     if written:
         print(f"\nlook at {', '.join(map(str, written))}")
-    return 0 if findings.verdict == "complete" else 1
+    return 0 if findings.verdict in ("complete", "within_tolerance") else 1
+
+
+def chosen(system: System, without: Sequence[str]) -> list[str]:
+    """The causes that are tried: all but some; ReplayError for one that there is not."""
+    for name in without:
+        if name not in system.causes:
+            raise ReplayError(f"--without {name}: no such cause; known: {', '.join(system.causes)}")
+    return [name for name in system.causes if name not in without]
 
 
 def check_campaign(runs: Sequence[Run], cells: int) -> None:
@@ -94,7 +106,7 @@ def check_campaign(runs: Sequence[Run], cells: int) -> None:
             raise ReplayError(f"{one.path}: recorded on {one.cells} cells, the straw has {cells}; give its --straw")
 
 
-def text(f: Findings) -> str:
+def text(f: Findings, channels: Sequence[Channel]) -> str:
     """Findings for a terminal: the verdict first."""
     lines = [f.says, f.where, ""]
     for name, p in list(f.judgement.probability.items())[:SHOWN]:
@@ -108,9 +120,17 @@ def text(f: Findings) -> str:
             lines.append(f"  as a formula: {f.missing.formula.text}; keeps {keeps:.0f} % of what the curve gains")
     if f.held:
         lines.append(f"fitted without {', '.join(f.held.heldout)}, there (RMS):")
-        for channel, unit, scale in (("x_m", "mm", 1e3), ("z_m", "mm", 1e3), ("phi_rad", "mrad", 1e3)):
-            before, after, floor = (scale * row[channel] for row in (f.held.before, f.held.after, f.held.floor))
-            lines.append(f"  {channel.split('_')[0]:<4} {before:8.3f} -> {after:8.3f} {unit}, noise {floor:.3f} {unit}")
+        for channel in channels:
+            held = (f.held.before, f.held.after, f.held.floor)
+            before, after, floor = (channel.shown_per_si * row[channel.name] for row in held)
+            unit = channel.shown_unit
+            lines.append(f"  {channel.short:<4} {before:8.3f} -> {after:8.3f} {unit}, noise {floor:.3f} {unit}")
+        for one in f.held.explained():
+            shares = ", ".join(f"{100 * share:.0f} % in {channel}" for channel, share in one["share"].items())
+            lines.append(f"  {one['cause'].replace('_', ' ')} explains {shares} of the mean squared misfit above noise")
+        left = f.held.remainder
+        rest = [f"{c.short} {c.shown_per_si * left[c.name]:.3g} {c.shown_unit}" for c in channels]
+        lines.append(f"  what remains above noise: {', '.join(rest)} RMS")
     if f.smallest:
         lines.append("the smallest effects that would have been seen:")
         lines += [f"  {cause.replace('_', ' ')}: {size}" for cause, size in sorted(f.smallest.items())]

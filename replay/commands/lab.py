@@ -38,7 +38,10 @@ def run(args: argparse.Namespace) -> int:
         "remote": args.remote,
     }
     server = subprocess.Popen(
-        [sys.executable, "-m", "straw.replay.lab.server"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        [sys.executable, "-P", "-m", "straw.replay.lab.server"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
     )
     assert server.stdin is not None
     assert server.stdout is not None

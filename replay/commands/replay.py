@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from straw.model.parameters import load_straw
-from straw.replay.commands.simulate import trace_of
 from straw.replay.compare import Comparison, compare
 from straw.replay.errors import ReplayError
 from straw.replay.gather import gather
 from straw.replay.metrics.validation import RESOLVED, UNKNOWN
 from straw.replay.output import check_new, write_json, write_text
 from straw.replay.progress import prepare, progress_bar, say
+from straw.replay.protocol_prediction import trace_of
 from straw.replay.report.page import page
 from straw.replay.report.proxy import film
 from straw.replay.report.three_ways import differences_data, differences_table, three_ways_data
@@ -81,7 +81,7 @@ def write_predicted(folder: Path, c: Comparison) -> Path:
     write_prediction(
         path,
         "straw",
-        {**c.run.metadata, "straw": c.straw.to_toml(), "driven_by": "/pressure/measured"},
+        {**c.run.metadata, **c.straw.laws, "straw": c.straw.to_toml(), "driven_by": "/pressure/measured"},
         parent_sha256=c.run.sha256,
         zero_time_ns=c.run.zero_time_ns,
         tip=trace_of(c.prediction, c.prediction.time_s),

@@ -71,7 +71,9 @@ def _run(args: argparse.Namespace, straw: StrawParameters, protocol: PressurePro
             outcome = drive_emulated(args, straw, protocol, live)
         else:
             rig = GuardedController(args.controller, args.port, **channels_of(args, protocol))
-            outcome = drive(rig, protocol, args.output, straw.cells, args.rate, args.led, live, **about_of(args))
+            outcome = drive(
+                rig, protocol, args.output, straw.cells, args.rate, args.led, live, **straw.laws, **about_of(args)
+            )
     finally:
         if args.output.exists():  # a run that failed or was interrupted is a recording, too
             note_run(args, args.output)
@@ -113,7 +115,9 @@ def drive_emulated(
             if clock
             else GuardedController(args.controller, emulated.url, remembered=False, **settings)
         )
-        outcome = drive(rig, protocol, args.output, straw.cells, args.rate, args.led, live, **about_of(args))
+        outcome = drive(
+            rig, protocol, args.output, straw.cells, args.rate, args.led, live, **straw.laws, **about_of(args)
+        )
     if args.tip:
         write_true_tip(args.tip, read_run(outcome.path), emulated.twin.history)
     return outcome

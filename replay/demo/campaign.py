@@ -14,7 +14,7 @@ from straw.replay.commands.rig_run import drive, emulation
 from straw.replay.commands.track import model_rest
 from straw.replay.demo.conceal import Concealed
 from straw.replay.demo.film import Error, Motion, errors_of, film, lens_alone
-from straw.replay.diagnose.instrument import Instrument
+from straw.replay.diagnose.systems.straw.instrument import Instrument
 from straw.replay.track_file import track_to_file
 from straw.rig.clock import SteppedClock
 from straw.rig.controller import make_controller

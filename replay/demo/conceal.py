@@ -14,7 +14,7 @@ from straw.model.parameters import StrawParameters
 from straw.model.terms import TERMS
 from straw.replay.diagnose import figures
 from straw.replay.diagnose.findings import Findings
-from straw.replay.diagnose.instrument import Instrument
+from straw.replay.diagnose.systems.straw.instrument import Instrument
 
 NOTHING = "complete"
 #: What may be concealed, each of a well visible size: terms of the straw and faults of the instrument, SI. A drawn

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from straw.replay.compare import CHANNELS
-from straw.replay.diagnose.instrument import Instrument
+from straw.replay.diagnose.systems.straw.instrument import Instrument
 from straw.replay.progress import progress_bar
 from straw.rig.twin import TwinHistory
 from straw.tracking.camera import Camera

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.model.parameters import StrawParameters
-from straw.replay.diagnose.contest import Contestant
-from straw.replay.diagnose.experiment import Experiment, next_experiment
-from straw.replay.diagnose.figures import Held, constants_of, hold_out, smallest_seen
-from straw.replay.diagnose.hypothesis import MEASUREMENT, applied
-from straw.replay.diagnose.inquiry import Inquiry
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.figures import constants_of, smallest_seen
+from straw.replay.diagnose.fit import Contestant, Fit
+from straw.replay.diagnose.heldout import Held, hold_out, moves, noise_floor, plain_rms
+from straw.replay.diagnose.inquiry import Inquiry, Told, silent
 from straw.replay.diagnose.judge import COVERED, Judgement, by_cause, surviving
 from straw.replay.diagnose.locate import Located, Wandering, locate, sentence, wandering
-from straw.replay.diagnose.missing import Missing, Told, missing_force, silent
+from straw.replay.diagnose.tolerance import Tolerance
 
 Floats = NDArray[np.float64]
 
@@ -29,7 +28,7 @@ MORE_THAN_NOT = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """What the runs say. ``best`` is the hypothesis that explains them best, ``straw`` the model with it."""
+    """What the runs say. ``best`` is the hypothesis that explains them best, ``model`` the system's with it."""
 
     verdict: str
     causes: list[str]
@@ -39,14 +38,16 @@ class Findings:
     where: str
     says: str
     best: Contestant | None
-    straw: StrawParameters
+    model: Any
+    written: dict[str, str]  # the model as text, by its name in findings
     parameters: dict[str, dict[str, dict[str, Any]]]
     held: Held | None
     smallest: dict[str, str]
     indistinguishable: list[list[str]]
-    experiment: Experiment | None
+    experiment: Any
     notes: tuple[str, ...]
-    missing: Missing | None = None  # what stands for the cause where it is unknown
+    missing: Any = None  # what stands for the cause where it is unknown
+    discovered: dict[str, Any] | None = None  # the same in the contract's words, where runs held out got better by it
 
     def as_json(self) -> dict[str, Any]:
         """The contract's Findings."""
@@ -76,39 +77,70 @@ class Findings:
                     "noise_floor": held.floor if held else {},
                 },
             },
+            "explained": held.explained() if held else [],
+            "remainder": held.remainder if held else {},
+            "discovered": self.discovered,
             "smallest_effect_seen": self.smallest,
             "indistinguishable": self.indistinguishable,
             "next_experiment": self.experiment.as_json() if self.experiment else None,
             "missing": self.missing.as_json() if self.missing else None,
             "notes": list(self.notes),
-            "straw": self.straw.to_toml(),
+            **self.written,
         }
 
 
-def conclude(found: Inquiry, notes: Sequence[str] = (), told: Told = silent, *, brief: bool = False) -> Findings:
+def conclude(
+    found: Inquiry,
+    notes: Sequence[str] = (),
+    told: Told = silent,
+    *,
+    brief: bool = False,
+    tolerance: Tolerance | None = None,
+) -> Findings:
     """Findings of an inquiry, finished or cut short. An unknown cause is looked for as a curve, a minute, and the next
-    experiment is chosen, unless ``brief``.
+    experiment is chosen, unless ``brief``. Where the base is within the ``tolerance``, that is the verdict.
+
+    What makes runs that were held out worse is not shown as an improvement: a cause is then not named alone, and a
+    curve is located but explains nothing.
     """
     campaign, judgement = found.campaign, found.judgement()
     probability = judgement.probability
     top = next(iter(probability))
     fitted = {c.name: c for c in found.contestants}
-    verdict, causes = verdict_of(probability)
+    system = campaign.system
+    verdict, causes = verdict_of(probability, system.faults)
     if not found.whole:  # what was not looked at counts as impossible in the probabilities, so nothing is settled
         verdict, causes = "ambiguous", [c for c in causes if c != "unknown"]
     best = fitted.get(top) if verdict not in ("complete", "unknown_physics") else None
     if verdict == "ambiguous":
         best = next((fitted[n] for n in probability if n in fitted), None)
-    fit, straw_of = best.fit if best else found.null, campaign
-    missing = None
-    if found.whole and verdict == "unknown_physics" and not brief:
-        missing = missing_force(campaign, found.null, told)
-    if missing and missing.formula:
-        fit, straw_of = missing.curve.fit, missing.curve.campaign
-    straw = applied(straw_of.straw, fit.unknowns, fit.u)[0]
+    fit, there = best.fit if best else found.null, campaign
     located = locate(campaign, found.null)
     wander = wandering(campaign, found.null)
     notes = [*notes, *_doubts(found)]
+    held = hold_out(campaign, found.null, fit, located, _added(found, best)) if found.whole else None
+    if best and held and held.worse and verdict != "ambiguous":
+        verdict = "ambiguous"
+        notes.append(f"{best.name} makes {_channels(held.worse)} worse in the runs held out, so it is not named alone")
+    missing, discovered = None, None
+    if found.whole and verdict == "unknown_physics" and not brief:
+        missing = system.missing(campaign, found.null, told)
+    if missing and missing.formula:
+        curve = missing.curve
+        tried = hold_out(curve.campaign, found.null, curve.fit, located)
+        if tried is None or not tried.better:
+            notes.append("the curve of what is missing does not make the runs held out better: located, not explained")
+        else:
+            fit, there, held = curve.fit, curve.campaign, tried
+            places = (system.places(campaign, found.null, o) for o in campaign.observations)
+            discovered = missing.discovered(sorted({place for run in places for place in run}))
+    within = tolerance is not None and _within(tolerance, campaign, found.null, held)
+    if tolerance is not None and verdict != "complete":
+        if within:
+            verdict, causes = "within_tolerance", []
+        elif held and tolerance.holds(held.remainder, held.moves):
+            notes.append("what the improved model leaves is within the tolerance")
+    model = there.system.fitted(fit.unknowns, fit.u)
     experiment = None
     if found.whole and verdict in ("ambiguous", "unknown_physics") and not brief:
         nearest = sorted(found.singles.values(), key=lambda c: c.cost)[:2]  # of what is not the answer, but something
@@ -116,28 +148,55 @@ def conclude(found: Inquiry, notes: Sequence[str] = (), told: Told = silent, *, 
         survivors = surviving(probability) if verdict == "ambiguous" else []
         rivals = [fitted[n] for n in survivors if n in fitted and fitted[n] is not best][:3]
         among = [c for c in (best, *rivals) if c]
-        experiment = next_experiment(campaign, among or nearest, explain=bool(among))
+        experiment = system.experiment(campaign, among or nearest, explain=bool(among))
     return Findings(
         verdict=verdict,
         causes=causes,
         judgement=judgement,
         located=[] if verdict == "complete" else located,
         wandering=wander,
-        where=sentence([] if verdict == "complete" else located, wander),
+        where=sentence([] if verdict == "complete" else located, wander, system.channels),
         says=_says(verdict, causes, probability, found),
         best=best,
-        straw=straw,
-        parameters=constants_of(campaign, best) if best else {},
-        held=hold_out(straw_of, found.null, fit, located) if found.whole else None,
+        model=model,
+        written=there.system.written(model),
+        parameters=constants_of(system, best) if best else {},
+        held=held,
         smallest=smallest_seen(campaign, found) if verdict == "complete" else {},
         indistinguishable=[causes] if verdict == "ambiguous" and len(causes) > 1 else [],
         experiment=experiment,
         notes=tuple(notes),
         missing=missing,
+        discovered=discovered,
     )
 
 
-def verdict_of(probability: Mapping[str, float]) -> tuple[str, list[str]]:
+def _added(found: Inquiry, best: Contestant | None) -> list[tuple[str, Fit]]:
+    """Fits with the first of the best hypothesis' causes, with two, ...; that comes first which explains most alone."""
+    if best is None:
+        return []
+    alone = [found.singles[cause] for cause in best.hypothesis.causes if cause in found.singles]
+    if len(best.hypothesis.causes) == 1 or not alone:
+        return [("+".join(best.hypothesis.causes), best.fit)]
+    first = min(alone, key=lambda c: c.cost)
+    rest = [cause for cause in best.hypothesis.causes if cause != first.name]
+    return [(first.name, first.fit), ("+".join(rest), best.fit)]
+
+
+def _within(tolerance: Tolerance, campaign: Campaign, null: Fit, held: Held | None) -> bool:
+    """Whether the base is good enough, on the runs held out or, where there are none, on all."""
+    if held is not None:
+        return tolerance.holds(held.above_noise(held.before), held.moves)
+    rms, floor = plain_rms(campaign, null.unknowns, null.u), noise_floor(campaign)
+    left = {name: float(np.sqrt(max(0.0, value**2 - floor[name] ** 2))) for name, value in rms.items()}
+    return tolerance.holds(left, moves(campaign))
+
+
+def _channels(names: Sequence[str]) -> str:
+    return ", ".join(name.split("_")[0] for name in names)
+
+
+def verdict_of(probability: Mapping[str, float], faults: Collection[str]) -> tuple[str, list[str]]:
     """The contract's verdict and the causes it names, from probabilities, largest first."""
     top = next(iter(probability))
     names = [n for n in surviving(probability) if n != "unknown"] or [top]
@@ -149,9 +208,9 @@ def verdict_of(probability: Mapping[str, float]) -> tuple[str, list[str]]:
     certain = [cause for cause, p in marginal.items() if p >= NAMED_ALONE]
     if probability[top] >= NAMED_ALONE or (certain and set(certain) == set(top.split("+"))):
         causes = sorted(top.split("+"), key=lambda c: -marginal[c])
-        return ("measurement_fault" if set(causes) <= set(MEASUREMENT) else "missing_physics"), causes
+        return ("measurement_fault" if set(causes) <= set(faults) else "missing_physics"), causes
     if certain:  # one cause is sure, only what stands beside it is not
-        return ("measurement_fault" if set(certain) <= set(MEASUREMENT) else "missing_physics"), certain
+        return ("measurement_fault" if set(certain) <= set(faults) else "missing_physics"), certain
     told = [cause for name in names if name != "complete" for cause in name.split("+")]
     return "ambiguous", sorted(set(told), key=lambda c: -marginal.get(c, 0.0))
 
@@ -165,6 +224,8 @@ def _says(verdict: str, causes: Sequence[str], probability: Any, found: Inquiry)
         return f"Stopped before every cause was looked at: nothing is named and nothing excluded{so_far}."
     if verdict == "complete":
         return f"Nothing is missing: the base model, its constants refitted, explains all {runs} runs to repeatability."
+    if verdict == "within_tolerance":
+        return f"Complete within the tolerance: the refitted base model is good enough for these {runs} runs."
     if verdict == "unknown_physics":
         return f"Something is missing that no hypothesis in the library explains in these {runs} runs; none is named."
     sure = f"(probability {sum(p for n, p in probability.items() if set(causes) & set(n.split('+'))):.2f})"
@@ -182,22 +243,12 @@ def _doubts(found: Inquiry) -> list[str]:
     runs = found.campaign.observations
     out = []
     if not found.whole:
-        out.append("the search was cut short: causes not looked at yet count as impossible here; --thorough goes on")
-    if found.whole and found.campaign.tally["left_out"]:
-        out.append("the search took long and was shortened at its end; with --thorough it goes on")
-    out += [
-        f"run {name} is looked at until {end_s:.2f} s: repeats of the straw would go two ways there, and it went "
-        "another than the model"
-        for name, end_s in found.forked.items()
-    ]
+        out.append("the search was cut short: causes not looked at yet count as impossible here")
     if len(runs) < 3:
         out.append(
             f"{len(runs)} run{'s' if len(runs) > 1 else ''}: nothing could be held out, and repeats are not known"
         )
-    if not any(len(o.snaps_s) for o in runs):
-        out.append("no run shows a snap: what acts only in snaps (film, cohesion, inertia, drag) was not tested")
-    if len({o.run.cycle for o in runs}) < 2:
-        out.append("all runs are of the same cycle: wear was not tested")
+    out += found.campaign.system.doubts(runs)
     if found.campaign.tally["failed"]:
         out.append(f"{found.campaign.tally['failed']} simulations could not follow and counted as very wrong")
     return out

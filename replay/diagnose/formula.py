@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.fit import Fit, prior_cost
+from straw.replay.diagnose.fit import fitted as fitted_unknowns
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.robust import robust_cost, weights
-from straw.replay.diagnose.search import Fit, descend, prior_cost
 
 Floats = NDArray[np.float64]
 
@@ -31,6 +32,7 @@ class Atom:
     power: float
     of: Callable[[Floats], Floats]
     numbers: int = 1  # constants it brings, its own shape included
+    code: str = ""  # the same as Python over x, for a law's file; empty where no law of the straw depends on the state
 
 
 @dataclass(frozen=True)
@@ -83,16 +85,15 @@ class Tangent:
 
 
 def tangent(fit: Fit, base: int, rows: Floats) -> Tangent:
-    """Of a fit whose first unknowns are the base's and whose last differences are ``rows`` times values in units.
+    """Of a fit whose first unknowns are the base's; ``rows`` (k, n) times the others' u are charged for being rough.
 
     Robust weights; what the fit leaves beyond noise widens everything.
     """
-    runs = slice(0, len(fit.residual) - len(rows))
-    w = weights(fit.residual[runs])
-    spread = max(1.0, float(np.mean(w * fit.residual[runs] ** 2)))
+    w = weights(fit.residual)
+    spread = max(1.0, float(np.mean(w * fit.residual**2)))
     per_u = np.array([k.per_u(float(u)) for k, u in zip(fit.unknowns[base:], fit.u[base:], strict=True)])
-    J = fit.slopes[runs] / np.concatenate([np.ones(base), per_u])
-    S, s = (J * w[:, None]).T @ J / spread, J.T @ (w * fit.residual[runs]) / spread
+    J = fit.slopes / np.concatenate([np.ones(base), per_u])
+    S, s = (J * w[:, None]).T @ J / spread, J.T @ (w * fit.residual) / spread
     S[:base, :base] += np.diag([1 / k.sd**2 for k in fit.unknowns[:base]])
     s[:base] += [(u - k.mean) / k.sd**2 for k, u in zip(fit.unknowns[:base], fit.u[:base], strict=True)]
     inverse = np.linalg.inv(S[:base, :base])
@@ -139,20 +140,30 @@ class Formed(Campaign):
     @classmethod
     def of(cls, campaign: Campaign, curve: tuple[Unknown, ...], to_u: Floats) -> Formed:
         """The campaign with the curve's unknowns as such sums."""
-        out = cls(campaign.observations, campaign.straw, campaign.pool, campaign.stop).shares_with(campaign)
+        out = cls(campaign.observations, campaign.system, campaign.pool, campaign.stop, campaign.level)
+        out.tally, out.random_effects = campaign.tally, campaign.random_effects
         out.curve, out.to_u = curve, to_u
         return out
 
-    def played(self, how: Callable[..., Any], unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[list[Any]]:
-        """What ``how`` tells of every run at every point."""
+    def residuals(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[Floats]:
+        """Residuals (m,) at each point."""
+        return super().residuals(self.curve, [self._u(p) for p in points])
+
+    def linearised(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[tuple[Floats, Floats]]:
+        """Residuals (m,) and Jacobian (m, unknowns) at each point, by the chain rule."""
         base = len(self.curve) - len(self.to_u)
-        return super().played(how, self.curve, [np.concatenate([p[:base], self.to_u @ p[base:]]) for p in points])
+        seen = super().linearised(self.curve, [self._u(p) for p in points])
+        return [(r, np.hstack([J[:, :base], J[:, base:] @ self.to_u])) for r, J in seen]
+
+    def _u(self, point: Floats) -> Floats:
+        base = len(self.curve) - len(self.to_u)
+        return np.concatenate([point[:base], self.to_u @ point[base:]])
 
 
 def fitted(
-    campaign: Campaign, fit: Fit, base: int, rows: int, at: Floats, atoms: tuple[Atom, ...], start: Floats
+    campaign: Campaign, fit: Fit, base: int, at: Floats, atoms: tuple[Atom, ...], start: Floats
 ) -> tuple[Fit, Floats]:
-    """A sum of atoms fitted to the runs themselves, and its coefficients; ``fit`` is the curve's, with fresh slopes."""
+    """A sum of atoms fitted to the runs themselves, and its coefficients; ``fit`` is the curve's."""
     scale = np.array([k.scale for k in fit.unknowns[base:]])
     to_u = np.stack([atom.of(at) for atom in atoms], axis=1) * start / scale[:, None]
     here = Formed.of(campaign, fit.unknowns, to_u)
@@ -160,10 +171,8 @@ def fitted(
         *fit.unknowns[:base],
         *(Unknown(f"coefficient.{n}", 1.0, kind="linear", sd=100.0) for n in range(len(atoms))),
     )
-    slopes = fit.slopes[: len(fit.residual) - rows]
-    slopes = np.hstack([slopes[:, :base], slopes[:, base:] @ to_u])
     u = np.concatenate([fit.u[:base], np.ones(len(atoms))])
-    end = descend(here, unknowns, u, slopes=slopes, rounds=ROUNDS, share=2e-3)
+    end = fitted_unknowns(here, unknowns, u, rounds=ROUNDS, share=2e-3)
     return end, end.u[base:] * start
 
 
@@ -174,12 +183,12 @@ def formula(
 
     An atom more has to earn its price, or a share of all that there is to gain: no law has exactly nature's form.
     """
-    t, count = tangent(fit, base, rows), len(fit.residual) - len(rows)
+    t, count = tangent(fit, base, rows), len(fit.residual)
     best: tuple[float, tuple[Atom, ...], Floats, Fit] | None = None
-    curve_cost = robust_cost(fit.residual[:count]) + prior_cost(fit.unknowns[:base], fit.u[:base])
+    curve_cost = robust_cost(fit.residual) + prior_cost(fit.unknowns[:base], fit.u[:base])
     price = max(float(np.log(count)), EARNS * (null_cost - curve_cost))
     for chosen, start in sparse(t, at, atoms):
-        end, coefficients = fitted(campaign, fit, base, len(rows), at, chosen, start)
+        end, coefficients = fitted(campaign, fit, base, at, chosen, start)
         score = end.cost + price * sum(atom.numbers for atom in chosen)
         if best is None or score < best[0]:
             best = score, chosen, coefficients, end

@@ -1,24 +1,15 @@
-"""Hypotheses: what may be missing, as unknowns with priors that are set into a straw and an instrument."""
+"""Hypotheses: what may be missing, as unknowns with priors."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-
-from straw.model.parameters import StrawParameters
-from straw.replay.diagnose.instrument import Instrument
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Unknown:
-    """One number to find: ``target`` is ``straw.NAME``, ``term.TERM.NAME[.WHERE]`` (several terms joined by &; a
-    cell, or a profile `along` the straw), ``instrument.NAME`` or ``form``.
+    """One number to find: ``target`` says to its system which, as ``PLACE.NAME``.
 
     Searched as u: value = start exp(scale u) of a ``log`` one, scale sinh(u) of a strength, which is linear while
     small and logarithmic when large, and scale u of a ``linear`` one; zero strength is not there. Its prior is a normal
@@ -57,18 +48,6 @@ class Unknown:
         return float(np.arcsinh(units)) if self.kind == "strength" else units
 
 
-#: Causes that are faults of a recording.
-MEASUREMENT = (
-    "clock_offset",
-    "clock_drift",
-    "length_scale",
-    "camera_roll",
-    "tip_offset",
-    "gauge_offset",
-    "gauge_gain",
-)
-
-
 @dataclass(frozen=True)
 class Hypothesis:
     """Causes that act together, their unknowns, and from where to look for each (u without the base's)."""
@@ -76,6 +55,7 @@ class Hypothesis:
     causes: tuple[str, ...]
     unknowns: tuple[Unknown, ...]
     starts: tuple[tuple[float, ...], ...]
+    faults: frozenset[str] = frozenset()  # causes that are faults of a recording
 
     @property
     def name(self) -> str:
@@ -84,103 +64,6 @@ class Hypothesis:
 
     def beside(self, first: Hypothesis) -> Hypothesis:
         """Both hypotheses' causes at work at once, physics named before instruments; no starts."""
-        both = sorted((*first.causes, *self.causes), key=lambda name: (name in MEASUREMENT, name))
-        return Hypothesis(tuple(both), (*first.unknowns, *self.unknowns), ())
-
-
-#: A specimen's elasticity and geometry are not further than this from what is given, in deviations of their prior: with
-#: only a prior against it, a tenth less of E with a tenth more of h stands in for whatever is missing.
-NEAR_SD = 2.5
-#: Share of these deviations to which `held` ones keep.
-HELD = 0.25
-#: Deviations from which on one of them has been `dragged`.
-DRAGGED = 1.5
-
-
-def base_unknowns(straw: StrawParameters) -> tuple[Unknown, ...]:
-    """The base model's own constants: damping and channel wide, elasticity and geometry within a few percent."""
-
-    def even(name: str) -> float:
-        value = np.asarray(getattr(straw, name), dtype=np.float64)
-        return float(value[..., -1].mean()) if value.ndim else float(value)
-
-    def near(name: str, scale: float, sd: float) -> Unknown:
-        """Elasticity or geometry as a factor, within a few percent."""
-        most = NEAR_SD * sd
-        return Unknown(f"straw.{name}", scale, 1.0, "log", sd=sd, low=-most, high=most)
-
-    return (
-        Unknown("straw.r_ch_m", 0.1, even("r_ch_m"), "log", sd=2.0),
-        Unknown("straw.c_zeta_n_s_per_m", 1.0, even("c_zeta_n_s_per_m"), "log", sd=2.0),
-        Unknown("straw.c_phi_n_m_s_per_rad", 1.0, even("c_phi_n_m_s_per_rad"), "log", sd=2.0),
-        near("E_pa", 0.02, 1.5),
-        near("h_m", 0.02, 1.0),
-        near("zeta01", 0.01, 1.5),
-        near("zeta02", 0.01, 1.5),
-    )
-
-
-def dragged(unknowns: Sequence[Unknown], u: Floats) -> bool:
-    """Whether constants that are known to a few percent have been moved further than specimens differ."""
-    return any(np.isfinite(k.high) and abs(x) > DRAGGED * k.sd for k, x in zip(unknowns, u, strict=True))
-
-
-def held(unknowns: Sequence[Unknown]) -> tuple[Unknown, ...]:
-    """The base's constants with those that are known to a few percent held near what is given."""
-    return tuple(replace(k, sd=HELD * k.sd) if np.isfinite(k.high) else k for k in unknowns)
-
-
-#: What runs of one straw differ by, one standard deviation as a step in u: wear and warmth in E and damping, mounting.
-#: Wider would swallow effects, narrower would take the difference of two repeats for physics.
-REPEATS = {"straw.E_pa": 1.5e-3, "straw.c_zeta_n_s_per_m": 0.03, "straw.c_phi_n_m_s_per_rad": 0.03}
-REPEATS_MOUNT = Unknown("straw.mount_rad", 2e-4, kind="linear")
-
-
-def repeat_steps(unknowns: Sequence[Unknown]) -> dict[int, float]:
-    """One standard deviation of what repeats differ by as a step in u, by the place of each unknown they differ in."""
-    return {k: REPEATS[one.target] / one.scale for k, one in enumerate(unknowns) if one.target in REPEATS}
-
-
-def along(where: str, cells: int) -> Floats:
-    """How a constant differs from cell to cell, (cells,): in one cell by its number, or smoothly from -1 at the base to
-    1 at the tip (``tilt``), or bent (``bow``); neither of these two changes the mean of a long straw.
-    """
-    u = np.linspace(-1.0, 1.0, cells)
-    if where == "tilt":
-        return u
-    return 1.5 * u**2 - 0.5 if where == "bow" else np.eye(cells)[int(where) - 1]
-
-
-def applied(straw: StrawParameters, unknowns: Sequence[Unknown], at: Floats) -> tuple[StrawParameters, Instrument]:
-    """The straw and instrument with the unknowns set to u (unknowns,)."""
-    changes: dict[str, object] = {}
-    terms: dict[str, dict[str, Any]] = {}
-    instrument: dict[str, float] = {}
-    for unknown, u in zip(unknowns, at, strict=True):
-        kind, _, name = unknown.target.partition(".")
-        value = unknown.value(float(u))
-        if kind == "instrument":
-            instrument[name] = value
-        elif kind == "form":
-            changes["form"] = "full"
-        elif kind == "term":
-            term, constant, *where = name.split(".")
-            for one in term.split("&"):
-                constants = terms.setdefault(one, {})
-                known = constants.get(constant, 0.0)
-                constants[constant] = known + value * along(where[0], straw.cells) if where else value
-        elif name in ("zeta01", "zeta02"):
-            zeta = np.array(changes.get("zeta0_m", straw.zeta0_m))
-            zeta[:, int(name == "zeta02")] *= value
-            changes["zeta0_m"] = zeta
-        elif name == "mount_rad":
-            changes["phi_0_rad"] = straw.phi_0_rad + value
-        elif name in ("E_pa", "odd_E", "h_m"):
-            name, which = ("E_pa", [value, 1.0]) if name == "odd_E" else (name, [value, value])
-            changes[name] = np.asarray(changes.get(name, getattr(straw, name))) * np.array(which)
-        else:
-            changes[name] = value
-    changed = straw.replace(**changes) if changes else straw
-    for term, constants in terms.items():
-        changed = changed.with_term(term, **constants)
-    return changed, Instrument.of(instrument)
+        faults = first.faults | self.faults
+        both = sorted((*first.causes, *self.causes), key=lambda name: (name in faults, name))
+        return Hypothesis(tuple(both), (*first.unknowns, *self.unknowns), (), faults)

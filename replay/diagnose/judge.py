@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.contest import Contestant
-from straw.replay.diagnose.search import Fit
+from straw.replay.diagnose.fit import Contestant, Fit
 
 Floats = NDArray[np.float64]
 
@@ -58,17 +57,18 @@ def unexplained(campaign: Campaign, fit: Fit) -> float:
 def run_by_run(campaign: Campaign, fit: Fit) -> list[float]:
     """What is `unexplained` in each run."""
     parts = zip(campaign.observations, campaign.slices(), strict=True)
-    return [beyond_noise(fit.residual[part], observed.tip.size) for observed, part in parts]
+    return [beyond_noise(fit.residual[part], observed.seen.shape) for observed, part in parts]
 
 
-def beyond_noise(row: Floats, shaped: int) -> float:
-    """What is `unexplained` of one run's differences, ``shaped`` of shape and then those of timing."""
-    shape = row[:shaped].reshape(3, -1)
+def beyond_noise(row: Floats, shaped: tuple[int, ...]) -> float:
+    """What is `unexplained` of one run's differences: samples of ``shaped`` (channels, n), then those of timing."""
+    size = int(np.prod(shaped))
+    shape = row[:size].reshape(shaped)
     blocks = shape.shape[1] // BLOCK
-    squares = np.sum(shape[:, : blocks * BLOCK].reshape(3, blocks, BLOCK) ** 2, axis=2)
+    squares = np.sum(shape[:, : blocks * BLOCK].reshape(len(shape), blocks, BLOCK) ** 2, axis=2)
     usual = np.clip(np.median(squares, axis=1, keepdims=True), 0.5 * BLOCK, 1.5 * BLOCK)
     loud = squares > usual * (1 + BEYOND * np.sqrt(2 / BLOCK))
-    timing = row[shaped:] ** 2
+    timing = row[size:] ** 2
     late = np.sum(_gently(np.where(timing > 9, timing - 1, 0)))
     return float(np.sum(np.where(loud, _gently(squares - usual), 0)) + late)
 

@@ -12,12 +12,8 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.findings import Findings
-from straw.replay.diagnose.hypothesis import applied
+from straw.replay.diagnose.fit import Fit
 from straw.replay.diagnose.inquiry import Inquiry
-from straw.replay.diagnose.locate import stretches
-from straw.replay.diagnose.misfit import play
-from straw.replay.diagnose.missing import Missing
-from straw.replay.diagnose.search import Fit
 
 Floats = NDArray[np.float64]
 
@@ -51,7 +47,7 @@ def report(findings: Findings, found: Inquiry) -> str:
         ]
         parts.append("<h2>What was added</h2>" + _table(("constant", "value", "one sigma", "unit"), rows))
     if f.held:
-        parts.append("<h2>Before and after</h2>" + _held(f))
+        parts.append("<h2>Before and after</h2>" + _held(f, found))
         parts.append(_figure(_overlay(f, found), "Measured (black), base model (orange) and improved model (blue)."))
     parts.append("<h2>Where they differ</h2>")
     parts.append(_figure(_map(found), "Misfit of the base model by run and stretch, sigmas (root mean square)."))
@@ -83,7 +79,8 @@ def report(findings: Findings, found: Inquiry) -> str:
         parts.append("<h2>What is missing</h2>" + _missing(f.missing))
     if f.notes:
         parts.append("<h2>Notes</h2><ul>" + "".join(f"<li>{_text(n)}</li>" for n in f.notes) + "</ul>")
-    parts.append(f"<h2>The straw</h2><pre>{_text(f.straw.to_toml())}</pre>")
+    for name, text in f.written.items():
+        parts.append(f"<h2>The {_text(name)}</h2><pre>{_text(text)}</pre>")
     return (
         '<!doctype html><html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
         f"<title>{_text(f.says)}</title><style>{STYLE}</style><body>{''.join(parts)}</body></html>\n"
@@ -113,12 +110,12 @@ def _probabilities(f: Findings) -> str:
     return f"<table>{head}{rows}</table>"
 
 
-def _held(f: Findings) -> str:
+def _held(f: Findings, found: Inquiry) -> str:
     assert f.held is not None
     rows = []
-    for channel, name, unit in (("x_m", "X", "mm"), ("z_m", "Z", "mm"), ("phi_rad", "Phi", "mrad")):
-        values = [1e3 * row[channel] for row in (f.held.before, f.held.after, f.held.floor)]
-        rows.append((f"{name} / {unit}", *(f"{v:.3f}" for v in values)))
+    for channel in found.campaign.system.channels:
+        values = [channel.shown_per_si * row[channel.name] for row in (f.held.before, f.held.after, f.held.floor)]
+        rows.append((channel.label, *(f"{v:.3f}" for v in values)))
     return (
         f"<p>Both models fitted to {_text(', '.join(f.held.train))} (chi-square per value {f.held.chi2_before:.2f} "
         f"before, {f.held.chi2_after:.2f} after) and tried on {_text(', '.join(f.held.heldout))}, RMS there:</p>"
@@ -132,7 +129,7 @@ def _wandering(f: Findings) -> str:
     return text + _table(("constant", "equation", "spread, sigmas", "goes with"), rows)
 
 
-def _missing(m: Missing) -> str:
+def _missing(m: Any) -> str:
     """The missing force: in words, as a formula, drawn."""
     words = f"<p>{_text(m.says)}.</p>"
     if m.formula:
@@ -147,7 +144,7 @@ def _missing(m: Missing) -> str:
     return words + _figure(_curve(m), caption)
 
 
-def _curve(m: Missing) -> str:
+def _curve(m: Any) -> str:
     from matplotlib.figure import Figure
 
     state = m.curve.state
@@ -187,8 +184,9 @@ def _map(found: Inquiry) -> str:
     phases: list[str] = []
     table: dict[tuple[int, str], float] = {}
     for i, (observed, one) in enumerate(zip(campaign.observations, rows, strict=True)):
-        for phase, a, b, _ in stretches(observed):
-            here = (observed.time_s >= a) & (observed.time_s <= b)
+        for part in observed.stretches():
+            phase = part.phase
+            here = (observed.time_s >= part.from_s) & (observed.time_s <= part.to_s)
             if one is None or not here.any():
                 continue
             phases += [phase] if phase not in phases else []
@@ -228,19 +226,16 @@ def _overlay(f: Findings, found: Inquiry) -> str:
     if f.missing and f.missing.formula:
         fits.append((f.missing.curve.campaign, f.missing.curve.fit, "#0072b2"))
     figure = Figure(figsize=(10, 2.6 * len(shown)))
-    grid = figure.subplots(len(shown), 3, squeeze=False)
+    channels = found.campaign.system.channels
+    grid = figure.subplots(len(shown), len(channels), squeeze=False)
     for row, observed in zip(grid, shown, strict=True):
-        for axes, values, name in zip(row, observed.tip, ("X / mm", "Z / mm", "Phi / mrad"), strict=True):
-            axes.plot(observed.time_s, 1e3 * values, color="#1b1f24", linewidth=1.6, alpha=0.7)
-            axes.set_title(f"{observed.name}: {name}", fontsize=9)
+        for axes, values, channel in zip(row, observed.seen, channels, strict=True):
+            axes.plot(observed.time_s, channel.shown_per_si * values, color="#1b1f24", linewidth=1.6, alpha=0.7)
+            axes.set_title(f"{observed.name}: {channel.label}", fontsize=9)
             axes.tick_params(labelsize=8)
         for campaign, fit, colour in fits:
-            straw, instrument = applied(campaign.straw, fit.unknowns, fit.u)
-            seen, _ = play(observed, straw, instrument)
-            pose = np.stack([seen.x_m, seen.z_m, seen.phi_rad])
-            at = instrument.true_time(observed.time_s)
-            tip = instrument.seen(np.stack([np.interp(at, seen.time_s, line) for line in pose]))
-            for axes, line in zip(row, tip, strict=True):
-                axes.plot(observed.time_s, 1e3 * line, color=colour, linewidth=0.9)
+            lines = campaign.system.simulated(observed, fit.unknowns, fit.u)
+            for axes, line, channel in zip(row, lines, channels, strict=True):
+                axes.plot(observed.time_s, channel.shown_per_si * line, color=colour, linewidth=0.9)
     figure.tight_layout()
     return _svg(figure)

@@ -252,7 +252,7 @@ class Bench:
 
 
 SHOWN = ("recording", "protocol", "specimen", "duration_s", "since_ns", "state", "url", "limits", "guardian")
-STRAW = (sys.executable, "-m", "straw.replay.cli")
+STRAW = (sys.executable, "-P", "-m", "straw.replay.cli")
 
 
 def _going_on(recording: Path) -> dict[str, Any] | None:

@@ -18,7 +18,7 @@ from straw.rig.errors import RigError
 
 #: Whoever drives a rig goes first, also on a small machine.
 LAST = (found, "-n", "10") if (found := shutil.which("nice")) else ()
-STRAW = (sys.executable, "-m", "straw.replay.cli")
+STRAW = (sys.executable, "-P", "-m", "straw.replay.cli")
 #: The predicting process ends when nobody asked it for so long: it holds a compiled model.
 IDLE_S = 300.0
 MOST_JOBS = 2
@@ -72,7 +72,7 @@ class Predictor:
 
     def _running(self) -> subprocess.Popen[str]:
         if self._process is None or self._process.poll() is not None:
-            command = [sys.executable, "-m", "straw.replay.lab.predict"]
+            command = [sys.executable, "-P", "-m", "straw.replay.lab.predict"]
             self._process = subprocess.Popen(
                 command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True
             )

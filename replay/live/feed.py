@@ -55,7 +55,7 @@ class Live(Operator):
         }
 
     def __enter__(self) -> Self:
-        command = [sys.executable, "-m", "straw.replay.live.server"]
+        command = [sys.executable, "-P", "-m", "straw.replay.live.server"]
         self._server = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         assert self._server.stdin is not None
         assert self._server.stdout is not None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,11 +12,14 @@ from straw.replay.errors import ReplayError
 from straw.replay.paper.style import figure
 from straw.replay.report.data import SHOWN
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 MEASURED, PREDICTED, INSIDE, SOFT = "#1b1f24", "#d55e00", "#0072b2", "#8a949c"
 
 
-def write_png(path: Path, c: Comparison) -> None:
-    """Draw one run and save it as the path's suffix says (png, svg, pdf); ReplayError where that cannot be."""
+def overlay(c: Comparison) -> Figure:
+    """One run: measured and predicted tip, their residuals, pressure and snaps, over time."""
     fig = figure(7.0, 8.2)
     heights = [2.2, 1.0] * len(SHOWN) + [1.8]
     panels = fig.subplots(len(heights), 1, sharex=True, height_ratios=heights)
@@ -54,6 +58,12 @@ def write_png(path: Path, c: Comparison) -> None:
     panels[0].legend(loc="best", ncols=2)
     last.legend(loc="best", ncols=3)
     fig.align_ylabels(panels)
+    return fig
+
+
+def write_png(path: Path, c: Comparison) -> None:
+    """Draw one run and save it as the path's suffix says (png, svg, pdf); ReplayError where that cannot be."""
+    fig = overlay(c)
     part = path.with_name(path.name + ".part")
     try:
         fig.savefig(part, format=path.suffix.lstrip(".").lower() or "png", dpi=200)

@@ -4,8 +4,8 @@
 
 Noel and Schoukens, "Hysteretic benchmark with a dynamic nonlinearity", nonlinearbenchmark.org: equations, constants,
 bands and noise are theirs; the data are made here from the equations (Newmark's rule), a campaign of several levels in
-place of the one. Search, contest and judge are the straw's own code; only the oscillator's campaign is another
-(`tests/benchmarks/oscillator.py`). Then the same with hysteresis taken out of the library.
+place of the one. The engine is the straw's; only the system is another (`replay/diagnose/systems/oscillator`). Then the
+same with hysteresis taken out of the library.
 """
 
 from __future__ import annotations
@@ -15,20 +15,27 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from straw.replay.diagnose.contest import Contestant, enter, finish, looks
-from straw.replay.diagnose.findings import NAMED_ALONE
-from straw.replay.diagnose.judge import judge, unexplained
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.diagnosis import inquire
+from straw.replay.diagnose.findings import verdict_of
+from straw.replay.diagnose.fit import Fit, fitted
 from straw.replay.diagnose.locate import kind_of
-from straw.replay.diagnose.robust import robust_cost
-from straw.replay.diagnose.search import Fit, descend
-from tests.benchmarks.oscillator import BASE, FINE, LIBRARY, MASS_KG, RATE_HZ, SIGMA_M, Oscillators, Record
+from straw.replay.diagnose.systems.oscillator.system import (
+    BASE,
+    FINE,
+    LIBRARY,
+    MASS_KG,
+    RATE_HZ,
+    SIGMA_M,
+    OscillatorSystem,
+    Record,
+)
 
 #: The benchmark's constants: N s/m, N/m, N/m, 1/m, -, -; nu = 1.
 C, K, ALPHA, BETA, GAMMA, DELTA = 10.0, 5e4, 5e4, 1e3, 0.8, -1.1
 SAMPLES, LINES_HZ = 2046, (5.0, 150.0)
 #: Integration of the truth: steps to one of the library's, iterations in each.
 SUBSTEPS, ITERATIONS = 4, 3
-TRIED, FINISHED, PAIRS = 3, 3, 2
 
 
 def multisine(rms_n: float, seed: int) -> np.ndarray:
@@ -80,14 +87,14 @@ def campaign_forces() -> dict[str, np.ndarray]:
     return forces | {"multisine-50N-again": multisine(50, 7), "sweep-40N": sweep(40.0)}
 
 
-def located(campaign: Oscillators, null: Fit) -> str:
+def located(campaign: Campaign, null: Fit) -> str:
     """In which record the base model is off, whether in time, amplitude or shape, and which constant would wander."""
     rows = campaign.misfits(null.unknowns, [null.u])[0]
     lines = []
     for record, one in zip(campaign.observations, rows, strict=True):
         assert one is not None
-        own = descend(campaign.only([record.name]), BASE, null.u).values
-        kind = kind_of(_flat(record), one, 0, np.ones(SAMPLES, bool))
+        own = fitted(campaign.only([record.name]), BASE, null.u, rounds=20).values
+        kind = kind_of(record, one, 0, np.ones(SAMPLES, bool))
         lines.append(
             f"  {record.name:<20} off by {np.std(one.plain) / SIGMA_M:5.1f} sigma, mostly {kind}; by itself it would "
             f"want c = {own['base.c']:5.1f} N s/m, k = {own['base.k'] / 1e3:5.1f} kN/m"
@@ -95,57 +102,13 @@ def located(campaign: Oscillators, null: Fit) -> str:
     return "\n".join(lines)
 
 
-def _flat(record: Record) -> Record:
-    """The record with one row in place of thirds."""
-
-    class Flat(Record):
-        tip = record.y_m.reshape(1, -1)
-
-    return Flat(record.name, record.force_n, record.time_s, record.y_m)
-
-
-def diagnosed(records: list[Record], library: list[str]) -> tuple[str, dict[str, float], Contestant, Fit, Oscillators]:
-    """Verdict, probabilities, best contestant, base fit: every cause alone, the best finished, the best in pairs."""
-    pool = ThreadPoolExecutor()
-    campaign = Oscillators(records, library, pool)
-    grid = [np.array([c, k]) for c in (-1.0, 0.0, 1.0, 2.0) for k in np.linspace(-1.5, 1.5, 13)]
-    start = grid[int(np.argmin([robust_cost(r) for r in campaign.residuals(BASE, grid)]))]
-    null = descend(campaign, BASE, start, rounds=40)
-
-    def entered(
-        known: Fit, names: list[str], onto: Contestant | None, most: int, given: Fit | None = None
-    ) -> list[Contestant]:
-        groups: dict[str, list] = {}
-        for look in [look for place in (known, given) if place for look in looks(campaign, place, names)]:
-            groups.setdefault(look.name, []).append(look)
-        ranked = sorted(groups.values(), key=lambda group: min(look.promise for look in group))[:most]
-        hypothesis = onto.hypothesis if onto else None
-        return [
-            enter(campaign, known, sorted(group, key=lambda look: look.cost)[:TRIED], onto=hypothesis)
-            for group in ranked
-        ]
-
-    # the constants as given, too: what is missing has dragged those fitted away
-    given = descend(campaign, BASE, np.zeros(len(BASE)), rounds=0)
-    singles = sorted(entered(null, library, None, len(library), given), key=lambda c: c.cost)
-    contestants = [finish(campaign, c, rounds=40) for c in singles[:FINISHED]] + singles[FINISHED:]
-    best = min(contestants, key=lambda c: c.cost)
-    if unexplained(campaign, best.fit) > 150.0:
-        others = [name for name in library if name != best.name]
-        contestants += [finish(campaign, c, rounds=40) for c in entered(best.fit, others, best, PAIRS)]
-    judgement = judge(campaign, null, contestants)
-    top, p = next(iter(judgement.probability.items()))
-    verdict = top if p >= NAMED_ALONE else "not told apart: " + ", ".join(list(judgement.probability)[:3])
-    return verdict, dict(judgement.probability), min(contestants, key=lambda c: c.cost), null, campaign
-
-
-def held_out(campaign: Oscillators, fits: tuple[Fit, ...], name: str) -> str:
+def held_out(campaign: Campaign, fits: tuple[Fit, ...], name: str) -> str:
     """RMS in sigmas on a record that was not fitted."""
     train = campaign.only([o.name for o in campaign.observations if o.name != name])
     rest = campaign.only([name])
     found = []
     for fit in fits:
-        (row,) = rest.misfits(fit.unknowns, [descend(train, fit.unknowns, fit.u, rounds=10).u])
+        (row,) = rest.misfits(fit.unknowns, [fitted(train, fit.unknowns, fit.u, rounds=10).u])
         found.append(float(np.std(row[0].plain)) / SIGMA_M if row[0] else np.nan)
     return " -> ".join(f"{off:.2f}" for off in found)
 
@@ -163,13 +126,17 @@ def main() -> None:
         ("nothing concealed", linear, every),
     ):
         start = time.perf_counter()
-        verdict, probability, best, null, campaign = diagnosed(records, library)
-        print(f"\n{title}; library: {', '.join(library)}")
-        print(f"  verdict: {verdict} ({', '.join(f'{n} {p:.3f}' for n, p in list(probability.items())[:4])})")
-        if title == "hysteresis concealed":
-            print(located(campaign, null))
-            print(f"  held out sweep-40N, sigmas RMS: {held_out(campaign, (null, best.fit), 'sweep-40N')}")
-            print("  " + ", ".join(f"{k} = {v:.4g}" for k, v in best.fit.values.items()))
+        with ThreadPoolExecutor() as pool:
+            found = inquire(records, OscillatorSystem(tuple(library)), executor=pool)
+            campaign, null, best = found.campaign, found.null, found.contestants[0]
+            probability = found.judgement().probability
+            verdict, causes = verdict_of(probability, campaign.system.faults)
+            print(f"  verdict: {verdict} {', '.join(causes)}")
+            print(f"  {', '.join(f'{n} {p:.3f}' for n, p in list(probability.items())[:4])}")
+            if title == "hysteresis concealed":
+                print(located(campaign, null))
+                print(f"  held out sweep-40N, sigmas RMS: {held_out(campaign, (null, best.fit), 'sweep-40N')}")
+                print("  " + ", ".join(f"{k} = {v:.4g}" for k, v in best.fit.values.items()))
         off = [np.sqrt(np.mean(fit.residual**2)) for fit in (null, best.fit)]
         print(f"  off by, sigmas RMS: linear {off[0]:.2f}, with {best.name.replace('_', ' ')} {off[1]:.2f}")
         tally, took_s = campaign.tally, time.perf_counter() - start

@@ -23,8 +23,9 @@ from typing import Any
 from straw.model.parameters import StrawParameters
 from straw.replay.diagnose.diagnosis import inquire
 from straw.replay.diagnose.findings import conclude
-from straw.replay.diagnose.library import causes
-from straw.replay.diagnose.observation import observe
+from straw.replay.diagnose.systems.straw.library import causes
+from straw.replay.diagnose.systems.straw.observation import observe
+from straw.replay.diagnose.systems.straw.system import StrawSystem
 from tests.apparatus.cases import RUN_IDS, Case, deck, generate, opened, recorded, seal
 from tests.benchmarks.concealed_film import filmed
 from tests.benchmarks.concealed_score import ablated, judged_again, score
@@ -41,7 +42,7 @@ def diagnosed(case: Case, ablate: bool = False, camera: bool = False) -> dict[st
     library = [name for name in causes(BASE.cells) if not (ablate and name in case.label)]
     start = time.process_time()
     with ThreadPoolExecutor(1) as pool:
-        found = inquire([observe(run) for run in made.runs], BASE, library=library, executor=pool)
+        found = inquire([observe(run) for run in made.runs], StrawSystem(BASE), library=library, executor=pool)
         findings = conclude(found, brief=True)
     judgement, held = findings.judgement, findings.held
     return {  # rounded where there are many figures
@@ -58,7 +59,6 @@ def diagnosed(case: Case, ablate: bool = False, camera: bool = False) -> dict[st
         "effect_sigma": made.effect_sigma,
         "cpu_s": time.process_time() - start,
         "failures": found.campaign.tally["failed"],
-        "forked": found.forked,
     }
 
 

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.stats import binomtest
 
 from straw.replay.diagnose.findings import verdict_of
-from straw.replay.diagnose.hypothesis import MEASUREMENT
 from straw.replay.diagnose.judge import by_cause, surviving, weighed
-from straw.replay.diagnose.library import causes
+from straw.replay.diagnose.systems.straw.constants import MEASUREMENT
+from straw.replay.diagnose.systems.straw.library import causes
 from tests.apparatus.cases import Case
 
 Row = Mapping[str, Any]
@@ -77,8 +77,10 @@ def judged_again(row: Row, cells: int = 9) -> Row:
     own = {name: len(unknowns) for name, (unknowns, _) in causes(cells).items()}
     constants = {n: sum(own[part] for part in n.split("+")) for n in row["excess"] if n != "complete"}
     probability = weighed(row["excess"], row["left_over"], constants)
-    verdict, named = verdict_of(probability)
-    if row["verdict"] != verdict_of(row["probability"])[0]:  # the search had been cut short, which settles nothing
+    verdict, named = verdict_of(probability, MEASUREMENT)
+    if (
+        row["verdict"] != verdict_of(row["probability"], MEASUREMENT)[0]
+    ):  # the search had been cut short, which settles nothing
         verdict, named = "ambiguous", [cause for cause in named if cause != "unknown"]
     return {**row, "probability": probability, "verdict": verdict, "causes": named}
 

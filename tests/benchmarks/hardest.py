@@ -16,7 +16,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 from straw.replay.diagnose.diagnosis import inquire
 from straw.replay.diagnose.findings import conclude
-from straw.replay.diagnose.observation import observe
+from straw.replay.diagnose.systems.straw.observation import observe
+from straw.replay.diagnose.systems.straw.system import StrawSystem
 from tests.apparatus.cases import deck, generate
 from tests.benchmarks.concealed import BASE
 
@@ -33,7 +34,7 @@ def main() -> None:
     seen = [observe(run) for run in generate(case).runs]
     start = time.perf_counter()
     with ThreadPoolExecutor() as pool:
-        found = inquire(seen, BASE, executor=pool)
+        found = inquire(seen, StrawSystem(BASE), executor=pool)
         searched_s = time.perf_counter() - start
         findings = conclude(found)
     print(

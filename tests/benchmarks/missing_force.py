@@ -18,14 +18,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.hypothesis import base_unknowns
-from straw.replay.diagnose.inquiry import allow_repeats
+from straw.replay.diagnose.explain import random_effects
+from straw.replay.diagnose.fit import fitted
 from straw.replay.diagnose.judge import unexplained
-from straw.replay.diagnose.missing import Missing, missing_force
-from straw.replay.diagnose.observation import observe
-from straw.replay.diagnose.search import descend
-from straw.replay.diagnose.start import base_start
-from straw.replay.diagnose.states import STATES
+from straw.replay.diagnose.settings import ROUNDS
+from straw.replay.diagnose.systems.straw.base import base_fit
+from straw.replay.diagnose.systems.straw.missing import Missing, missing_force
+from straw.replay.diagnose.systems.straw.observation import observe
+from straw.replay.diagnose.systems.straw.states import STATES
+from straw.replay.diagnose.systems.straw.system import StrawSystem
 from tests.apparatus.campaign import campaign
 from tests.apparatus.effects import Cause
 from tests.benchmarks.concealed import BASE, SIX
@@ -100,10 +101,10 @@ def main() -> None:
             continue
         observations = [observe(run) for run in campaign((planted.cause,), 4, SIX)]
         with ThreadPoolExecutor() as pool:
-            here, base = Campaign(observations, BASE, pool), base_unknowns(BASE)
-            null = descend(here, base, base_start(here, base), rounds=6, enough=5.0)
-            allow_repeats(here, null)
-            null = descend(here, base, null.u, rounds=5)
+            here = Campaign(observations, StrawSystem(BASE), pool)
+            null, _ = base_fit(here)
+            random_effects(here, null)
+            null = fitted(here, null.unknowns, null.u, rounds=ROUNDS)
             left, start, before = unexplained(here, null), time.process_time(), here.tally["played"]
             found = missing_force(here, null, states=states)
         assert found is not None

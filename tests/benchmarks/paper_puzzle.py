@@ -20,9 +20,10 @@ import numpy as np
 from straw.model.parameters import StrawParameters
 from straw.replay.compare import CHANNELS
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.hypothesis import applied
-from straw.replay.diagnose.observation import REPEATABILITY_S, observe
-from straw.replay.diagnose.search import Fit
+from straw.replay.diagnose.fit import Fit
+from straw.replay.diagnose.systems.straw.constants import applied
+from straw.replay.diagnose.systems.straw.observation import REPEATABILITY_S, observe
+from straw.replay.diagnose.systems.straw.system import StrawSystem
 from straw.replay.output import write_json
 
 from .puzzle_fits import (
@@ -58,7 +59,7 @@ def main() -> None:
     everything = [observe(run) for run in recordings(args.seed)]
     fitted = [o.name for o in everything if o.name not in HELD_OUT]
     with ThreadPoolExecutor(2) as pool:
-        every = Campaign(everything, GIVEN, pool)
+        every = Campaign(everything, StrawSystem(GIVEN), pool)
         train, held = every.only(fitted), every.only(HELD_OUT)
         base = base_for_all(train)
         by_base = _each(fitted, train, GIVEN, by_itself)
@@ -112,19 +113,19 @@ def _each(
     names: Sequence[str], runs: Campaign, straw: StrawParameters, fit: Callable[[Campaign], Fit]
 ) -> dict[str, Fit]:
     """Every run fitted by itself with the straw."""
-    return {name: fit(Campaign(runs.only([name]).observations, straw, runs.pool)) for name in names}
+    return {name: fit(Campaign(runs.only([name]).observations, StrawSystem(straw), runs.pool)) for name in names}
 
 
 def _rms(campaign: Campaign, straw: StrawParameters) -> dict[str, float]:
     """RMS of what differs, by channel (m, m, rad); runs that cannot be played make it NaN."""
-    rows = Campaign(campaign.observations, straw, campaign.pool).misfits((), [np.empty(0)])[0]
+    rows = Campaign(campaign.observations, StrawSystem(straw), campaign.pool).misfits((), [np.empty(0)])[0]
     plain = [np.full((3, 1), np.nan) if one is None else one.plain for one in rows]
     return {c: float(np.sqrt(np.mean(np.concatenate([p[i] for p in plain]) ** 2))) for i, c in enumerate(CHANNELS)}
 
 
 def _first_late(campaign: Campaign, straw: StrawParameters) -> dict[str, float]:
     """How much later (s) than measured the model's first snap is, by run; NaN where Phi of either does not show it."""
-    rows = Campaign(campaign.observations, straw, campaign.pool).misfits((), [np.empty(0)])[0]
+    rows = Campaign(campaign.observations, StrawSystem(straw), campaign.pool).misfits((), [np.empty(0)])[0]
     return {
         o.name: float(one.late_s[0]) if one is not None and len(one.late_s) else float("nan")
         for o, one in zip(campaign.observations, rows, strict=True)

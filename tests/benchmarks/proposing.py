@@ -21,13 +21,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.replay.diagnose.observation import observe
 from straw.replay.diagnose.propose.dataset import Number, numbers
 from straw.replay.diagnose.propose.learned import Learned, load, shipped
 from straw.replay.diagnose.propose.network import LOG_SD
 from straw.replay.diagnose.propose.proposal import Proposal, propose
 from straw.replay.diagnose.propose.train import HELD_OUT, gathered
 from straw.replay.diagnose.propose.train import asked as asked_of
+from straw.replay.diagnose.systems.straw.observation import observe
 from straw.replay.gather import gather
 from straw.replay.progress import progress_bar
 from straw.rig.run import Run

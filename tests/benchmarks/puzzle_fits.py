@@ -10,13 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.hypothesis import REPEATS, REPEATS_MOUNT, Unknown, base_unknowns
-from straw.replay.diagnose.inquiry import allow_repeats
-from straw.replay.diagnose.library import causes, hypothesis
-from straw.replay.diagnose.observation import Observation
+from straw.replay.diagnose.explain import random_effects
+from straw.replay.diagnose.fit import Fit, evaluated, fitted
+from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.robust import weights
-from straw.replay.diagnose.search import Fit, descend, measured_slopes
-from straw.replay.diagnose.start import C_PHI, C_ZETA, R_CH, base_start, few_of, rough
+from straw.replay.diagnose.systems.straw.base import C_PHI, C_ZETA, R_CH, base_fit, different_runs, logarithmic
+from straw.replay.diagnose.systems.straw.constants import REPEATS, REPEATS_MOUNT, base_unknowns
+from straw.replay.diagnose.systems.straw.library import causes, hypothesis
+from straw.replay.diagnose.systems.straw.observation import Observation
+from straw.replay.diagnose.systems.straw.of import straw_of
 from straw.replay.progress import say
 
 Floats = NDArray[np.float64]
@@ -85,23 +87,23 @@ def at(unknowns: Sequence[Unknown], values: Mapping[str, float], else_u: Floats 
 
 
 def tightened(campaign: Campaign, unknowns: Sequence[Unknown], u: Floats, rounds: int = 10) -> Fit:
-    """The fit from u, what moves fast counting more and more."""
-    for here in (campaign.roughly(), campaign):
-        fit = descend(here, unknowns, u, rounds=rounds, enough=10.0)
+    """The fit from u, first to slow parts and envelopes, then to all samples."""
+    for here in (campaign.coarse(), campaign):
+        fit = fitted(here, unknowns, u, rounds=rounds)
         u = fit.u
     return fit
 
 
 def settled(campaign: Campaign, fit: Fit, rounds: int = 6) -> Fit:
     """The fit once more, with what repeats of one straw differ by allowed for."""
-    allow_repeats(campaign, fit)
-    return descend(campaign, fit.unknowns, fit.u, rounds=rounds, enough=5.0)
+    random_effects(campaign, fit)
+    return fitted(campaign, fit.unknowns, fit.u, rounds=rounds)
 
 
 def by_itself(campaign: Campaign) -> Fit:
     """One run fitted by itself with the campaign's straw, from a grid of the three constants with the delay that
     brings the first snap to its time and without one."""
-    unknowns = alone_unknowns(base_unknowns(campaign.straw))
+    unknowns = alone_unknowns(base_unknowns(straw_of(campaign)))
     points = [
         at(unknowns, dict(zip((f"straw.{name}" for name in WISHED), values, strict=True)))
         for values in itertools.product(C_ZETA[::2], C_PHI[::2], R_CH[2::2])
@@ -111,22 +113,21 @@ def by_itself(campaign: Campaign) -> Fit:
         if one is not None and np.isfinite(one.late_s[:1]).any():
             delayed.append(at(unknowns, {DELAY: -float(np.clip(one.late_s[0], -1.5, 1.5))}, point))
     points += delayed
-    looks = rough(campaign.roughly(), unknowns, points)
+    looks = logarithmic(campaign.coarse(), unknowns, points)
     best = [points[k] for k in np.argsort(looks, kind="stable")[: FOLLOWED + 1]]
-    ends = [descend(campaign.roughly(), unknowns, u, rounds=6, share=0.01, enough=5.0) for u in best]
+    ends = [fitted(campaign.coarse(), unknowns, u, rounds=6) for u in best]
     return tightened(campaign, unknowns, min(ends, key=lambda fit: fit.cost).u)
 
 
 def near_own(campaign: Campaign) -> Fit:
     """One run fitted by itself from the campaign's straw's own constants and no delay: nothing further off is tried."""
-    unknowns = alone_unknowns(base_unknowns(campaign.straw))
-    return descend(campaign, unknowns, np.zeros(len(unknowns)), rounds=8)
+    unknowns = alone_unknowns(base_unknowns(straw_of(campaign)))
+    return fitted(campaign, unknowns, np.zeros(len(unknowns)), rounds=8)
 
 
 def base_for_all(campaign: Campaign) -> Fit:
     """The base model with one set of its own constants for all runs, no delay."""
-    unknowns = base_unknowns(campaign.straw)
-    return settled(campaign, tightened(campaign, unknowns, base_start(campaign, unknowns)))
+    return settled(campaign, base_fit(campaign)[0])
 
 
 def improved_for_all(campaign: Campaign) -> Fit:
@@ -135,11 +136,11 @@ def improved_for_all(campaign: Campaign) -> Fit:
     Which cell snaps first is a matter of which is weaker, and no descent crosses from one order to another: each cell
     that snaps in the runs is tried as the weaker one, and none.
     """
-    laws = hypothesis(TERMS, campaign.straw.cells).unknowns
+    laws = hypothesis(TERMS, straw_of(campaign).cells).unknowns
     laws = tuple(_alike(k) if ".frustum_spread." in k.target else k for k in laws)
-    unknowns = (*base_unknowns(campaign.straw), *laws)
-    loose = campaign.roughly()
-    few = loose.only(few_of(campaign.observations, [0.0] * len(campaign.observations)))
+    unknowns = (*base_unknowns(straw_of(campaign)), *laws)
+    loose = campaign.coarse()
+    few = loose.only(different_runs(campaign.observations))
     ends = []
     for cell in (None, *snapping(campaign.observations)):
         weaker = {} if cell is None else {f"term.frustum_spread.E_relative.{cell}": WEAKER}
@@ -147,10 +148,10 @@ def improved_for_all(campaign: Campaign) -> Fit:
             at(unknowns, {**dict(zip(LOOKED_AT, sizes, strict=True)), **weaker})
             for sizes in itertools.product(*LOOKED_AT.values())
         ]
-        best = np.argsort(rough(few, unknowns, points), kind="stable")[:FOLLOWED]
-        first = [descend(few, unknowns, points[k], rounds=4, share=0.02, enough=20.0) for k in best]
+        best = np.argsort(logarithmic(few, unknowns, points), kind="stable")[:FOLLOWED]
+        first = [fitted(few, unknowns, points[k], rounds=4, share=0.02) for k in best]
         u = min(first, key=lambda fit: fit.cost).u
-        ends.append(descend(loose, unknowns, u, rounds=8, share=0.01, enough=20.0))
+        ends.append(fitted(loose, unknowns, u, rounds=8, share=0.01))
         say(f"weaker cell {cell or 'none'}: from {[round(fit.cost) for fit in first]} to {ends[-1].cost:.0f}")
     return settled(campaign, tightened(campaign, unknowns, min(ends, key=lambda fit: fit.cost).u, rounds=12))
 
@@ -166,8 +167,8 @@ def one_delay(campaign: Campaign, fit: Fit) -> tuple[Number, float]:
     and by how much it would lower the misfit."""
     (delay,) = causes(1)["clock_offset"][0]
     unknowns, u = (*fit.unknowns, delay), np.append(fit.u, 0.0)
-    residual = campaign.residuals(unknowns, [u])[0]
-    slopes = measured_slopes(campaign, unknowns, u, residual, range(len(u)))
+    at_fit = evaluated(campaign, unknowns, u)
+    residual, slopes = at_fit.residual, at_fit.slopes
     w = weights(residual)
     # at its optimum the fit itself has nothing to gain: what slopes say otherwise is their error
     gradient = np.append(np.zeros(len(fit.u)), slopes[:, -1] @ (w * residual))

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from straw.model.parameters import StrawParameters
-from straw.replay.diagnose.instrument import Instrument
-from straw.replay.diagnose.misfit import play
-from straw.replay.diagnose.observation import Observation
+from straw.replay.diagnose.systems.straw.observation import Observation
+from straw.replay.diagnose.systems.straw.simulated import simulated
 from straw.replay.paper.style import figure
 
 from .puzzle_fits import DELAY, Number
@@ -50,7 +49,7 @@ def draw(
             panel.set_ylabel(name)
             panel.set_xlim(0, o.end_s)
         for straw, color, label in zip(straws, (BASE, IMPROVED), ("base, one set", "improved, one set"), strict=True):
-            seen, _ = play(o, straw, Instrument())
+            seen = simulated(o, straw, (), np.empty(0)).prediction
             for panel, values, (_, factor) in zip(panels, (seen.x_m, seen.phi_rad), CURVES, strict=True):
                 panel.plot(seen.time_s, factor * values, color=color, lw=0.9, label=label)
         panels[0].set_title(o.name + ("" if o.name in fitted else " (not fitted)"), loc="left")

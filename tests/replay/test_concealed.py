@@ -12,12 +12,14 @@ import numpy as np
 from straw.model.parameters import StrawParameters
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.diagnosis import inquire
+from straw.replay.diagnose.explain import random_effects
 from straw.replay.diagnose.findings import Findings, conclude
-from straw.replay.diagnose.hypothesis import base_unknowns
+from straw.replay.diagnose.fit import fitted
 from straw.replay.diagnose.judge import NOISE_LEAVES, unexplained
-from straw.replay.diagnose.library import hypothesis
-from straw.replay.diagnose.observation import observe
-from straw.replay.diagnose.search import descend
+from straw.replay.diagnose.systems.straw.constants import base_unknowns
+from straw.replay.diagnose.systems.straw.library import hypothesis
+from straw.replay.diagnose.systems.straw.observation import observe
+from straw.replay.diagnose.systems.straw.system import StrawSystem
 from tests.apparatus.campaign import campaign
 from tests.apparatus.effects import Cause
 
@@ -29,7 +31,7 @@ def diagnosed(cause: Cause | None, seed: int, library: tuple[str, ...] | None = 
     """What is said of a specimen and repeats drawn by chance; all of the library by default."""
     seen = [observe(run) for run in campaign((cause,) if cause else (), seed, RUNS[:runs])]
     with ThreadPoolExecutor(2) as pool:
-        return conclude(inquire(seen, BASE, library=library, executor=pool), brief=True)
+        return conclude(inquire(seen, StrawSystem(BASE), library=library, executor=pool), brief=True)
 
 
 def test_a_crease_that_hardens_is_named_and_improves_runs_it_did_not_fit() -> None:
@@ -49,13 +51,13 @@ def test_the_law_of_a_wall_that_relaxes_takes_up_two_times_and_spares_the_bendin
     base, law = base_unknowns(BASE), hypothesis(["viscoelasticity"], BASE.cells)
     start = np.concatenate([np.zeros(len(base)), law.starts[0]])
     with ThreadPoolExecutor(2) as pool:
-        whole = Campaign(seen, BASE, pool)
-        without = descend(whole.roughly(), base, start[: len(base)], rounds=15, share=3e-3)
-        roughly = descend(whole.roughly(), (*base, *law.unknowns), start, rounds=20, share=3e-3)
-        found = descend(whole, roughly.unknowns, roughly.u, rounds=10)
-        left = unexplained(whole, found)
-    assert roughly.cost < without.cost / 5
-    assert left < NOISE_LEAVES
+        whole = Campaign(seen, StrawSystem(BASE), pool)
+        coarse = fitted(whole.coarse(), (*base, *law.unknowns), start, rounds=20)
+        random_effects(whole, fitted(whole, coarse.unknowns, coarse.u, rounds=20))
+        found = fitted(whole, coarse.unknowns, coarse.u, rounds=20)
+        without = fitted(whole, base, start[: len(base)], rounds=20)
+        left, missing = unexplained(whole, found), unexplained(whole, without)
+    assert left < NOISE_LEAVES < missing
     assert found.values["term.viscoelasticity&viscoelasticity_slow.bending"] < 0.2
 
 

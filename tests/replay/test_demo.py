@@ -16,8 +16,8 @@ from straw.replay.commands.demo import figures
 from straw.replay.compare import CHANNELS
 from straw.replay.demo.campaign import PLANS, FaultyGauge, protocol_of
 from straw.replay.demo.conceal import DRAWER, NOTHING, Concealed, Seal, draw, named, opened, story
-from straw.replay.diagnose.instrument import Instrument
-from straw.replay.diagnose.library import causes
+from straw.replay.diagnose.systems.straw.instrument import Instrument
+from straw.replay.diagnose.systems.straw.library import causes
 
 BASE = StrawParameters()
 

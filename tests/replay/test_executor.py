@@ -11,8 +11,9 @@ import numpy as np
 
 from straw.model.parameters import StrawParameters
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.hypothesis import base_unknowns
-from straw.replay.diagnose.observation import observe
+from straw.replay.diagnose.systems.straw.constants import base_unknowns
+from straw.replay.diagnose.systems.straw.observation import observe
+from straw.replay.diagnose.systems.straw.system import StrawSystem
 from tests.apparatus.campaign import NONE, campaign
 
 
@@ -31,7 +32,7 @@ def test_a_run_played_in_another_process_differs_from_the_recording_as_it_does_h
     observed, unknowns = [observe(run) for run in campaign((), 3, ("staircase",), NONE)], base_unknowns(base)
     with ThreadPoolExecutor(1) as threads, Elsewhere() as elsewhere:
         here, there = (
-            Campaign(observed, base, pool).residuals(unknowns, [np.zeros(len(unknowns))])[0]
+            Campaign(observed, StrawSystem(base), pool).residuals(unknowns, [np.zeros(len(unknowns))])[0]
             for pool in (threads, elsewhere)
         )
     # the second starts from where the first has found the straw at rest, to the accuracy of that search

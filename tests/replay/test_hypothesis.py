@@ -7,11 +7,10 @@ import pytest
 
 from straw.model.parameters import StrawParameters
 from straw.model.terms import CAUSES
-from straw.replay.diagnose.contest import Contestant, released
-from straw.replay.diagnose.hypothesis import MEASUREMENT, Unknown, applied, base_unknowns, dragged, held
-from straw.replay.diagnose.instrument import Instrument
-from straw.replay.diagnose.library import causes, hypothesis
-from straw.replay.diagnose.search import Fit
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.systems.straw.constants import MEASUREMENT, applied, base_unknowns
+from straw.replay.diagnose.systems.straw.instrument import Instrument
+from straw.replay.diagnose.systems.straw.library import causes, hypothesis
 
 BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)
 
@@ -52,31 +51,6 @@ def test_elasticity_and_geometry_stay_within_a_few_percent_of_what_is_given():
         low, high = ends[f"straw.{name}"]
         assert 0.9 < low < 0.97
         assert 1.03 < high < 1.1
-
-
-def test_a_base_is_dragged_by_constants_that_specimens_hardly_differ_in_and_not_by_its_damping():
-    base = base_unknowns(BASE)
-    stiffness, damping = ([k.target for k in base].index(f"straw.{name}") for name in ("E_pa", "c_zeta_n_s_per_m"))
-    u = np.zeros(len(base))
-    u[damping] = 3.0
-    assert not dragged(base, u)
-    u[stiffness] = -2.4
-    assert dragged(base, u)
-
-
-def test_constants_that_are_held_are_charged_more_until_they_are_released():
-    base, late = base_unknowns(BASE), hypothesis(["clock_offset"], 9)
-    kept = (*held(base), *late.unknowns)
-    assert [k.sd for k in held(base)[:3]] == [k.sd for k in base[:3]]
-    u = np.zeros(len(kept))
-    u[3] = 1.0  # E
-    price = 1 / held(base)[3].sd ** 2
-    fit = Fit(kept, u, np.zeros(4), np.zeros((4, len(kept))), price, True)
-    free = released(Contestant(late, fit), base)
-    assert free.fit.unknowns == (*base, *late.unknowns)
-    assert free.cost < price
-    assert free.cost == pytest.approx(1 / base[3].sd ** 2)
-    assert not free.fit.fresh
 
 
 def test_curvature_may_grow_along_the_straw_and_relaxation_spare_the_bending():

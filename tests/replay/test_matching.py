@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from straw.model.parameters import StrawParameters
-from straw.replay.diagnose.instrument import Instrument
-from straw.replay.diagnose.matching import matched, without_odd
-from straw.replay.diagnose.misfit import MISSING, misfit, rough_misfit
-from straw.replay.diagnose.observation import observe
 from straw.replay.diagnose.robust import robust_cost
+from straw.replay.diagnose.settings import MISSING_EVENT_SIGMAS
+from straw.replay.diagnose.systems.straw.matching import matched, without_odd
+from straw.replay.diagnose.systems.straw.misfit import coarse_misfit, misfit
+from straw.replay.diagnose.systems.straw.observation import observe
 from tests.apparatus.campaign import NONE, campaign
 
 BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)
@@ -63,15 +63,15 @@ def test_a_snap_that_just_missed_its_level_costs_the_right_straw_no_more_than_no
     # as if the first or the last had not reached the level, or the first's ring had not come back through it
     less = replace(fold, snaps_s=np.delete(fold.snaps_s, unseen))
     for how in (
-        lambda run: misfit(run, BASE, Instrument()).vector,
-        lambda run: rough_misfit(run, BASE, Instrument())[0],
+        lambda run: misfit(run, BASE, (), np.empty(0)).vector,
+        lambda run: coarse_misfit(run, BASE, (), np.empty(0))[0],
     ):
         # the clock is no longer bent there, for snaps that are less than a millisecond, a sigma, late
-        assert robust_cost(how(less)) < robust_cost(how(fold)) + len(unseen) * (MISSING**2 + 5)
+        assert robust_cost(how(less)) < robust_cost(how(fold)) + len(unseen) * (MISSING_EVENT_SIGMAS**2 + 5)
 
 
 def test_a_straw_that_snaps_otherwise_is_told_by_all_that_follows(fold):
     # a cell that is a fifth weaker folds before the other and earlier: no fit to what was recorded
     weak = BASE.with_term("frustum_spread", E_relative=np.array([-0.2, *[0.0] * 8]))
-    right, wrong = (robust_cost(misfit(fold, straw, Instrument()).vector) for straw in (BASE, weak))
+    right, wrong = (robust_cost(misfit(fold, straw, (), np.empty(0)).vector) for straw in (BASE, weak))
     assert wrong > 3 * right

@@ -10,14 +10,15 @@ import pytest
 from straw.model.parameters import StrawParameters, straw_from_toml
 from straw.model.simulate import simulate
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.dictionary import atoms
+from straw.replay.diagnose.fit import fitted
 from straw.replay.diagnose.formula import Formula, Tangent, sparse
-from straw.replay.diagnose.hypothesis import applied, base_unknowns
-from straw.replay.diagnose.instrument import Instrument
-from straw.replay.diagnose.missing import missing_force
-from straw.replay.diagnose.observation import observe
-from straw.replay.diagnose.search import descend
-from straw.replay.diagnose.states import STATES, points
+from straw.replay.diagnose.systems.straw.constants import applied, base_unknowns
+from straw.replay.diagnose.systems.straw.dictionary import atoms
+from straw.replay.diagnose.systems.straw.instrument import Instrument
+from straw.replay.diagnose.systems.straw.missing import missing_force
+from straw.replay.diagnose.systems.straw.observation import observe
+from straw.replay.diagnose.systems.straw.states import STATES, points
+from straw.replay.diagnose.systems.straw.system import StrawSystem
 from tests.apparatus.campaign import NONE, campaign
 from tests.apparatus.effects import Cause
 
@@ -28,8 +29,8 @@ BY_NAME = {state.name: state for state in STATES}
 def test_a_gauge_that_saturates_is_found_as_an_error_over_what_it_shows_with_its_size():
     runs = campaign((Cause("unknown", 4e3, "gauge saturates", 1),), 3, ("fold-25kPa", "deploy-35kPa-1"), NONE)
     with ThreadPoolExecutor() as pool:
-        here, base = Campaign([observe(run) for run in runs], BASE, pool), base_unknowns(BASE)[:3]
-        null = descend(here, base, np.zeros(len(base)), rounds=3, share=0.01)
+        here, base = Campaign([observe(run) for run in runs], StrawSystem(BASE), pool), base_unknowns(BASE)[:3]
+        null = fitted(here, base, np.zeros(len(base)), rounds=5)
         found = missing_force(here, null, states=[BY_NAME["gauge over pressure"], BY_NAME["tip X, along Z"]])
     assert found is not None
     assert found.curve.state.name == "gauge over pressure"

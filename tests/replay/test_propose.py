@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 
 from straw.model.parameters import StrawParameters
-from straw.replay.diagnose.library import causes
-from straw.replay.diagnose.observation import Observation, observe
 from straw.replay.diagnose.propose import network
 from straw.replay.diagnose.propose.dataset import Examples
 from straw.replay.diagnose.propose.learned import SHIPPED, load, shipped
@@ -17,6 +15,8 @@ from straw.replay.diagnose.propose.proposal import Proposal, propose
 from straw.replay.diagnose.propose.recorded import recorded
 from straw.replay.diagnose.propose.simulate_campaigns import Group, simulated_group
 from straw.replay.diagnose.propose.train import scales_of
+from straw.replay.diagnose.systems.straw.library import causes
+from straw.replay.diagnose.systems.straw.observation import Observation, observe
 from straw.replay.errors import ReplayError
 from straw.replay.gather import gather
 

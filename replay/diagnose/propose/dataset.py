@@ -13,14 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.model.parameters import StrawParameters
-from straw.replay.diagnose.hypothesis import Unknown, base_unknowns
-from straw.replay.diagnose.library import causes
+from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.propose import features as features_module
 from straw.replay.diagnose.propose import movement, recorded, seen
 from straw.replay.diagnose.propose.features import features
 from straw.replay.diagnose.propose.network import Batch, Truth
 from straw.replay.diagnose.propose.recorded import recorded as recording_of
 from straw.replay.diagnose.propose.simulate_campaigns import Group, library_unknowns
+from straw.replay.diagnose.systems.straw.constants import base_unknowns
+from straw.replay.diagnose.systems.straw.library import causes
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]

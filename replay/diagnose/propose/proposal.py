@@ -16,14 +16,15 @@ from numpy.typing import NDArray
 
 from straw.model.errors import ModelError
 from straw.model.parameters import StrawParameters
-from straw.replay.diagnose.hypothesis import Unknown, applied, base_unknowns
-from straw.replay.diagnose.library import causes
-from straw.replay.diagnose.observation import Observation
+from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.propose.dataset import Number
 from straw.replay.diagnose.propose.features import features
 from straw.replay.diagnose.propose.learned import Learned, shipped
 from straw.replay.diagnose.propose.network import LOG_SD
 from straw.replay.diagnose.propose.seen import observed
+from straw.replay.diagnose.systems.straw.constants import applied, base_unknowns
+from straw.replay.diagnose.systems.straw.library import causes
+from straw.replay.diagnose.systems.straw.observation import Observation
 
 Floats = NDArray[np.float64]
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.replay.diagnose.hypothesis import MEASUREMENT
-from straw.replay.diagnose.instrument import Instrument
-from straw.replay.diagnose.library import causes
 from straw.replay.diagnose.propose.seen import RATE_HZ, Seen
 from straw.replay.diagnose.propose.simulate_campaigns import FRAME_S, Group, library_unknowns
 from straw.replay.diagnose.propose.specimens import fault_by_chance
+from straw.replay.diagnose.systems.straw.constants import MEASUREMENT
+from straw.replay.diagnose.systems.straw.instrument import Instrument
+from straw.replay.diagnose.systems.straw.library import causes
 
 Floats = NDArray[np.float64]
 

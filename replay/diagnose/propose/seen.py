@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from straw.model.drive import Table
 from straw.model.errors import ModelError
 from straw.model.parameters import StrawParameters
-from straw.replay.diagnose.observation import Observation
 from straw.replay.diagnose.propose.simulate_campaigns import played
+from straw.replay.diagnose.systems.straw.observation import Observation
 
 Floats = NDArray[np.float64]
 

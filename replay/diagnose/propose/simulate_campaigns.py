@@ -19,9 +19,7 @@ from straw.model.drive import Table
 from straw.model.errors import ModelError
 from straw.model.parameters import StrawParameters, straw_from_toml
 from straw.model.simulate import run
-from straw.replay.diagnose.hypothesis import Unknown, applied, base_unknowns
-from straw.replay.diagnose.instrument import Instrument
-from straw.replay.diagnose.library import causes
+from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.propose.protocols import USUAL, Protocol, drawn
 from straw.replay.diagnose.propose.specimens import (
     another_time,
@@ -32,6 +30,9 @@ from straw.replay.diagnose.propose.specimens import (
     nearness,
     nominal,
 )
+from straw.replay.diagnose.systems.straw.constants import applied, base_unknowns
+from straw.replay.diagnose.systems.straw.instrument import Instrument
+from straw.replay.diagnose.systems.straw.library import causes
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from straw.model.parameters import StrawParameters
 from straw.model.terms import TERMS
-from straw.replay.diagnose.hypothesis import MEASUREMENT, Unknown, base_unknowns
-from straw.replay.diagnose.library import causes
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.systems.straw.constants import MEASUREMENT, base_unknowns
+from straw.replay.diagnose.systems.straw.library import causes
 
 Floats = NDArray[np.float64]
 

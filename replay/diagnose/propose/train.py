@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.model.parameters import StrawParameters
-from straw.replay.diagnose.library import causes
 from straw.replay.diagnose.propose import network
 from straw.replay.diagnose.propose.dataset import Examples, examples_of, hash_of_code, joined, numbers, recipe
 from straw.replay.diagnose.propose.learned import SHIPPED, Familiar, Learned, Scaling
 from straw.replay.diagnose.propose.network import Adam, Batch, Weights, answer, fresh, learning_rates, slopes
 from straw.replay.diagnose.propose.simulate_campaigns import SPECIMENS, simulate_until
+from straw.replay.diagnose.systems.straw.library import causes
 from straw.replay.progress import progress_bar, say
 
 #: Every tenth group is held out, and as many again say where the familiar ends and how sure the answers may be.

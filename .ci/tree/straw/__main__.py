@@ -1,0 +1,1 @@
+../../../replay/api/straw/__main__.py

@@ -1,0 +1,123 @@
+"""straw check: the contract test over a part of somebody's own; what is wrong is one line."""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+
+from straw.model.errors import ModelError
+from straw.model.plugged import add_laws, module_of
+from straw.replay.errors import ReplayError
+from straw.replay.output import write_json
+from straw.replay.progress import say
+
+
+def run(args: argparse.Namespace) -> int:
+    """Check the part by what it gives; 0 when it may be used, 2 with one line when not."""
+    module = module_of(args.part.resolve(), "part")
+    kinds = [name for name in PARTS if hasattr(module, name)]
+    if not kinds:
+        raise ReplayError(f"{args.part}: gives none of {', '.join(PARTS)}; end it with LAW = straw.Law(...), for one")
+    said = PARTS[kinds[0]](args.part, module, args.run)
+    if args.json:
+        write_json(args.json, {"part": str(args.part), "gives": kinds[0], "good": True, "says": said})
+    print("\n".join(said))
+    return 0
+
+
+def check_laws(path: Path, _module: ModuleType, whole: bool) -> list[str]:
+    """What a file's laws are; with ``whole`` they run in the model, too."""
+    if whole:
+        add_laws(path)
+    from straw.model.law_file import laws_in, ready  # loads the compiler
+    from straw.replay.diagnose.systems.straw.library import library_of
+
+    said = []
+    for law in laws_in(path.resolve()):
+        compiles(str(path), ready(law))
+        strengths = ", ".join(f"{c.name} / {c.unit}" for c in law.constants if c.name in law.strengths)
+        unknowns, starts = library_of(law)
+        said.append(
+            f"{path}: law {law.name} is good: {law.law}; strength {strengths}; "
+            f"in the diagnosis {len(unknowns)} unknowns from {len(starts)} starts"
+        )
+        if whole:
+            said.append(f"  on the paper's two runs the tip changes by up to {runs(law.name):.3g} mm")
+    if not whole:
+        say("not run in the model, which compiles for a minute or two: --run")
+    return said
+
+
+def compiles(where: str, law: object) -> None:
+    """Raise ModelError, one line, where numba cannot compile what is good as Python."""
+    from straw.model.law_contract import some_frusta, typical_row
+    from straw.model.term import Law
+
+    assert isinstance(law, Law)
+    if law.kind == "body":
+        return
+    more = (0.0, 0.0, 1e-3) if law.kind == "memory" else ()
+    for name, function, rest in (("force", law.force, more), ("energy", law.energy, ())):
+        if function is None:
+            continue
+        try:
+            function(some_frusta(1)[0], typical_row(law), *rest)
+        except Exception as error:
+            lines = [" ".join(line.split()) for line in str(error).splitlines() if line.strip()]
+            told = next((x for x in lines if "line" not in x.lower() and len(x) > 20), "numba refuses it")
+            raise ModelError(
+                f"{where}: law {law.name}: {name} does not compile: {told[:200]}; use math and numbers only"
+            ) from None
+
+
+def runs(name: str) -> float:
+    """How far the tip moves off by a law of plausible strength on the paper's two runs, mm; ModelError if it fails."""
+    from straw.model.parameters import StrawParameters
+    from straw.model.simulate import simulate
+    from straw.model.terms import TERMS
+    from straw.model.typical import with_typical
+
+    base, time_s = StrawParameters(), np.linspace(0, 2.0, 481)
+    loose = base.replace(c_zeta_n_s_per_m=0.1, c_phi_n_m_s_per_rad=3e-3, r_ch_m=0.315e-3)
+    most = 0.0
+    for straw, steady_pa, deployed in ((base, -25e3, [1, 4]), (loose, 35e3, [2, 3, 5, 6, 7, 8, 9])):
+        one, other = (
+            simulate(s, lambda t, p=steady_pa: p * (1 - np.exp(-50 * t)), time_s, deployed)  # type: ignore[misc]
+            for s in (straw, with_typical(straw, TERMS[name]))
+        )
+        most = max(most, *(float(np.abs(a - b).max()) for a, b in ((one.x_m, other.x_m), (one.z_m, other.z_m))))
+    return most * 1e3
+
+
+def check_controller(path: Path, _module: ModuleType, _whole: bool) -> list[str]:
+    """What a driver is."""
+    from straw.rig.controller import driver_in
+
+    driver = driver_in(path.resolve())
+    settings = [name for name in inspect.signature(driver).parameters if name not in ("port", "kwargs", "settings")]
+    return [
+        f"{path}: controller {driver.name} is good; its settings: {', '.join(settings) or 'those of any controller'}"
+    ]
+
+
+def check_system(path: Path, _module: ModuleType, _whole: bool) -> list[str]:
+    """That a system can be simulated and diagnosed; ReplayError with every defect in one line."""
+    from straw.replay.diagnose.systems.function.check import defects
+
+    if found := defects(path):
+        raise ReplayError("; ".join(found))
+    return [f"{path}: a system that can be diagnosed: straw diagnose --system {path} DATA.csv ..."]
+
+
+#: What a file may give, and its check.
+PARTS: dict[str, Callable[[Path, ModuleType, bool], list[str]]] = {
+    "LAW": check_laws,
+    "LAWS": check_laws,
+    "CONTROLLER": check_controller,
+    "channels": check_system,
+}

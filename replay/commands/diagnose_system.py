@@ -1,0 +1,77 @@
+"""straw diagnose --system: what a user's own system leaves out, from tables of readings."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+
+from straw.replay.diagnose.discover.discover import discover
+from straw.replay.diagnose.discover.findings import SystemFindings, text
+from straw.replay.diagnose.discover.page import page
+from straw.replay.diagnose.systems.function.model import load_model
+from straw.replay.diagnose.systems.function.recording import read_recordings
+from straw.replay.diagnose.systems.function.system import FunctionSystem
+from straw.replay.errors import ReplayError
+from straw.replay.output import write_json, write_text
+from straw.replay.progress import progress_bar
+from straw.replay.workers import threads
+from straw.rig.interrupts import Interrupts
+
+
+def run(args: argparse.Namespace) -> int:
+    """Diagnose; 0 when nothing is missing or all is within the tolerance, 1 when something is, or is not told."""
+    model = load_model(args.system, [_given(one) for one in args.given])
+    recordings = read_recordings(model, args.runs, args.hold_out)
+    tolerance = dict(_tolerance(part, [y.name for y in model.channels]) for part in _parts(args.tolerance))
+    with (
+        threads(args.jobs, args.dask) as pool,
+        progress_bar("diagnose", "step") as update,
+        Interrupts() as interrupts,
+    ):
+        found = discover(
+            FunctionSystem(model),
+            recordings,
+            executor=pool,
+            told=lambda _what, done, total: update(done, total),
+            stop=lambda: interrupts.pending is not None,
+        )
+    findings = SystemFindings(found, tuple(recordings), tolerance)
+    print(text(findings))
+    written = []
+    if args.report:
+        write_text(args.report, page(findings))
+        written.append(args.report)
+    if args.json:
+        write_json(args.json, findings.as_json())
+        written.append(args.json)
+    if written:
+        print(f"\nlook at {', '.join(map(str, written))}")
+    return 0 if findings.verdict in ("complete", "within_tolerance") else 1
+
+
+def _given(text_: str) -> tuple[str, float, float, float]:
+    """NAME=VALUE,LOW,HIGH."""
+    name, _, numbers = text_.partition("=")
+    try:
+        value, low, high = (float(x) for x in numbers.split(","))
+    except ValueError:
+        raise ReplayError(f"--given {text_}: give NAME=VALUE,LOW,HIGH, for example c=0.28,0.27,0.29") from None
+    return name, value, low, high
+
+
+def _parts(text_: str | None) -> Sequence[str]:
+    return text_.split(",") if text_ else ()
+
+
+def _tolerance(part: str, channels: Sequence[str]) -> tuple[str, float]:
+    """CHANNEL=VALUE in the channel's unit."""
+    name, _, number = part.partition("=")
+    if name not in channels:
+        raise ReplayError(f"--tolerance {part}: no such channel; known: {', '.join(channels)}")
+    try:
+        value = float(number)
+    except ValueError:
+        raise ReplayError(f"--tolerance {part}: give a number in the channel's unit, for example {name}=0.1") from None
+    if not value > 0:
+        raise ReplayError(f"--tolerance {part}: must be above zero")
+    return name, value

@@ -1,0 +1,134 @@
+"""Squared differences by blocks of samples: errors of prediction on what a fit has not seen, without fitting again.
+
+A fit that is linear near its end would, without some blocks, end one Gauss-Newton step away; what it then leaves on
+these blocks is their error of prediction (Stone 1974; for blocks of dependent data: Burman, Chow and Nolan 1994).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.hypothesis import Unknown
+
+Floats = NDArray[np.float64]
+
+#: Blocks of a campaign, and folds they are dealt into in turn.
+BLOCKS, FOLDS = 60, 6
+#: What is held out of recordings lies after what is fitted, where this share of it does.
+AFTER = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """Gram matrices of a campaign's blocks: r'r (b,), J'r (b, k), J'J (b, k, k), samples (b,), and each one's fold.
+
+    What a fold is asked of is fitted to all blocks but those of it and of later ones, where ``onwards``.
+    """
+
+    squares: Floats
+    g: Floats
+    H: Floats
+    count: Floats
+    fold: NDArray[np.int64]  # -1: never predicted
+    onwards: bool
+
+
+def how_held(campaign: Campaign) -> str:
+    """How what is held out lies to what is fitted: whole ``recordings``, ``after`` it, or ``between``."""
+    runs: Sequence[Any] = campaign.observations
+    fitted = [one for one in runs if one.fitted.any()]
+    if len(fitted) >= 3 and any(one.held.any() and not one.fitted.any() for one in runs):
+        return "recordings"
+    held = after = 0
+    for one in fitted:
+        held += int(one.held.sum())
+        after += int(np.sum(one.held & (one.time_s > one.time_s[one.fitted].max())))
+    return "after" if held and after > AFTER * held else "between"
+
+
+def bounds(campaign: Campaign) -> list[tuple[NDArray[np.int64], int]]:
+    """Rows and fold of each block: recordings cut in time, all channels of a stretch together.
+
+    A law is to do well on what is held out, so folds lie to each other as that lies to what is fitted.
+    """
+    fitted = [np.flatnonzero(one.fitted) for one in campaign.observations]  # type: ignore[attr-defined]
+    total, how = sum(map(len, fitted)), how_held(campaign)
+    out, number, recording = [], 0, 0
+    for one, rows, part in zip(campaign.observations, fitted, campaign.slices(), strict=True):
+        if not len(rows):
+            continue
+        many = max(6 if how == "after" else 1, min(len(rows), round(BLOCKS * len(rows) / total)))
+        channels, n = one.seen.shape
+        for k, piece in enumerate(np.array_split(rows, many)):
+            at = np.concatenate([part.start + c * n + piece for c in range(channels)])
+            thirds = 3 * k // many - 1
+            out.append((at, {"recordings": recording % FOLDS, "after": thirds, "between": number % FOLDS}[how]))
+            number += 1
+        recording += 1
+    return out
+
+
+def blocks(campaign: Campaign, residual: Floats, slopes: Floats) -> Blocks:
+    """Of residuals (m,) and their Jacobian (m, k) at a fit."""
+    cut = bounds(campaign)
+    squares = np.array([float(residual[rows] @ residual[rows]) for rows, _ in cut])
+    g = np.array([slopes[rows].T @ residual[rows] for rows, _ in cut])
+    H = np.array([slopes[rows].T @ slopes[rows] for rows, _ in cut])
+    fold = np.array([fold for _, fold in cut])
+    return Blocks(squares, g, H, np.array([len(rows) for rows, _ in cut]), fold, how_held(campaign) == "after")
+
+
+def predicted(
+    of: Blocks, unknowns: Sequence[Unknown], u: Floats, smooth: Floats | None = None, told: Blocks | None = None
+) -> tuple[Floats, Floats]:
+    """Squared error of each block, predicted without its fold's (b,), and the step from u with all blocks (k,).
+
+    ``told``: the same blocks in the units that errors are told in, where these are others than the fit's.
+    """
+    sd = np.array([k.sd for k in unknowns])
+    mean = np.array([k.mean for k in unknowns])
+    prior, pull = np.diag(1 / sd**2), (u - mean) / sd**2
+    if smooth is not None:
+        prior, pull = prior + smooth.T @ smooth, pull + smooth.T @ (smooth @ u)
+    H, g = of.H.sum(axis=0), of.g.sum(axis=0)
+    out = np.zeros(len(of.squares))
+    for fold in range(int(of.fold.max()) + 1):
+        here = of.fold == fold
+        out_of = of.fold >= fold if of.onwards else here
+        step = _solved(H - of.H[out_of].sum(axis=0) + prior, g - of.g[out_of].sum(axis=0) + pull)
+        t = told or of
+        out[here] = t.squares[here] + 2 * t.g[here] @ step + np.einsum("i,bij,j->b", step, t.H[here], step)
+    return np.maximum(out, 0.0), _solved(H + prior, g + pull)
+
+
+def _solved(H: Floats, g: Floats) -> Floats:
+    """Minus the solution, where H may nearly be singular."""
+    scale = np.sqrt(np.maximum(np.diag(H), 1e-300))
+    return np.asarray(-np.linalg.lstsq(H / np.outer(scale, scale), g / scale, rcond=1e-10)[0] / scale)
+
+
+def independent(campaign: Campaign, residual: Floats) -> float:
+    """How many independent samples residuals are worth: n over the integrated autocorrelation (Sokal 1997)."""
+    total = 0.0
+    for rows, _ in bounds(campaign):
+        r = residual[rows]
+        n = len(r)
+        power = float(r @ r)
+        if n < 4 or power == 0:
+            total += n
+            continue
+        time, k = 1.0, 1
+        while k < n // 2 and k < 4 * time:
+            rho = float(r[:-k] @ r[k:]) / power
+            if rho <= 0:
+                break
+            time += 2 * rho
+            k += 1
+        total += n / time
+    return total

@@ -1,0 +1,305 @@
+"""Builds what is missing, one law after the other: screen every place and state, fit the best, write them as formulas.
+
+A law is accepted where it takes a share of note off the error of prediction, more than its constants cost, and off
+what was held out. What is worse on what was held out is never shown as an improvement.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.discover.blocks import BLOCKS
+from straw.replay.diagnose.discover.formulas import formulas
+from straw.replay.diagnose.discover.inline import Inline, never
+from straw.replay.diagnose.discover.screen import Candidate, screened
+from straw.replay.diagnose.discover.trial import LAST_ROUNDS, LAST_SHARE, Trial, noise_in, rough, tried
+from straw.replay.diagnose.fit import cost_at
+from straw.replay.diagnose.inquiry import Told, silent
+from straw.replay.diagnose.systems.function.kernel import (
+    CHANNEL,
+    CLOCK,
+    DELAY,
+    FACTOR,
+    INPUT,
+    OF_SHOWN,
+    OF_TIME,
+    RATE,
+    STRENGTH,
+)
+from straw.replay.diagnose.systems.function.recording import Recorded
+from straw.replay.diagnose.systems.function.shapes import TABLE
+from straw.replay.diagnose.systems.function.system import FunctionSystem
+
+Floats = NDArray[np.float64]
+
+#: A law is of note when it takes a tenth off the root mean square error of prediction: less no reader would call found.
+OF_NOTE = 0.9**2
+#: And it leaves at most this share of what was held out (RMS): an improvement of half of that which is of note.
+HELD = 0.95
+#: Difference of Schwarz' criterion that is strong evidence (Kass and Raftery 1995: 6 to 10).
+STRONG = 10.0
+#: Laws accepted at most; candidates fitted, of each place and over each state at most; written as formulas.
+LAWS, FITTED, ALIKE, FORMULAS = 3, 12, 4, 3
+#: Deviations of the difference, block by block, within which two laws explain alike.
+TOLD_APART = 2.0
+#: Samples that are enough where nothing is integrated: a law of a dozen constants wants hundreds.
+ENOUGH = 4000
+#: Laws whose error of prediction differs by less are the same but for how they are written.
+OF_NEARLY = 0.95
+#: The base explains a channel that is held out to so many of its noise.
+TO_NOISE = 1.3
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One round: the trial accepted, if any; all that were fitted, the best first; those not told apart from it."""
+
+    accepted: Trial | None
+    fitted: tuple[Trial, ...]
+    alike: tuple[Trial, ...]
+    promised: tuple[Candidate, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Discovery:
+    """The base's trial and what was added in each round; ``held`` (channels,) RMS where nothing was fitted, of each."""
+
+    base: Trial
+    steps: tuple[Step, ...]
+    noise: Floats
+    held: tuple[Floats, ...] = field(default=())  # of the base, then of each accepted trial
+    whole: bool = True
+
+    @property
+    def accepted(self) -> list[Trial]:
+        """Trials accepted, in order."""
+        return [step.accepted for step in self.steps if step.accepted]
+
+    @property
+    def best(self) -> Trial:
+        """The last accepted, or the base's."""
+        return ([self.base, *self.accepted])[-1]
+
+
+def discover(
+    system: FunctionSystem,
+    recordings: Sequence[Recorded],
+    *,
+    executor: Executor,
+    told: Told = silent,
+    stop: Callable[[], bool] = never,
+) -> Discovery:
+    """Fit the base, then add laws while recordings ask for them; stopped, what was accepted so far counts."""
+    told("base model", 0, LAWS + 1)
+    whole, recordings = recordings, thinned(system, recordings)
+    base = with_unseen(base_trial(system, recordings), whole)
+    noise = noise_in(recordings)
+    held = [held_out(base, whole)]
+    steps: list[Step] = []
+    if not np.all(held[0] <= TO_NOISE * noise):
+        for k in range(LAWS):
+            current = steps[-1].accepted if steps else base
+            if stop() or current is None:
+                break
+            told("laws that may be missing", k + 1, LAWS + 1)
+            step = one_round(current, whole, held[-1], base.unit, executor, stop)
+            steps.append(step)
+            if step.accepted is None:
+                break
+            held.append(held_out(step.accepted, whole))
+    return Discovery(base, tuple(steps), noise, tuple(held), not stop())
+
+
+def base_trial(system: FunctionSystem, recordings: Sequence[Recorded]) -> Trial:
+    """The base from its file's values and from across their ranges, sigma following the fit."""
+    spread = [float(np.nanstd(np.concatenate([o.seen[k] for o in recordings]))) for k in range(len(system.channels))]
+    noise = noise_in(recordings)
+    wide = replace(system, sigma=tuple(float(x) for x in np.maximum(0.1 * np.array(spread), noise)))
+    wide = replace(wide, longest_s=longest_step(wide, recordings))
+    campaign = Campaign(recordings, wide, Inline())
+    fit, _ = wide.fit_base(campaign, [])
+    first = tried(campaign, fit.unknowns, fit.u, np.array(wide.sigma), tempered=4)
+    unit = np.array(first.system.sigma)
+    finer = replace(first.system, longest_s=longest_step(first.system.at(first.values), recordings))
+    return tried(campaign.with_system(finer), fit.unknowns, first.fit.u, unit)
+
+
+def thinned(system: FunctionSystem, recordings: Sequence[Recorded]) -> list[Recorded]:
+    """Every so many samples of recordings that are longer than need be, where nothing is integrated between samples."""
+    every = int(np.ceil(sum(int(o.fitted.sum()) for o in recordings) / ENOUGH))
+    if system.model.states or every < 2:
+        return list(recordings)
+    return [o.every(every) for o in recordings]
+
+
+def longest_step(system: FunctionSystem, recordings: Sequence[Recorded]) -> float:
+    """The longest step with which halving it changes nothing beyond a tenth of a sigma, s."""
+    if system.model.plain or not system.model.states:
+        return np.inf
+    step = float(np.median(np.concatenate([np.diff(o.time_s) for o in recordings])))
+    some = recordings[:3]
+
+    def shown(longest_s: float) -> list[Floats]:
+        here = replace(system, longest_s=longest_s)
+        return [here.played(o, here.fixed, here.started(o)[0])[0] for o in some]
+
+    before = shown(step)
+    for _ in range(8):
+        after = shown(step / 2)
+        off = [np.max(np.abs(a - b) / np.array(system.sigma)[:, None]) for a, b in zip(before, after, strict=True)]
+        if np.isfinite(off).all() and max(off) < 0.1:
+            break
+        step, before = step / 2, after
+    return step
+
+
+def held_out(trial: Trial, recordings: Sequence[Recorded]) -> Floats:
+    """RMS where nothing was fitted, (channels,), in the channels' units; where nothing is held out, of the fit."""
+    total, count = np.zeros(len(trial.unit)), np.zeros(len(trial.unit))
+    for one in recordings:
+        where = one.held if any(o.held.any() for o in recordings) else one.fitted
+        if not where.any():
+            continue
+        shown = trial.system.simulated(one, trial.fit.unknowns, trial.fit.u)
+        off = (shown - one.seen)[:, where]
+        good = np.isfinite(one.seen[:, where])
+        total += np.sum(np.where(good, off, 0.0) ** 2, axis=1)
+        count += good.sum(axis=1)
+    return np.asarray(np.sqrt(total / np.maximum(count, 1)))
+
+
+def with_unseen(trial: Trial, recordings: Sequence[Recorded]) -> Trial:
+    """The trial with its squared errors where nothing was fitted, by blocks, in its unit."""
+    out = []
+    total = max(sum(int(one.held.sum()) for one in recordings), 1)
+    runs = [one for one in trial.campaign.observations if isinstance(one, Recorded)]
+    fewer = sum(int(one.fitted.sum()) for one in runs) / total
+    for one in recordings:
+        if not one.held.any():
+            continue
+        shown = trial.system.simulated(one, trial.fit.unknowns, trial.fit.u)
+        off = ((shown - one.seen) / trial.unit[:, None])[:, one.held]
+        square = np.nansum(np.nan_to_num(off, nan=0.0, posinf=1e6, neginf=-1e6) ** 2, axis=0)
+        out += [float(part.sum()) for part in np.array_split(square, max(1, round(BLOCKS * one.held.sum() / total)))]
+    # what is held out counts as much as what is fitted, whichever is longer
+    return replace(trial, unseen=np.array(out) * fewer)
+
+
+def polished(trial: Trial, recordings: Sequence[Recorded]) -> Trial:
+    """A trial fitted to its end."""
+    start = trial.fit
+    end = tried(trial.campaign, start.unknowns, start.u, trial.unit, rounds=LAST_ROUNDS, share=LAST_SHARE)
+    return with_unseen(end, recordings)
+
+
+def one_round(
+    current: Trial, recordings: Sequence[Recorded], held: Floats, unit: Floats, pool: Executor, stop: Callable[[], bool]
+) -> Step:
+    """Screen, fit, write as formulas, accept or not."""
+    promised, seen = screened(current, pool, silent)
+    jobs = [pool.submit(_fitted, current, candidate, unit) for candidate in picked(promised)]
+    tables = sorted((job.result() for job in jobs), key=lambda one: one.predicts)
+    if not tables:
+        return Step(None, (), (), tuple(promised[:FITTED]))
+    near = [one for one in tables if one.predicts < OF_NOTE * current.predicts][:FORMULAS]
+    open_ = [one for one in near if one.laws[-1].shape == TABLE or one.laws[-1].state.lag_s]
+    more = [pool.submit(formulas, one, unit, seen) for one in open_]
+    every = [*tables]
+    for job in more:
+        every += job.result()
+    every = [job.result() for job in [pool.submit(with_unseen, one, recordings) for one in every]]
+    every.sort(key=lambda one: one.predicts)
+    left = [one for one in written(every) if of_note(one, current)]
+    accepted = next((one for one in left if better(one, held, held_out(one, recordings))), None)
+    if accepted is not None:
+        last = polished(accepted, recordings)
+        if last.predicts < accepted.predicts and better(last, held, held_out(last, recordings)):
+            every[every.index(accepted)] = left[left.index(accepted)] = last
+            accepted = last
+    alike = tuple(one for one in left if accepted and one is not accepted and not apart(one, accepted))
+    return Step(accepted, tuple(every), alike, tuple(promised[:FITTED]))
+
+
+def written(trials: Sequence[Trial]) -> list[Trial]:
+    """Of each place and state the shortest formula that predicts nearly as well as the best there, or else the table;
+    the best first, and of those that are nearly as good as each other the one in an equation first."""
+    groups: dict[tuple[str, str], list[Trial]] = {}
+    for one in trials:
+        groups.setdefault((one.laws[-1].place.name, one.laws[-1].over), []).append(one)
+    out = []
+    for group in groups.values():
+        best = min(one.predicts for one in group)
+        out.append(min((one for one in group if OF_NOTE * one.predicts <= best), key=simplest))
+    out.sort(key=lambda one: one.predicts)
+    if out:
+        near = [one for one in out if OF_NEARLY * one.predicts <= out[0].predicts]
+        out = [*sorted(near, key=simplest), *(one for one in out if one not in near)]
+    return out
+
+
+def of_note(one: Trial, current: Trial) -> bool:
+    """Whether a trial predicts better by a share of note, beyond what its constants cost."""
+    worth = min(one.worth, current.worth)
+    return one.predicts < OF_NOTE * current.predicts and one.evidence(worth) < current.evidence(worth) - STRONG
+
+
+def better(one: Trial, held_before: Floats, held_after: Floats) -> bool:
+    """Whether a trial is better on what was held out."""
+    before, after = (float(np.sqrt(np.mean((h / one.unit) ** 2))) for h in (held_before, held_after))
+    return bool(after < HELD * before)
+
+
+def simplest(one: Trial) -> tuple[float, ...]:
+    """Of laws that predict alike a formula comes before a table, fewer constants before more, and a law in an equation
+    before the same written as what a constant, an input or an instrument does."""
+    law = one.laws[-1]
+    order = (RATE, CHANNEL, STRENGTH, FACTOR, DELAY, INPUT, CLOCK).index(law.place.kind)
+    own = law.place.kind == CHANNEL and law.state.kind == OF_SHOWN
+    # over time anything can be laid, as nothing repeats there
+    drifts = law.state.kind == OF_TIME and law.place.kind != CLOCK
+    constants = len(law.unknowns(0)) + 2 * (law.state.lag_s is not None)
+    return float(drifts), float(law.shape == TABLE), float(constants), float(order + 4 * own), one.predicts
+
+
+def apart(one: Trial, other: Trial) -> bool:
+    """Whether the first is worse than the second: by a share of note, and block by block by more than chance."""
+    if OF_NOTE * one.predicts <= other.predicts:
+        return False
+    difference = (one.errors - other.errors)[one.errors > 0]
+    spread = float(np.std(difference, ddof=1)) * np.sqrt(len(difference)) if len(difference) > 1 else 0.0
+    return float(np.sum(difference)) > TOLD_APART * spread
+
+
+def picked(promised: Sequence[Candidate]) -> list[Candidate]:
+    """The most promising, of different places and over different states."""
+    places: dict[str, int] = {}
+    states: dict[str, int] = {}
+    out = []
+    for one in promised:
+        place, state = one.law.place.name, one.law.over
+        if one.leaves > 0.98 or places.get(place, 0) >= ALIKE or states.get(state, 0) >= ALIKE:
+            continue
+        places[place], states[state] = places.get(place, 0) + 1, states.get(state, 0) + 1
+        out.append(one)
+    return out[:FITTED]
+
+
+def _fitted(current: Trial, candidate: Candidate, unit: Floats) -> Trial:
+    """A candidate fitted from nothing of it, or from where first order puts it, whichever is nearer."""
+    laws = (*current.laws, candidate.law)
+    system = current.system.with_laws(*laws)
+    unknowns = (*current.fit.unknowns, *candidate.law.unknowns(len(current.laws)))
+    zero = np.concatenate([current.fit.u, candidate.law.start(len(current.laws))])
+    step = np.pad(candidate.step, (0, len(zero) - len(candidate.step)))
+    campaign = current.campaign.with_system(system)
+    low, high = (np.array([getattr(k, end) for k in unknowns]) for end in ("low", "high"))
+    points = [np.clip(zero + share * step, low, high) for share in (0.0, 0.1, 0.4, 1.0)]
+    smooth = rough(unknowns, laws)
+    costs = [cost_at(unknowns, u, r, smooth) for u, r in zip(points, campaign.residuals(unknowns, points), strict=True)]
+    return tried(campaign, unknowns, points[int(np.argmin(costs))], unit)

@@ -1,0 +1,236 @@
+"""What a discovery says: verdict, laws with constants and bands, where, and the error on what was held out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from straw.replay.diagnose.discover.discover import TO_NOISE, Discovery, of_note
+from straw.replay.diagnose.discover.trial import Trial
+from straw.replay.diagnose.discover.words import Told, as_json, is_fault, law_text, told
+from straw.replay.diagnose.systems.function.recording import Recorded
+
+Floats = NDArray[np.float64]
+
+#: Samplings of the blocks with which the choice among laws is made again (bootstrap of a selection: Efron 2014).
+RESAMPLED = 500
+#: Stretches told, of each channel and recording the share of what the base leaves.
+MOST_LOCATED = 12
+
+
+@dataclass(frozen=True, eq=False)
+class SystemFindings:
+    """A discovery with the recordings it is of; ``tolerance`` by channel says what is good enough."""
+
+    discovery: Discovery
+    recordings: tuple[Recorded, ...]
+    tolerance: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names."""
+        return tuple(c.name for c in self.discovery.base.system.channels)
+
+    @cached_property
+    def laws(self) -> list[Told]:
+        """Laws accepted, in order."""
+        return [told(self.discovery.best, k) for k in range(len(self.discovery.best.laws))]
+
+    @cached_property
+    def alike(self) -> list[Trial]:
+        """What explains the recordings like the first law and is not the same."""
+        first = self.discovery.steps[0] if self.discovery.steps else None
+        return list(first.alike) if first else []
+
+    @property
+    def verdict(self) -> str:
+        """The contract's word."""
+        d = self.discovery
+        held, noise = d.held[-1], d.noise
+        if not d.accepted and np.all(held <= TO_NOISE * noise):
+            return "complete"
+        if self.tolerance and all(h <= self.tolerance.get(c, np.inf) for c, h in zip(self.channels, held, strict=True)):
+            return "within_tolerance"
+        if not d.accepted:
+            return "unknown_physics"
+        faults = [is_fault(law) for law in d.best.laws]
+        first = [is_fault(one.laws[-1]) for one in self.alike]
+        if any(one != faults[0] for one in first) or len(self.alike_places) > 2:
+            return "ambiguous"
+        return "measurement_fault" if all(faults) else "missing_physics"
+
+    @property
+    def alike_places(self) -> list[str]:
+        """Places and states not told apart from the first law, in words."""
+        return list(dict.fromkeys(one.laws[-1].says for one in self.alike))
+
+    @cached_property
+    def located(self) -> list[dict[str, Any]]:
+        """Stretches in which the base is off most."""
+        trial, rows = self.discovery.base, []
+        for one in self.recordings:
+            shown = trial.system.simulated(one, trial.fit.unknowns, trial.fit.u)
+            for part in one.stretches():
+                here = (one.time_s >= part.from_s) & (one.time_s <= part.to_s)
+                for k, channel in enumerate(self.channels):
+                    off = (shown - one.seen)[k, here]
+                    off = off[np.isfinite(off)]
+                    square = float(np.sum(np.maximum(off**2 - one.noise[k] ** 2, 0.0)) / trial.unit[k] ** 2)
+                    rows.append((square, one.name, channel, part, float(np.sqrt(np.mean(off**2))) if len(off) else 0.0))
+        total = sum(row[0] for row in rows) or 1.0
+        rows.sort(key=lambda row: -row[0])
+        return [
+            {
+                "run": name,
+                "channel": channel,
+                "from_s": part.from_s,
+                "to_s": part.to_s,
+                "phase": part.phase,
+                "cells": [],
+                "share_of_misfit": square / total,
+                "rms": rms,
+            }
+            for square, name, channel, part, rms in rows[:MOST_LOCATED]
+            if square / total > 0.01
+        ]
+
+    @cached_property
+    def probability(self) -> dict[str, float]:
+        """How often each law comes first when the blocks are drawn again, the largest first."""
+        if self.verdict == "complete":
+            return {"complete": 1.0}
+        steps = self.discovery.steps
+        if not steps or not steps[0].accepted:
+            return {"unknown": 1.0}
+        trials = [steps[0].accepted, *steps[0].alike]
+        errors = np.array([one.errors for one in trials])
+        rng = np.random.default_rng(0)
+        drawn = rng.multinomial(errors.shape[1], np.full(errors.shape[1], 1 / errors.shape[1]), RESAMPLED)
+        firsts = np.argmin(errors @ drawn.T, axis=0)
+        out: dict[str, float] = {}
+        for k, one in enumerate(trials):
+            out[one.laws[-1].says] = out.get(one.laws[-1].says, 0.0) + float(np.mean(firsts == k))
+        return dict(sorted(out.items(), key=lambda item: -item[1]))
+
+    @property
+    def explained(self) -> list[dict[str, Any]]:
+        """Share of the base's mean squared misfit above noise, where nothing was fitted, that each law takes away."""
+        d = self.discovery
+        whole = np.maximum(d.held[0] ** 2 - d.noise**2, 1e-300)
+        out = []
+        for k, law in enumerate(self.laws):
+            share = (d.held[k] ** 2 - d.held[k + 1] ** 2) / whole
+            out.append(
+                {"cause": law.law.says, "share": {c: float(s) for c, s in zip(self.channels, share, strict=True)}}
+            )
+        return out
+
+    @property
+    def remainder(self) -> Floats:
+        """RMS above noise that stays where nothing was fitted, (channels,)."""
+        return np.sqrt(np.maximum(self.discovery.held[-1] ** 2 - self.discovery.noise**2, 0.0))
+
+    @property
+    def says(self) -> str:
+        """The verdict in one sentence."""
+        d, runs = self.discovery, len(self.recordings)
+        these = f"{'this recording' if runs == 1 else f'these {runs} recordings'}"
+        verdict = self.verdict
+        if verdict == "complete":
+            return f"Nothing is missing: the base explains {these} to their noise where nothing was fitted."
+        if verdict == "within_tolerance":
+            return f"Good enough: {these} are explained within the tolerance given."
+        if verdict == "unknown_physics":
+            place = self.best_located
+            if place:
+                return (
+                    f"Located, not explained: what is missing shows most in {place}, but no law there holds on what "
+                    "was held out."
+                )
+            return f"The base does not explain {these}, and they cannot tell what is missing."
+        names = [one.law.says for one in self.laws]
+        text = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+        ratio = float(np.sqrt(np.mean((d.held[-1] / d.base.unit) ** 2) / np.mean((d.held[0] / d.base.unit) ** 2)))
+        gain = f"with it the error on what was held out is {100 * ratio:.0f} % of the base's"
+        if verdict == "ambiguous":
+            others = "; ".join(self.alike_places[:3])
+            return f"Something is missing that {these} cannot tell apart: {names[0]}, or {others}; {gain}."
+        what = "The recording is at fault" if verdict == "measurement_fault" else "The model leaves out a law"
+        return f"{what}: {text}; {gain}."
+
+    @property
+    def best_located(self) -> str:
+        """The place and state of the best law that did not hold, in words; empty where none predicts better."""
+        step = self.discovery.steps[-1] if self.discovery.steps else None
+        current = self.discovery.best
+        notable = [one for one in step.fitted if of_note(one, current)] if step else []
+        return notable[0].laws[-1].says if notable else ""
+
+    def as_json(self) -> dict[str, Any]:
+        """The contract's Findings."""
+        d = self.discovery
+        held = dict(zip(("rms_before", "rms_after"), (d.held[0], d.held[-1]), strict=True))
+        names = [c.name for c in d.base.system.channels]
+        discovered = None
+        if self.laws:
+            first = as_json(self.laws[0])
+            laws = [as_json(one) for one in self.laws]
+            text = "\n".join(law_text(d.best, k) for k in range(len(self.laws)))
+            discovered = {**first, "cells": [], "law": text, "laws": laws}
+        return {
+            "verdict": self.verdict,
+            "says": self.says,
+            "causes": [one.law.place.name for one in self.laws] or ([] if self.verdict == "complete" else ["unknown"]),
+            "probability": self.probability,
+            "located": self.located,
+            "parameters": {
+                "base": {
+                    k.target.partition(".")[2]: {"value": k.value(float(u)), "unit": d.base.system.named(k)[2]}
+                    for k, u in zip(d.best.fit.unknowns, d.best.fit.u, strict=True)
+                    if k.target.startswith("constant.")
+                },
+                **{one.law.place.name: as_json(one)["constants"] for one in self.laws},
+            },
+            "fit": {
+                "train": {
+                    "runs": [o.name for o in self.recordings if o.fitted.any()],
+                    "rms_before": dict(zip(names, map(float, np.sqrt(d.base.squared)), strict=True)),
+                    "rms_after": dict(zip(names, map(float, np.sqrt(d.best.squared)), strict=True)),
+                },
+                "heldout": {
+                    "runs": [o.name for o in self.recordings if o.held.any()],
+                    **{k: dict(zip(names, map(float, v), strict=True)) for k, v in held.items()},
+                    "noise_floor": dict(zip(names, map(float, d.noise), strict=True)),
+                },
+            },
+            "explained": self.explained,
+            "remainder": dict(zip(names, map(float, self.remainder), strict=True)),
+            "discovered": discovered,
+            "indistinguishable": [[self.laws[0].law.says, *self.alike_places]] if self.alike_places else [],
+            "next_experiment": None,
+            "system": {"file": d.base.system.model.path.name, "sha256": d.base.system.model.sha256},
+        }
+
+
+def text(f: SystemFindings) -> str:
+    """Findings for a terminal: the verdict first."""
+    d, lines = f.discovery, [f.says, ""]
+    for k, one in enumerate(f.laws, 1):
+        lines.append(f"law {k}: {one.law.says}")
+        lines.append(f"  {one.formula}")
+        if len(one.constants) <= 4:
+            told_ = (f"{n} = {v:.4g} ± {s:.2g} {u}".removesuffix(" 1") for n, (v, s, u) in one.constants.items())
+            lines.append(f"  {', '.join(told_)}")
+    if f.alike_places:
+        lines.append(f"not told apart from law 1: {'; '.join(f.alike_places)}")
+    steps: Sequence[Floats] = d.held
+    where = "where nothing was fitted" if any(o.held.any() for o in f.recordings) else "where it was fitted"
+    for k, channel in enumerate(d.base.system.channels):
+        path = " -> ".join(f"{h[k]:.4g}" for h in steps)
+        lines.append(f"{channel.symbol}, RMS {where}: {path} {channel.shown_unit}; noise {d.noise[k]:.2g}")
+    return "\n".join(lines)

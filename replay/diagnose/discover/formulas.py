@@ -1,0 +1,91 @@
+"""The formula that stands for a table: every shape is laid on it, and the nearest are fitted to the recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from straw.replay.diagnose.discover.trial import Trial, tried
+from straw.replay.diagnose.systems.function.kernel import CLOCK
+from straw.replay.diagnose.systems.function.laws import Law
+from straw.replay.diagnose.systems.function.places import Passed, values_over
+from straw.replay.diagnose.systems.function.shapes import CONSTANT, CUBE, LINEAR, POWER, SHAPES, SIGN, STEP
+
+Floats = NDArray[np.float64]
+
+#: Shapes fitted to the runs: so many that lie nearest to the table.
+FITTED = 5
+#: Starts of a shape's constants on the table, in units of their range.
+SCATTER = (0.15, 0.5, 0.85)
+
+
+def formulas(trial: Trial, unit: Floats, seen: Sequence[Passed]) -> list[Trial]:
+    """Fits with the last law, a table, as each of the formulas nearest to it; the best first by their evidence."""
+    *known, table = trial.laws
+    number = len(known)
+    n = len(table.unknowns(number))
+    base_unknowns, base_u = trial.fit.unknowns[:-n], trial.fit.u[:-n]
+    at, weight = _where(table, seen)
+    curve = table.curve(number, trial.values, at)
+    laid = sorted((_laid(shape, table, at, curve, weight) for shape in _shapes(table)), key=lambda one: one[0])
+    out = []
+    for _, law, u in laid[:FITTED]:
+        system = trial.system.with_laws(*known, law)
+        campaign = trial.campaign.with_system(system)
+        start = np.concatenate([base_u, u])
+        out.append(tried(campaign, (*base_unknowns, *law.unknowns(number)), start, unit, tempered=2))
+    return sorted(out, key=lambda one: one.predicts)
+
+
+def _where(table: Law, seen: Sequence[Passed]) -> tuple[Floats, Floats]:
+    """States to compare at (n,), and how often recordings are there."""
+    s = table.state
+    at = np.linspace(s.low, s.high, 101)
+    if table.shape == CONSTANT or s.name == "nothing":
+        return at, np.ones_like(at)
+    count, _ = np.histogram(np.clip(values_over(s, seen), s.low, s.high), bins=101, range=(s.low, s.high))
+    return at, np.sqrt(count / count.max() + 0.02)
+
+
+def _shapes(table: Law) -> list[int]:
+    """Shapes that make sense over its state: a sign needs both."""
+    if table.state.name == "nothing":
+        return [CONSTANT]
+    if table.place.kind == CLOCK:
+        return [CONSTANT, LINEAR, STEP]
+    if table.state.lag_s is not None:
+        return [LINEAR, CUBE, POWER, SIGN]
+    one_sided = table.state.low >= -0.02 * table.state.span
+    return [k for k in SHAPES if not (one_sided and k == SIGN)]
+
+
+def _laid(shape: int, table: Law, at: Floats, curve: Floats, weight: Floats) -> tuple[float, Law, Floats]:
+    """A shape laid on a table's curve: what it leaves of it, the law, and u of its unknowns."""
+    law = replace(table, shape=shape, at=())
+    unknowns = law.unknowns(0)
+    low, high = (np.array([getattr(k, end) for k in unknowns]) for end in ("low", "high"))
+    size = float(np.linalg.norm(weight * curve)) or 1.0
+
+    def differs(u: Floats) -> Floats:
+        values = {k.target: k.value(float(x)) for k, x in zip(unknowns, u, strict=True)}
+        return weight * (law.curve(0, values, at) - curve) / size
+
+    shapes = [k for k, one in enumerate(unknowns) if not one.target.endswith("strength")]
+    best: tuple[float, Floats] | None = None
+    for share in SCATTER if shapes else (0.5,):
+        start = law.start(0, 1.0)
+        for k in shapes:
+            start[k] = low[k] + share * (high[k] - low[k])
+        ones = differs(start) + weight * curve / size
+        power = float(ones @ ones)
+        start[0] = float(ones @ (weight * curve / size)) / power if power > 0 else 0.0
+        end = least_squares(differs, np.clip(start, low + 1e-9, high - 1e-9), bounds=(low, high), max_nfev=60)
+        if best is None or end.cost < best[0]:
+            best = float(end.cost), end.x
+    assert best is not None
+    # each constant of a shape has to earn a percent of the curve
+    return best[0] + 0.005 * len(unknowns), law, best[1]

@@ -1,0 +1,172 @@
+"""One candidate fitted: a system with laws, all constants free, and its error of prediction.
+
+What counts as one sigma follows the fit: a model that is wrong leaves far more than noise, and with noise for a sigma
+only its worst samples would count (tempering). It ends at what the fit leaves, or at the recordings' noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.discover.blocks import blocks, independent, predicted
+from straw.replay.diagnose.fit import Fit, fitted
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.systems.function.laws import Law
+from straw.replay.diagnose.systems.function.recording import Recorded
+from straw.replay.diagnose.systems.function.shapes import TABLE
+from straw.replay.diagnose.systems.function.system import FunctionSystem
+
+Floats = NDArray[np.float64]
+
+#: Times that sigma follows the fit; evaluations of each; the share of the cost that a step must gain.
+TEMPERED, ROUNDS, SHARE = 3, 12, 1e-3
+#: The same for a law that is accepted.
+LAST_ROUNDS, LAST_SHARE = 30, 1e-5
+#: Sigma has followed where it changes by less than this share.
+FOLLOWS = 0.1
+#: How far a point of a table may be off the line between its neighbours, in what moves its place by its own size.
+ROUGH = 1.0
+#: Sigma is at least so many of the recordings' noise: below that nothing is known.
+NOISE = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A fit of a system with laws.
+
+    ``squared`` (channels,) is the mean squared difference where it was fitted, ``error`` (blocks,) the predicted
+    squared error in sigmas of ``unit`` (channels,), ``worth`` how many independent samples there are.
+    """
+
+    campaign: Campaign
+    fit: Fit
+    squared: Floats
+    error: Floats
+    unit: Floats
+    worth: float
+    noise: float  # what the recordings' noise alone would leave of the error, in the same sigmas
+    unseen: Floats = field(default_factory=lambda: np.zeros(0))  # squared error of blocks that no fit saw, likewise
+
+    @property
+    def system(self) -> FunctionSystem:
+        """The system with its laws."""
+        assert isinstance(self.campaign.system, FunctionSystem)
+        return self.campaign.system
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """Its laws."""
+        return self.system.laws
+
+    @property
+    def predicts(self) -> float:
+        """Squared error in all where it was not fitted, and no less than noise leaves: below that nothing is told."""
+        return max(float(self.errors.sum()), self.noise)
+
+    @property
+    def errors(self) -> Floats:
+        """Squared errors by blocks: predicted of those fitted, and of those that no fit saw."""
+        return np.concatenate([self.error, self.unseen])
+
+    def evidence(self, worth: float) -> float:
+        """Schwarz' criterion on n independent samples, smaller is better: n log(mean square) + constants log n."""
+        square = float(np.mean(self.squared / self.unit**2))
+        return worth * float(np.log(max(square, 1e-300))) + len(self.fit.u) * float(np.log(max(worth, 2.0)))
+
+    @property
+    def values(self) -> dict[str, float]:
+        """All values by target."""
+        return self.system.values(self.fit.unknowns, self.fit.u)
+
+
+def rough(unknowns: Sequence[Unknown], laws: Sequence[Law]) -> Floats | None:
+    """Rows (k, unknowns) that charge tables for being rough; None without a table."""
+    out = []
+    for number, law in enumerate(laws):
+        if law.shape != TABLE:
+            continue
+        at = [k for k, one in enumerate(unknowns) if one.target.startswith(f"law.{number}.value")]
+        for a, b, c in zip(range(len(law.at) - 2), range(1, len(law.at) - 1), range(2, len(law.at)), strict=True):
+            row = np.zeros(len(unknowns))
+            share = (law.at[b] - law.at[a]) / (law.at[c] - law.at[a])
+            row[at[a]], row[at[b]], row[at[c]] = share - 1, 1.0, -share
+            out.append(row / ROUGH)
+    return np.array(out) if out else None
+
+
+def squares(campaign: Campaign, fit: Fit) -> Floats:
+    """Mean squared difference where it was fitted, (channels,), in the channels' units."""
+    system = campaign.system
+    assert isinstance(system, FunctionSystem)
+    total, count = np.zeros(len(system.channels)), np.zeros(len(system.channels))
+    for one, part in zip(campaign.observations, campaign.slices(), strict=True):
+        assert isinstance(one, Recorded)
+        shape = one.seen.shape
+        r = fit.residual[part][:-1].reshape(shape) * np.array(system.sigma or one.noise)[:, None]
+        total += np.sum(r**2, axis=1)
+        count += np.sum(one.fitted & np.isfinite(one.seen), axis=1)
+    return np.asarray(total / np.maximum(count, 1))
+
+
+def sigma_of(campaign: Campaign, squared: Floats) -> tuple[float, ...]:
+    """What counts as one sigma after a fit that leaves this, (channels,)."""
+    noise = noise_in(campaign.observations)
+    return tuple(float(x) for x in np.maximum(np.sqrt(squared), NOISE * noise))
+
+
+def noise_in(recordings: Sequence[Any]) -> Floats:
+    """Noise of a channel of recordings, (channels,): the median of theirs."""
+    return np.asarray(np.median([one.noise for one in recordings], axis=0))
+
+
+def tried(
+    campaign: Campaign,
+    unknowns: Sequence[Unknown],
+    u: Floats,
+    unit: Floats,
+    tempered: int = TEMPERED,
+    *,
+    rounds: int = ROUNDS,
+    share: float = SHARE,
+) -> Trial:
+    """A fit from u, sigma following it, and its predicted error in sigmas of ``unit`` (channels,)."""
+    system = campaign.system
+    assert isinstance(system, FunctionSystem)
+    smooth = rough(unknowns, system.laws)
+    squared = np.array(system.sigma) ** 2
+    for k in range(max(tempered, 1)):
+        fit = fitted(campaign, unknowns, u, rounds=rounds, share=share, smooth=smooth)
+        squared = squares(campaign, fit)
+        sigma = sigma_of(campaign, squared)
+        u = fit.u
+        if k == tempered - 1 or np.all(np.abs(np.log(np.array(sigma) / np.array(system.sigma))) < FOLLOWS):
+            break
+        system = replace(system, sigma=sigma)
+        campaign = campaign.with_system(system)
+    return weighed(campaign, fit, squared, smooth, unit)
+
+
+def weighed(campaign: Campaign, fit: Fit, squared: Floats, smooth: Floats | None, unit: Floats) -> Trial:
+    """A fit with its predicted error."""
+    system = campaign.system
+    assert isinstance(system, FunctionSystem)
+    scale = row_scale(campaign, np.array(system.sigma) / unit)
+    own = blocks(campaign, fit.residual, fit.slopes)
+    told = blocks(campaign, fit.residual * scale, fit.slopes * scale[:, None])
+    error, _ = predicted(own, fit.unknowns, fit.u, smooth, told)
+    asked = float(np.sum(told.count[told.fold >= 0])) / len(unit)
+    noise = noise_in(campaign.observations)
+    least = asked * float(np.sum((NOISE * noise / unit) ** 2))
+    return Trial(campaign, fit, squared, error, unit, independent(campaign, fit.residual), least)
+
+
+def row_scale(campaign: Campaign, by: Floats) -> Floats:
+    """A factor of each channel, (channels,), for each row of a campaign's vector, (m,)."""
+    parts = [np.append(np.repeat(by, one.seen.shape[1]), 1.0) for one in campaign.observations]
+    return np.concatenate(parts)

@@ -1,0 +1,183 @@
+"""Laws in words and formulas, their constants with deviations, and their curves with bands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from straw.replay.diagnose.discover.trial import Trial
+from straw.replay.diagnose.robust import weights
+from straw.replay.diagnose.systems.function.kernel import (
+    CHANNEL,
+    CLOCK,
+    DELAY,
+    FACTOR,
+    INPUT,
+    OF_NOTHING,
+    OF_SHOWN,
+    OF_TIME,
+    RATE,
+    STRENGTH,
+)
+from straw.replay.diagnose.systems.function.laws import Law
+from straw.replay.diagnose.systems.function.shapes import SHAPES, TABLE
+
+Floats = NDArray[np.float64]
+
+#: Points of a curve that is told.
+POINTS = 41
+#: What each kind of place means in a formula: {name} its own, {f} the law's value.
+READS = {
+    RATE: "d {name}/dt = ... + {f}",
+    FACTOR: "{name} -> {name} (1 + {f})",
+    CHANNEL: "{name} shown = {name} + {f}",
+    CLOCK: "{name} shown at t is of t - ({f})",
+    DELAY: "{name} acts later by {f}",
+    STRENGTH: "times (1 + {f})",
+    INPUT: "{name} -> {name} + {f}",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """One law as it is told: formula, constants (value, deviation, unit), and its curve (state, value, deviation)."""
+
+    law: Law
+    formula: str
+    constants: dict[str, tuple[float, float, str]]
+    curve: Floats  # (3, n)
+
+
+def is_fault(law: Law) -> bool:
+    """Whether a law is a recording's fault: of a clock, or of an instrument by itself, whatever the system does."""
+    if law.place.kind in (CLOCK, DELAY, INPUT):
+        return True
+    return law.place.kind == CHANNEL and law.state.kind in (OF_SHOWN, OF_TIME, OF_NOTHING) and law.state.lag_s is None
+
+
+def told(trial: Trial, number: int) -> Told:
+    """A trial's law by its number, with what the recordings leave open, the other constants free."""
+    law, fit = trial.laws[number], trial.fit
+    own = [k for k, one in enumerate(fit.unknowns) if one.target.startswith(f"law.{number}.")]
+    covariance = covariance_of(trial)[np.ix_(own, own)]
+    constants = {}
+    for k, j in enumerate(own):
+        one = fit.unknowns[j]
+        name = one.target.split(".")[-1]
+        sigma = abs(one.per_u(float(fit.u[j]))) * float(np.sqrt(max(covariance[k, k], 0.0)))
+        constants[name] = (one.value(float(fit.u[j])), sigma, unit_of(law, name))
+    at = np.linspace(law.state.low, law.state.high, POINTS)
+    if law.shape == TABLE:
+        at = np.unique(np.concatenate([at, law.at]))
+
+    def values(u: Floats) -> Floats:
+        full = fit.u.copy()
+        full[own] = u
+        return law.curve(number, trial.system.values(fit.unknowns, full), at)
+
+    here = fit.u[own]
+    steps = 1e-4 * np.eye(len(own))
+    slopes = np.array([(values(here + s) - values(here - s)) / 2e-4 for s in steps])
+    band = np.sqrt(np.maximum(np.einsum("kn,kj,jn->n", slopes, covariance, slopes), 0.0))
+    return Told(law, formula(law, trial.values, number), constants, np.stack([at, values(here), band]))
+
+
+def covariance_of(trial: Trial) -> Floats:
+    """Of u: what is left beyond sigma, and samples that are not independent, widen it."""
+    fit = trial.fit
+    w = weights(fit.residual)
+    count = max(int(np.count_nonzero(fit.residual)), 1)
+    left = float(np.sum(w * fit.residual**2)) / count
+    spread = max(1.0, left) * max(1.0, count / trial.worth)
+    prior = np.diag([1 / k.sd**2 for k in fit.unknowns])
+    return np.asarray(np.linalg.pinv((fit.slopes * w[:, None]).T @ fit.slopes / spread + prior))
+
+
+def unit_of(law: Law, constant: str) -> str:
+    """Unit of a law's constant."""
+    if constant.startswith("value"):
+        return law.place.unit
+    if constant == "strength":
+        power = SHAPES[law.shape].unit
+        if power == 0 or law.state.unit == "1" or law.state.kind == OF_NOTHING:
+            return law.place.unit
+        per = f"({law.state.unit})" if "/" in law.state.unit else law.state.unit
+        return f"{law.place.unit}/{per}" + (f"^{power:g}" if power != 1 else "")
+    return {"lag_s": "s", "exponent": "1"}.get(constant, law.state.unit)
+
+
+def symbol(law: Law) -> str:
+    """The state in a formula."""
+    return f"late({law.state.name})" if law.state.lag_s is not None else law.state.name
+
+
+def formula(law: Law, values: dict[str, float], number: int) -> str:
+    """In one line, constants in the file's units."""
+    name = law.place.name.partition(":")[2]
+    prefix = f"law.{number}."
+    if law.shape == TABLE:
+        f = f"f({symbol(law)}), a curve"
+    else:
+        shape = SHAPES[law.shape]
+        inner = [f"{values[prefix + c]:.4g} {law.state.unit if of else ''}".strip() for c, *_, of in shape.constants]
+        text = shape.text.format(*inner, s=symbol(law))
+        f = f"({values[prefix + 'strength']:.4g} {unit_of(law, 'strength')}) {text}".replace(" 1)", ")").strip()
+    lag = f", {symbol(law)} following with a lag of {values[prefix + 'lag_s']:.3g} s" if law.state.lag_s else ""
+    if law.place.kind == STRENGTH:
+        return f"the law before, {READS[STRENGTH].format(f=f)}{lag}"
+    return READS[law.place.kind].format(name=name, f=f) + lag
+
+
+def state_names(law: Law) -> list[str]:
+    """What it depends on, as findings name it."""
+    if law.state.kind == OF_NOTHING:
+        return []
+    words = [law.state.name]
+    return [*words, "history"] if law.state.lag_s is not None else words
+
+
+def law_text(trial: Trial, number: int) -> str:
+    """A law as Python to be pasted into a system's file."""
+    one = told(trial, number)
+    law = one.law
+    values = trial.values
+    prefix = f"law.{number}."
+    head = f"# {law.says}: {one.formula}\n"
+    if law.shape == TABLE:
+        at = ", ".join(f"{x:.6g}" for x in law.at)
+        ys = ", ".join(f"{values[f'{prefix}value{k}']:.6g}" for k in range(len(law.at)))
+        return f"{head}def law(s):\n    return np.interp(s, [{at}], [{ys}])\n"
+    shape = SHAPES[law.shape]
+    inner = [f"{values[prefix + c]:.6g}" for c, *_ in shape.constants]
+    text = {
+        "": "1.0",
+        "{s}": "s",
+        "|{s}| {s}": "abs(s) * s",
+        "{s}^2": "s**2",
+        "{s}^3": "s**3",
+        "sign({s}) sqrt|{s}|": "np.sign(s) * np.sqrt(abs(s))",
+        "tanh({s} / {0})": "np.tanh(s / {0})",
+        "sign({s}) |{s}|^{0}": f"np.sign(s) * abs(s / {law.state.span:.6g}) ** {{0}}",
+        "{s} / (1 + |{s}| / {0})": "s / (1 + abs(s) / {0})",
+        "max(0, {s} - {0})": "max(0.0, s - {0})",
+        "max(0, {0} - {s})": "max(0.0, {0} - s)",
+        "exp(-({s} - {s}_0) / {0})": f"np.exp(-(s - {law.state.low:.6g}) / {{0}})",
+        "(1 + tanh(({s} - {0}) / {1})) / 2": "(1 + np.tanh((s - {0}) / {1})) / 2",
+    }[shape.text].format(*inner)
+    return f"{head}def law(s):\n    return {values[prefix + 'strength']:.6g} * {text}\n"
+
+
+def as_json(one: Told) -> dict[str, Any]:
+    """Plain data."""
+    return {
+        "place": one.law.place.name,
+        "over": one.law.over,
+        "states": state_names(one.law),
+        "formula": one.formula,
+        "unit": one.law.place.unit,
+        "constants": {k: {"value": v, "sigma": s, "unit": u} for k, (v, s, u) in one.constants.items()},
+        "curve": [[float(x), float(y), float(e)] for x, y, e in one.curve.T],
+    }

@@ -1,0 +1,160 @@
+"""Runs held out: base, each cause as it is added, and the improved model, tried where none of them was fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.fit import Fit, fitted
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.locate import Located
+
+Floats = NDArray[np.float64]
+
+#: Rounds in which a fit to all runs is fitted again to those not held out: it is already near.
+ROUNDS = 3
+#: An RMS is worse when it is larger by this factor: noise that lasts 50 ms leaves some 60 independent samples in a run
+#: of a few seconds, so an RMS has a standard deviation of 1 / sqrt(120) = 9 %, and this is three of them.
+WORSE = 1.27
+
+
+@dataclass(frozen=True)
+class Held:
+    """RMS by channel (SI) on runs that were not fitted: base model, improved model, and the recordings' noise.
+
+    ``steps``: RMS of the base with the first cause, with the first two, ...; ``moves``: range of each channel there.
+    """
+
+    train: tuple[str, ...]
+    heldout: tuple[str, ...]
+    chi2_before: float
+    chi2_after: float
+    before: dict[str, float]
+    after: dict[str, float]
+    floor: dict[str, float]
+    moves: dict[str, float]
+    steps: tuple[tuple[str, dict[str, float]], ...] = ()
+
+    @property
+    def worse(self) -> list[str]:
+        """Channels in which the improved model is further off than the base, by more than chance."""
+        return [
+            name
+            for name, after in self.after.items()
+            if not after <= WORSE * max(self.before[name], self.floor[name])  # also where it cannot be simulated
+        ]
+
+    @property
+    def better(self) -> bool:
+        """Whether the improved model is nearer in at least one channel, by more than chance, and worse in none."""
+        gains = [WORSE * self.after[name] < before for name, before in self.before.items()]
+        return any(gains) and not self.worse
+
+    @property
+    def remainder(self) -> dict[str, float]:
+        """RMS above noise that the improved model leaves, by channel."""
+        return self.above_noise(self.after)
+
+    def above_noise(self, rms: dict[str, float]) -> dict[str, float]:
+        """RMS above noise by channel, of what is RMS with it."""
+        return {name: float(np.sqrt(self._above(name, value))) for name, value in rms.items()}
+
+    def explained(self) -> list[dict[str, Any]]:
+        """For each cause in order of being added: what share of the mean squared misfit above noise it takes away."""
+        out, known = [], self.before
+        for cause, rms in self.steps:
+            share = {}
+            for name, before in self.before.items():
+                whole = self._above(name, before)
+                gain = self._above(name, known[name]) - self._above(name, rms[name])
+                share[name.split("_")[0]] = gain / whole if whole > 0 else 0.0
+            out.append({"cause": cause, "share": share})
+            known = rms
+        return out
+
+    def _above(self, name: str, rms: float) -> float:
+        return max(0.0, rms**2 - self.floor[name] ** 2) if np.isfinite(rms) else float("inf")
+
+
+def hold_out(
+    campaign: Campaign,
+    null: Fit,
+    better: Fit,
+    located: Sequence[Located],
+    added: Sequence[tuple[str, Fit]] = (),
+) -> Held | None:
+    """Base and improved model (or the base again) fitted once more without some runs, and how far each is off on those.
+
+    ``added``: fits with the first cause, with the first two, ..., all but the last, which ``better`` is, with the
+    cause's name; the last's is the name of the last cause. Held out are runs in which the misfit is, of different
+    kinds, and at most a third; None with fewer than three runs.
+    """
+    names = [o.name for o in campaign.observations]
+    if len(names) < 3:
+        return None
+    out = _chosen(campaign, located)
+    train, rest = campaign.only([n for n in names if n not in out]), campaign.only(out)
+    base = fitted(train, null.unknowns, null.u, rounds=ROUNDS)
+    before = plain_rms(rest, null.unknowns, base.u)
+    last, after = base, before
+    steps = []
+    for cause, fit in added or ([] if better is null else [("", better)]):
+        last = fitted(train, fit.unknowns, fit.u, rounds=ROUNDS)
+        after = plain_rms(rest, fit.unknowns, last.u)
+        steps.append((cause, after))
+    return Held(
+        tuple(n for n in names if n not in out),
+        tuple(out),
+        float(np.mean(base.residual**2)),
+        float(np.mean(last.residual**2)),
+        before,
+        after,
+        noise_floor(rest),
+        moves(rest),
+        tuple(steps) if added else (),
+    )
+
+
+def _chosen(campaign: Campaign, located: Sequence[Located]) -> list[str]:
+    """Names of the runs to hold out."""
+    names = [o.name for o in campaign.observations]
+    blamed = list(dict.fromkeys(one.run for one in located)) + list(reversed(names))
+    configurations: list[Any] = []
+    out: list[str] = []
+    for name in blamed:
+        configuration = next(o.kind for o in campaign.observations if o.name == name)
+        if name not in out and configuration not in configurations and len(out) < max(1, len(names) // 4):
+            out.append(name)
+            configurations.append(configuration)
+    return out
+
+
+def _channels(campaign: Campaign) -> list[tuple[int, Any]]:
+    return list(enumerate(campaign.system.channels))
+
+
+def moves(campaign: Campaign) -> dict[str, float]:
+    """The largest range of each channel in a run, SI."""
+    return {c.name: max(float(np.ptp(o.seen[i])) for o in campaign.observations) for i, c in _channels(campaign)}
+
+
+def noise_floor(campaign: Campaign) -> dict[str, float]:
+    """The recordings' noise, RMS by channel, SI."""
+    return {
+        c.name: float(np.sqrt(np.mean(np.concatenate([o.floor()[i] ** 2 for o in campaign.observations]))))
+        for i, c in _channels(campaign)
+    }
+
+
+def plain_rms(campaign: Campaign, unknowns: Sequence[Unknown], u: Floats) -> dict[str, float]:
+    """Simulated less recorded, RMS by channel, SI; NaN where nothing can be simulated."""
+    rows = [one for one in campaign.misfits(unknowns, [u])[0] if one is not None]
+    return {
+        c.name: float(np.sqrt(np.mean(np.concatenate([one.plain[i] for one in rows]) ** 2))) if rows else float("nan")
+        for i, c in _channels(campaign)
+    }

@@ -1,0 +1,58 @@
+"""Where a system that has no way of its own starts: multi-start over the priors of the base's constants."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.fit import Fit, clipped, cost_at, fitted
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.settings import FIRST_ROUNDS, ROUNDS
+from straw.replay.errors import ReplayError
+
+Floats = NDArray[np.float64]
+
+#: Points drawn from the priors (a Sobol set covers them evenly with a power of two), and how many are followed.
+DRAWN, FOLLOWED = 32, 3
+
+
+def fit_from_priors(campaign: Campaign, proposed: Sequence[Floats] = ()) -> tuple[Fit, Fit]:
+    """The base fitted to all samples and to the coarse comparison, from what was given and from across the priors."""
+    unknowns = campaign.system.base
+    points = [np.zeros(len(unknowns)), *proposed, *scattered(unknowns)]
+    costs = logarithmic(campaign, points)
+    best = np.argsort(costs, kind="stable")[:FOLLOWED] if len(unknowns) else [0]
+    ends = [fitted(campaign, unknowns, points[k], rounds=FIRST_ROUNDS) for k in best]
+    fine = fitted(campaign, unknowns, min(ends, key=lambda fit: fit.cost).u, rounds=ROUNDS)
+    return fine, fitted(campaign.coarse(), unknowns, fine.u, rounds=ROUNDS)
+
+
+def logarithmic(campaign: Campaign, points: Sequence[Floats]) -> list[float]:
+    """Misfit of each point as a sum of logarithms, which hardly minds how far off what is far off is."""
+    unknowns = campaign.system.base
+    return [
+        float(np.sum(np.log1p((r / 10) ** 2))) + cost_at(unknowns, u, np.zeros(0))
+        for u, r in zip(points, campaign.residuals(unknowns, points), strict=True)
+    ]
+
+
+def scattered(unknowns: Sequence[Unknown]) -> list[Floats]:
+    """Points u from the priors, evenly."""
+    from scipy.stats import norm, qmc
+
+    if not unknowns:
+        return []
+    even = qmc.Sobol(len(unknowns), scramble=True, rng=np.random.default_rng(0)).random(DRAWN)
+    sd, mean = np.array([k.sd for k in unknowns]), np.array([k.mean for k in unknowns])
+    return [clipped(unknowns, mean + sd * row) for row in norm.ppf(even)]
+
+
+def check_simulated(campaign: Campaign, fit: Fit) -> None:
+    """Raise ReplayError for a run that cannot be simulated with the base's fit."""
+    (row,) = campaign.misfits(fit.unknowns, [fit.u])
+    for observed, one in zip(campaign.observations, row, strict=True):
+        if one is None:
+            raise ReplayError(campaign.system.cannot_follow(observed))

@@ -1,0 +1,241 @@
+"""What the diagnosis asks of a system: anything that can be simulated, with derivatives or differences.
+
+The straw is one (`systems/straw`), an oscillator another (`systems/oscillator`), a function written by a user a third
+(`systems/function`). A system and its recordings travel to workers, so they can be pickled.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
+
+if TYPE_CHECKING:  # what a system may bring of its own is asked for with the engine's own words
+    from straw.replay.diagnose.campaign import Campaign
+    from straw.replay.diagnose.fit import Contestant, Fit
+
+Floats = NDArray[np.float64]
+
+
+class Level(Enum):
+    """What is compared: what changes smoothly from afar (slow parts, envelopes, events), or all samples."""
+
+    COARSE = "coarse"
+    FINE = "fine"
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One measured signal: its name in files with the unit, and how a person reads it."""
+
+    name: str  # x_m
+    symbol: str  # X
+    shown_unit: str  # mm
+    shown_per_si: float = 1.0  # 1000
+
+    @property
+    def label(self) -> str:
+        """As an axis says it."""
+        return f"{self.symbol} / {self.shown_unit}"
+
+    @property
+    def short(self) -> str:
+        """Its name in findings: without the unit."""
+        return self.name.split("_")[0]
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A part of a recording that differs from others in what happens: its name, times (s), and the event it is of."""
+
+    phase: str
+    from_s: float
+    to_s: float
+    event: int = 0  # numbered from 1; 0 where nothing happens
+    during: bool = False  # whether it is up to the event's end, so that the event's place says something
+
+
+class Recording(Protocol):
+    """What one run shows: ``seen`` (channels, n), SI, at stamped times ``time_s`` (n,)."""
+
+    @property
+    def name(self) -> str:
+        """The run's name."""
+
+    @property
+    def time_s(self) -> Floats:
+        """Stamped times, s, (n,)."""
+
+    @property
+    def seen(self) -> Floats:
+        """What the channels show, SI, (channels, n)."""
+
+    @property
+    def events_s(self) -> Floats:
+        """When something begins, ends, the next begins, ... (k,), s; empty where nothing does."""
+
+    @property
+    def kind(self) -> Hashable:
+        """Recordings of one kind may stand for each other when some are held out."""
+
+    def sigma(self) -> Floats:
+        """Noise and what is not repeatable, SI, (channels, n)."""
+
+    def floor(self) -> Floats:
+        """Noise to compare a fit with, SI, (channels, n)."""
+
+    def stretches(self) -> list[Stretch]:
+        """Its parts, in order."""
+
+    def conditions(self) -> Mapping[str, float]:
+        """What it was made under, by words: what constants may go with from run to run."""
+
+
+class Misfit(Protocol):
+    """A recording against a simulation.
+
+    ``vector`` (m,), in sigmas, white for a right model: all samples channel by channel, then what concerns events;
+    ``jacobian`` (m, unknowns), no columns where none were asked for; ``plain`` (channels, n), SI, as a person
+    subtracts; ``steps``: what it cost.
+    """
+
+    @property
+    def vector(self) -> Floats:
+        """Differences in sigmas, (m,)."""
+
+    @property
+    def jacobian(self) -> Floats:
+        """Their derivatives by u, (m, unknowns)."""
+
+    @property
+    def plain(self) -> Floats:
+        """Simulated less recorded, SI, (channels, n)."""
+
+    @property
+    def steps(self) -> int:
+        """How many steps the simulation took."""
+
+
+@dataclass(frozen=True, eq=False)
+class Differences:
+    """The simplest `Misfit`."""
+
+    vector: Floats
+    jacobian: Floats
+    plain: Floats
+    steps: int
+
+
+class System(ABC):
+    """A model of what was recorded; unknowns are searched as u, and u = 0 of the base's is what was given."""
+
+    @property
+    @abstractmethod
+    def channels(self) -> tuple[Channel, ...]:
+        """What is measured."""
+
+    @property
+    @abstractmethod
+    def base(self) -> tuple[Unknown, ...]:
+        """Constants of its own that may be refitted before anything is called missing."""
+
+    @property
+    @abstractmethod
+    def causes(self) -> tuple[str, ...]:
+        """Names of what may be missing: laws that can be added and faults of instruments."""
+
+    @property
+    def faults(self) -> frozenset[str]:
+        """Those of the causes that are faults of a recording, not of the model."""
+        return frozenset()
+
+    @abstractmethod
+    def hypothesis(self, names: Sequence[str]) -> Hypothesis:
+        """Causes together: unknowns with priors, and starts."""
+
+    @abstractmethod
+    def misfit(
+        self,
+        recording: Any,
+        unknowns: Sequence[Unknown],
+        u: Floats,
+        *,
+        level: Level = Level.FINE,
+        derivatives: bool = False,
+    ) -> Misfit | None:
+        """A recording against the system at u; None where it cannot be simulated."""
+
+    @abstractmethod
+    def size(self, recording: Any, level: Level) -> int:
+        """Length of a recording's vector of differences."""
+
+    def ready(self, recordings: Sequence[Any]) -> None:
+        """Prepare recordings for this system, once, before anything is simulated."""
+        return
+
+    def propose(self, recordings: Sequence[Any], names: Sequence[str]) -> Any:
+        """A proposal of where to start; None where none is known."""
+        return None
+
+    def fit_base(self, campaign: Campaign, proposed: Sequence[Floats]) -> tuple[Fit, Fit]:
+        """The base fitted to all samples, and to the coarse comparison: by default from what was given."""
+        from straw.replay.diagnose.starts import fit_from_priors
+
+        return fit_from_priors(campaign, proposed)
+
+    def telling(self, campaign: Campaign, fit: Fit) -> list[str]:
+        """Names of the few runs in which hypotheses are looked at first; by default all."""
+        return [one.name for one in campaign.observations]
+
+    def repeats(self, campaign: Campaign, fit: Fit) -> Floats | None:
+        """What one standard deviation of each kind of difference between repeats does to the vector, (m, kinds)."""
+        return None
+
+    def cannot_follow(self, recording: Any) -> str:
+        """What to tell a user whose recording cannot be simulated with the base's fit."""
+        return f"run {recording.name}: cannot be simulated, neither with the constants given nor with those that fit"
+
+    def named(self, unknown: Unknown) -> tuple[str, str, str]:
+        """Cause, constant and unit of an unknown, as findings name them."""
+        cause, _, name = unknown.target.partition(".")
+        return cause, name or cause, "1"
+
+    def equation(self, unknown: Unknown) -> tuple[str, str] | None:
+        """Equation and constant of one of the base's unknowns, in words; None where it is none of its own."""
+        return None
+
+    def places(self, campaign: Campaign, fit: Fit, recording: Any) -> tuple[int, ...]:
+        """Where each event of a recording happens, in order, as numbers of parts; empty where there are none."""
+        return ()
+
+    def doubts(self, recordings: Sequence[Any]) -> list[str]:
+        """What these recordings leave untested, in sentences."""
+        return []
+
+    def experiment(self, campaign: Campaign, among: Sequence[Contestant], *, explain: bool) -> Any:
+        """The next experiment that tells hypotheses apart; None where none is known."""
+        return None
+
+    def missing(self, campaign: Campaign, null: Fit, told: Any) -> Any:
+        """What no cause explains, as a law over a state; None where that is not looked for."""
+        return None
+
+    def fitted(self, unknowns: Sequence[Unknown], u: Floats) -> Any:
+        """The model with unknowns at u."""
+        return {unknown.target: unknown.value(float(x)) for unknown, x in zip(unknowns, u, strict=True)}
+
+    def simulated(self, recording: Any, unknowns: Sequence[Unknown], u: Floats) -> Floats:
+        """What the channels would show at the recording's times, (channels, n)."""
+        one = self.misfit(recording, unknowns, u)
+        return np.full_like(recording.seen, np.nan) if one is None else recording.seen + one.plain
+
+    def written(self, model: Any) -> dict[str, str]:
+        """A fitted model as text that its commands read, by the name findings give it."""
+        return {}

@@ -1,0 +1,171 @@
+"""A law that a file does not hold: where it acts, over which state, in which shape; its unknowns and parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.systems.function.kernel import STRENGTH
+from straw.replay.diagnose.systems.function.shapes import CONSTANT, FADES, POWER, SHAPES, TABLE, values_of
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+#: Deviation of the prior of a strength, in units of what moves its place by its own size: hardly any.
+WIDE = 10.0
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a law may act: kind and number as the kernel counts them, how it is said, unit of the law's values."""
+
+    kind: int
+    which: int
+    name: str  # "rate:v", "constant:k", "channel:y", "clock:y", "input:u", "delay:u", "strength:1"
+    says: str
+    unit: str
+    size: float  # what is large there
+
+
+@dataclass(frozen=True)
+class State:
+    """Over what a law may act: kind and number, name, unit, and the span (low, high) that recordings visit.
+
+    ``lag_s``: the state as it is felt later, through a first-order lag of this time; None for the state itself.
+    """
+
+    kind: int
+    which: int
+    name: str
+    unit: str
+    low: float
+    high: float
+    lag_s: float | None = None
+    longest_s: float = np.inf  # of a lag: how long recordings last
+
+    @property
+    def span(self) -> float:
+        """Of what is visited."""
+        return self.high - self.low
+
+
+@dataclass(frozen=True)
+class Law:
+    """A law at a place over a state, as a table with points ``at`` or as a formula."""
+
+    place: Place
+    state: State
+    shape: int
+    at: tuple[float, ...] = ()
+
+    @property
+    def unit(self) -> float:
+        """A strength (or table value) that moves its place by its own size."""
+        if self.shape == TABLE:
+            return self.place.size
+        return self.place.size / max(self._largest(), 1e-300)
+
+    def _largest(self) -> float:
+        """The shape's largest value over what is visited, at strength one and its constants' starts."""
+        p = self._parameters({}, "", 1.0)
+        p = p[0 if self.state.lag_s is None else 1 :]
+        return float(np.max(np.abs(values_of(self.shape, p, np.linspace(self.state.low, self.state.high, 21)))))
+
+    def unknowns(self, number: int) -> tuple[Unknown, ...]:
+        """Unknowns of this law as the ``number``-th of a system's."""
+        name = f"law.{number}."
+        out: list[Unknown] = []
+        if self.shape == TABLE:
+            out += [Unknown(f"{name}value{k}", self.unit, kind="linear", sd=WIDE) for k in range(len(self.at))]
+        else:
+            out.append(Unknown(f"{name}strength", self.unit, kind="linear", sd=WIDE))
+            for constant, start, low, high, of in SHAPES[self.shape].constants:
+                out.append(self._constant(name + constant, start, low, high, of))
+        if self.state.lag_s is not None:
+            # not below what a lag of a twentieth differs from none by, nor longer than ten times the recording
+            ends = np.log(1 / 20), np.log(max(10 * self.state.longest_s / self.state.lag_s, 2.0))
+            out.append(Unknown(f"{name}lag_s", 1.0, self.state.lag_s, "log", sd=1.5, low=ends[0], high=ends[1]))
+        return tuple(out)
+
+    def _constant(self, target: str, start: float, low: float, high: float, of: str) -> Unknown:
+        s = self.state
+        if of == "place":
+            ends = (s.low + low * s.span) / s.span, (s.low + high * s.span) / s.span
+            mean = (s.low + start * s.span) / s.span
+            return Unknown(target, s.span, kind="linear", mean=mean, sd=1.0, low=ends[0], high=ends[1])
+        scale = s.span if of == "span" else 1.0
+        return Unknown(target, 1.0, start * scale, "log", sd=2.0, low=np.log(low / start), high=np.log(high / start))
+
+    def start(self, number: int, units: float = 0.0) -> Floats:
+        """u of its unknowns at a strength of so many units, or a table of none."""
+        return np.array([units if k.target.endswith("strength") else k.mean for k in self.unknowns(number)])
+
+    def parameters(self, number: int, values: Mapping[str, float]) -> Floats:
+        """Its parameters for the kernel, where its unknowns have these values; the lag's time, if any, first."""
+        return self._parameters(values, f"law.{number}.", 0.0)
+
+    def _parameters(self, values: Mapping[str, float], name: str, strength: float) -> Floats:
+        lag = [] if self.state.lag_s is None else [values.get(name + "lag_s", self.state.lag_s)]
+        if self.shape == TABLE:
+            return np.array([*lag, *self.at, *(values.get(f"{name}value{k}", 0.0) for k in range(len(self.at)))])
+        out = [*lag, values.get(name + "strength", strength)]
+        for constant, start, low, high, of in SHAPES[self.shape].constants:
+            unknown = self._constant(constant, start, low, high, of)
+            out.append(values.get(name + constant, unknown.value(unknown.mean)))
+        if self.shape == POWER:
+            out.append(self.state.span)
+        elif self.shape == FADES:
+            out.append(self.state.low)
+        return np.array(out)
+
+    def curve(self, number: int, values: Mapping[str, float], at: Floats) -> Floats:
+        """Its values over the state at (n,)."""
+        p = self.parameters(number, values)[0 if self.state.lag_s is None else 1 :]
+        return values_of(self.shape, p, np.asarray(at, dtype=np.float64))
+
+    @property
+    def says(self) -> str:
+        """Where it acts and over what, in words."""
+        if self.shape == CONSTANT and self.state.lag_s is None:
+            return self.place.says
+        return f"{self.place.says}, over {self.over}"
+
+    @property
+    def over(self) -> str:
+        """What it depends on, in words."""
+        return self.state.name if self.state.lag_s is None else f"the history of {self.state.name}"
+
+    def tabled(self, at: Sequence[float]) -> Law:
+        """The law as a table."""
+        return replace(self, shape=TABLE, at=tuple(at))
+
+
+def encoded(laws: Mapping[int, Law], values: Mapping[str, float]) -> tuple[Indices, Floats, int]:
+    """Rows and parameters of laws by number for the kernel, and how many lagging states they have."""
+    rows, parts, at, lags = [], [np.zeros(1)], 1, 0
+    order = list(laws)
+    for number, law in laws.items():
+        p = law.parameters(number, values)
+        which = order.index(law.place.which) if law.place.kind == STRENGTH else law.place.which
+        lag = law.state.lag_s is not None
+        first = at + int(lag)
+        rows.append(
+            [
+                law.place.kind,
+                which,
+                law.state.kind,
+                law.state.which,
+                law.shape,
+                first,
+                len(p) - lag,
+                lags if lag else -1,
+            ]
+        )
+        lags += int(lag)
+        parts.append(p)
+        at += len(p)
+    return np.array(rows, dtype=np.int64).reshape(len(rows), 8), np.concatenate(parts), lags

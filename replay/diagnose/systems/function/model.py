@@ -1,0 +1,301 @@
+"""A user's system file, read and checked: constants, inputs, channels, states, and the functions that tie them.
+
+See `docs` in `describe.py` for what a file says. Times are in seconds, all else in the units that the file names.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import inspect
+from collections import namedtuple
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from types import ModuleType
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from straw.replay.diagnose.systems.function.compiled import compiled
+from straw.replay.diagnose.systems.function.kernel import built
+from straw.replay.errors import ReplayError
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Constant:
+    """One of the base's constants: value, unit, plausible range; ``fixed`` where both ends are the value."""
+
+    name: str
+    value: float
+    unit: str
+    low: float
+    high: float
+
+    @property
+    def fixed(self) -> bool:
+        """Whether it may not be refitted."""
+        return self.low == self.high
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A channel or an input: its column in the recordings, unit, and noise (one deviation) where it is stated."""
+
+    name: str
+    column: str
+    unit: str
+    noise: float | None = None
+
+
+@dataclass(frozen=True)
+class StartOf:
+    """Where a state starts: at ``value``, or free about a channel's first readings, or free within a range."""
+
+    state: str
+    value: float | None = None
+    channel: str | None = None
+    low: float = -np.inf
+    high: float = np.inf
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """What a system file says. ``simulate`` is a plain function in place of slopes."""
+
+    path: Path
+    title: str
+    time: str | float  # column, or samples a second
+    constants: tuple[Constant, ...]
+    inputs: tuple[Signal, ...]
+    channels: tuple[Signal, ...]
+    starts: tuple[StartOf, ...]
+    says: Mapping[str, str]  # what constants, states and inputs are called in words
+    module: ModuleType = field(repr=False)
+    given: tuple[tuple[str, float, float, float], ...] = ()  # constants known better than the file says
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return load_model, (self.path, self.given)
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states that slopes are given of."""
+        return tuple(one.state for one in self.starts)
+
+    @property
+    def plain(self) -> bool:
+        """Whether it is a plain function."""
+        return hasattr(self.module, "simulate")
+
+    @property
+    def sha256(self) -> str:
+        """Of the file."""
+        return hashlib.sha256(self.path.read_bytes()).hexdigest()
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """Something else the file says."""
+        return getattr(self.module, name, default)
+
+    def named(self, name: str) -> str:
+        """A constant, state or input in words."""
+        return self.says.get(name, name)
+
+    def unit(self, name: str) -> str:
+        """Unit of an input, channel, constant or state (that of the channel of its name, or as the file says)."""
+        units = {one.name: one.unit for one in self.constants}
+        units |= {one.name: one.unit for one in (*self.inputs, *self.channels)}
+        return str(dict(self.get("units", {})).get(name, units.get(name, "?")))
+
+    @cached_property
+    def march(self) -> Callable[..., Any]:
+        """The compiled march (`kernel.built`)."""
+        return built(*self._wrapped())
+
+    def _wrapped(self) -> tuple[Callable[..., Any], Callable[..., Any]]:
+        """Slopes and shown that take arrays and write into their last argument."""
+        names = self._names()
+        scope: dict[str, Any] = {kind: fields(kind, given) for kind, given in names.items()}
+        for name in ("slopes", "shown"):
+            if hasattr(self.module, name):
+                scope[name] = _compiled(self, name)
+
+        def unpacked(kind: str, array: str) -> str:
+            return f"{kind}({', '.join(f'{array}[{i}]' for i in range(len(names[kind]))) or '0.0'})"
+
+        given = f"t, {unpacked('X', 'x')}, {unpacked('U', 'u')}, {unpacked('C', 'c')}"
+        lines = ["def write_slopes(t, x, u, c, out):"]
+        if self.states:
+            lines += [f"    r = slopes({given})"]
+            one = len(self.states) == 1 and not self._returns_tuple("slopes")
+            lines += ["    out[0] = r"] if one else [f"    out[{i}] = r[{i}]" for i in range(len(self.states))]
+        else:
+            lines += ["    return"]
+        lines += ["def write_shown(t, x, u, c, out):"]
+        if "shown" in scope:
+            lines += [f"    r = shown({given})"]
+            one = len(self.channels) == 1 and not self._returns_tuple("shown")
+            lines += ["    out[0] = r"] if one else [f"    out[{i}] = r[{i}]" for i in range(len(self.channels))]
+        else:
+            lines += [f"    out[{i}] = x[{self.states.index(y.name)}]" for i, y in enumerate(self.channels)]
+        exec("\n".join(lines), scope)
+        return compiled(scope["write_slopes"]), compiled(scope["write_shown"])
+
+    def _names(self) -> dict[str, tuple[str, ...]]:
+        constants = tuple(c.name for c in self.constants)
+        return {"X": self.states, "U": tuple(i.name for i in self.inputs), "C": constants}
+
+    def _returns_tuple(self, name: str) -> bool:
+        return isinstance(self.asked(name), tuple | list | np.ndarray)
+
+    def asked(self, name: str, function: Callable[..., Any] | None = None) -> Any:
+        """What slopes or shown say at the base's constants, in plain Python; ReplayError where they raise."""
+        X, U, C = (fields(k, names) for k, names in self._names().items())
+        x = X(*([1.0] * max(1, len(self.states))))
+        u = U(*([1.0] * max(1, len(self.inputs))))
+        c = C(*([one.value for one in self.constants] or [0.0]))
+        try:
+            return (function or getattr(self.module, name))(0.0, x, u, c)
+        except Exception as problem:  # it is the user's code
+            raise ReplayError(f"{self.path}: {name}(t, x, u, c) raised {_told(problem)}") from problem
+
+
+def fields(kind: str, names: Sequence[str]) -> Callable[..., Any]:
+    """What a file's functions take: fields by name; numba wants at least one."""
+    return cast(Callable[..., Any], namedtuple(kind, tuple(names) or ("none",)))
+
+
+def _compiled(model: Model, name: str) -> Callable[..., Any]:
+    """One of the file's functions compiled, with what it calls."""
+    function = getattr(model.module, name)
+    for other in list(vars(model.module)):
+        thing = getattr(model.module, other)
+        if other != name and inspect.isfunction(thing) and other in function.__code__.co_names:
+            setattr(model.module, other, compiled(thing))
+    out: Callable[..., Any] = compiled(function)
+    try:
+        model.asked(name, out)
+    except ReplayError as problem:
+        text = str(problem.__cause__).strip().splitlines() or ["?"]
+        raise ReplayError(
+            f"{model.path}: {name} cannot be compiled ({text[-1][:120]}); use floats and NumPy's functions of numbers "
+            "in it, or give simulate(t, u, c), a plain function, in its place"
+        ) from problem
+    return out
+
+
+def _told(problem: Exception) -> str:
+    """An exception of the user's code in one line, with where it was raised."""
+    import traceback
+
+    frames = traceback.extract_tb(problem.__traceback__)
+    where = f" (line {frames[-1].lineno})" if frames else ""
+    return f"{type(problem).__name__}: {problem}{where}"
+
+
+def load_model(path: Path, given: Sequence[tuple[str, float, float, float]] = ()) -> Model:
+    """A system file; ReplayError names what is wrong with it, where, and the cure.
+
+    ``given`` are constants known better than the file says: name, value, low, high.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise ReplayError(f"{path}: no such file; give a system as a Python file")
+    spec = importlib.util.spec_from_file_location(f"system_{path.stem}", path)
+    if spec is None or spec.loader is None:
+        raise ReplayError(f"{path}: not a Python file; a system ends in .py")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as problem:
+        raise ReplayError(f"{path}: cannot be run: {_told(problem)}") from problem
+    model = _model(path, module)
+    constants = {one.name: one for one in model.constants}
+    for name, value, low, high in given:
+        if name not in constants:
+            raise ReplayError(f"--given {name}: no such constant; known: {', '.join(constants) or 'none'}")
+        constants[name] = _constant(path, name, (value, constants[name].unit, low, high))
+    return replace(model, constants=tuple(constants.values()), given=tuple(given))
+
+
+def _model(path: Path, module: ModuleType) -> Model:
+    known = vars(module)
+
+    def need(name: str, hint: str) -> Any:
+        if name not in known:
+            raise ReplayError(f"{path}: says no {name}; add {hint}")
+        return known[name]
+
+    constants = tuple(_constant(path, k, v) for k, v in known.get("constants", {}).items())
+    inputs = tuple(_signal(path, "inputs", k, v) for k, v in known.get("inputs", {}).items())
+    channels = tuple(
+        _signal(path, "channels", k, v) for k, v in need("channels", 'channels = {"y": ("column", "unit")}').items()
+    )
+    starts = tuple(_start(path, k, v, [y.name for y in channels]) for k, v in known.get("start", {}).items())
+    time = known.get("time", "time_s")
+    if not isinstance(time, str | int | float):
+        raise ReplayError(f"{path}: time = {time!r}; give the column's name, or samples a second as a number")
+    if starts and "slopes" not in known:
+        raise ReplayError(f"{path}: has start but no slopes(t, x, u, c); add it, or leave start out")
+    if "slopes" in known and not starts:
+        raise ReplayError(f'{path}: has slopes but no start; add start = {{"state": value or "channel"}}')
+    if "simulate" not in known and "shown" not in known:
+        hidden = [y.name for y in channels if y.name not in [s.state for s in starts]]
+        if hidden:
+            raise ReplayError(f"{path}: channel {hidden[0]} is no state; add shown(t, x, u, c), which returns it")
+    names = [*(c.name for c in constants), *(s.state for s in starts), *(i.name for i in inputs)]
+    for name in names:
+        if not str(name).isidentifier():
+            raise ReplayError(f"{path}: {name!r} is no name that Python can use; rename it")
+    title = str(known.get("title", (module.__doc__ or path.stem).strip().splitlines()[0].rstrip(".")))
+    return Model(path, title, time, constants, inputs, channels, starts, dict(known.get("says", {})), module)
+
+
+def _constant(path: Path, name: str, given: Any) -> Constant:
+    """(value, unit), (value, unit, low, high), or (value, unit, "fixed")."""
+    where = f'{path}: constants["{name}"]'
+    parts = tuple(given) if isinstance(given, tuple | list) else (given,)
+    if len(parts) == 1:
+        parts = (parts[0], "1")
+    try:
+        value, unit = float(parts[0]), str(parts[1])
+        if len(parts) == 3 and parts[2] == "fixed":
+            return Constant(name, value, unit, value, value)
+        ends = [float(x) for x in parts[2:]] or sorted((value / 10, value * 10))
+        low, high = ends
+    except (TypeError, ValueError) as problem:
+        raise ReplayError(f"{where} = {given!r}; give (value, unit, low, high)") from problem
+    if not low <= value <= high:
+        raise ReplayError(f"{where}: the value {value:g} is not within its range {low:g} to {high:g}")
+    return Constant(name, value, unit, low, high)
+
+
+def _signal(path: Path, kind: str, name: str, given: Any) -> Signal:
+    """(column, unit) or (column, unit, noise)."""
+    parts = tuple(given) if isinstance(given, tuple | list) else (given,)
+    if not all(isinstance(x, str) for x in parts[:2]) or len(parts) > 3:
+        raise ReplayError(f'{path}: {kind}["{name}"] = {given!r}; give (column, unit) or (column, unit, noise)')
+    noise = float(parts[2]) if len(parts) == 3 else None
+    if noise is not None and not noise > 0:
+        raise ReplayError(f'{path}: {kind}["{name}"]: noise {noise:g} must be positive')
+    return Signal(name, parts[0], parts[1] if len(parts) > 1 else "1", noise)
+
+
+def _start(path: Path, state: str, given: Any, channels: list[str]) -> StartOf:
+    """A number, a channel's name, or (value, low, high)."""
+    if isinstance(given, str):
+        if given not in channels:
+            raise ReplayError(f'{path}: start["{state}"] = {given!r}: no such channel; known: {", ".join(channels)}')
+        return StartOf(state, channel=given)
+    if isinstance(given, tuple | list) and len(given) == 3:
+        value, low, high = (float(x) for x in given)
+        return StartOf(state, value, None, low, high)
+    try:
+        return StartOf(state, float(given), None, float(given), float(given))
+    except (TypeError, ValueError) as problem:
+        raise ReplayError(
+            f'{path}: start["{state}"] = {given!r}; give a number, a channel, or (value, low, high)'
+        ) from problem

@@ -1,0 +1,180 @@
+"""Where a law that nobody wrote may act in a user's system, and over what: everything, unless the file says less."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from straw.replay.diagnose.systems.function.kernel import (
+    CHANNEL,
+    CLOCK,
+    DELAY,
+    FACTOR,
+    INPUT,
+    OF_INPUT,
+    OF_NOTHING,
+    OF_RATE,
+    OF_SHOWN,
+    OF_STATE,
+    OF_TIME,
+    RATE,
+    STRENGTH,
+)
+from straw.replay.diagnose.systems.function.laws import Place, State
+from straw.replay.diagnose.systems.function.recording import Recorded
+from straw.replay.diagnose.systems.function.system import FunctionSystem
+
+Floats = NDArray[np.float64]
+
+#: Lags looked at: from two samples to this share of the longest recording, so many, evenly in their logarithm.
+LAGS, LAG_SHARE = 4, 0.25
+#: A state is visited between these quantiles.
+VISITED = (0.002, 0.998)
+
+
+@dataclass(frozen=True, eq=False)
+class Passed:
+    """What a recording passes through with a fit: states, their rates, shown and inputs, each (rows, n)."""
+
+    recording: Recorded
+    states: Floats
+    rates: Floats
+    shown: Floats
+
+
+def passed(system: FunctionSystem, recordings: Sequence[Recorded], values: dict[str, float]) -> list[Passed]:
+    """Simulated with these values. A state that a channel measures is taken as measured, as the model is wrong."""
+    names = [y.name for y in system.model.channels]
+    out = []
+    for one in recordings:
+        start, _ = system.started(one)
+        shown = system.profiled(one, values)[0]
+        _, states, rates = system.played(one, values, start)
+        n = len(system.model.states)
+        states, rates = states[:n].copy(), rates[:n].copy()
+        for i, state in enumerate(system.model.starts):
+            if state.state in names:
+                states[i] = smooth(one, names.index(state.state))
+                rates[i] = np.gradient(states[i], one.time_s)
+        out.append(Passed(one, states, rates, shown))
+    return out
+
+
+def smooth(recording: Recorded, channel: int) -> Floats:
+    """A channel (n,) with gaps closed and noise lessened."""
+    row, t = recording.seen[channel], recording.time_s
+    good = np.isfinite(row)
+    return np.asarray(gaussian_filter1d(np.interp(t, t[good], row[good]), 1.0))
+
+
+def places(system: FunctionSystem, seen: Sequence[Passed]) -> list[Place]:
+    """Every equation, constant, channel, input and clock."""
+    model, out = system.model, []
+    for i, name in enumerate(model.states):
+        size = float(np.std(np.concatenate([p.rates[i] for p in seen]))) or 1.0
+        unit = f"{model.unit(name)}/s"
+        out.append(Place(RATE, i, f"rate:{name}", f"the rate of {model.named(name)}", unit, size))
+    optional = system.optional
+    for i, constant in enumerate(model.constants):
+        if constant.name not in optional:
+            says = f"the constant {model.named(constant.name)}"
+            out.append(Place(FACTOR, i, f"constant:{constant.name}", says, "1", 0.3))
+    for i, channel in enumerate(model.channels):
+        size = float(np.std(np.concatenate([p.recording.seen[i][np.isfinite(p.recording.seen[i])] for p in seen])))
+        says = model.named(channel.name)
+        out.append(Place(CHANNEL, i, f"channel:{channel.name}", f"what is shown of {says}", channel.unit, size or 1.0))
+        step = float(np.median(np.concatenate([np.diff(p.recording.time_s) for p in seen])))
+        out.append(Place(CLOCK, i, f"clock:{channel.name}", f"the clock of {says}", "s", step))
+    for i, signal in enumerate(model.inputs):
+        size = float(np.std(np.concatenate([p.recording.inputs[i] for p in seen]))) or 1.0
+        says = model.named(signal.name)
+        out.append(Place(INPUT, i, f"input:{signal.name}", f"the input {says}", signal.unit, size))
+        if not all(np.ptp(p.recording.inputs[i]) == 0 for p in seen):
+            step = float(np.median(np.concatenate([np.diff(p.recording.time_s) for p in seen])))
+            out.append(Place(DELAY, i, f"delay:{signal.name}", f"the delay of the input {says}", "s", step))
+    for k, law in enumerate(system.laws):
+        if law.place.kind in (CLOCK, DELAY):
+            continue
+        out.append(Place(STRENGTH, k, f"strength:{k}", f"the strength of the law in {law.place.says}", "1", 0.5))
+    wanted = model.get("places")
+    return out if wanted is None else [p for p in out if p.name in wanted or p.kind == STRENGTH]
+
+
+def states(system: FunctionSystem, seen: Sequence[Passed]) -> list[State]:
+    """Every state, its rate, every input and its rate, time; and the history of states and inputs."""
+    model, out = system.model, [State(OF_NOTHING, 0, "nothing", "1", 0.0, 1.0)]
+
+    def add(kind: int, which: int, name: str, unit: str, rows: list[Floats]) -> None:
+        values = np.concatenate(rows)
+        low, high = np.quantile(values[np.isfinite(values)], VISITED)
+        if high - low > 1e-9 * max(abs(low), abs(high)):
+            out.append(State(kind, which, name, unit, float(low), float(high)))
+
+    many = len(model.inputs)
+    for i, name in enumerate(model.states):
+        add(OF_STATE, i, model.named(name), model.unit(name), [p.states[i] for p in seen])
+        add(OF_RATE, i, f"the rate of {model.named(name)}", f"{model.unit(name)}/s", [p.rates[i] for p in seen])
+    for i, signal in enumerate(model.inputs):
+        says = model.named(signal.name)
+        add(OF_INPUT, i, says, signal.unit, [p.recording.inputs[i] for p in seen])
+        rows = [p.recording.inputs[many + i] for p in seen]
+        add(OF_INPUT, many + i, f"the rate of {says}", f"{signal.unit}/s", rows)
+    add(OF_TIME, 0, "time", "s", [p.recording.time_s for p in seen])
+    for i, channel in enumerate(model.channels):
+        if channel.name not in model.states:
+            add(OF_SHOWN, i, model.named(channel.name), channel.unit, [p.recording.seen[i] for p in seen])
+    longest = max(float(np.ptp(p.recording.time_s)) for p in seen)
+    step = float(np.median(np.concatenate([np.diff(p.recording.time_s) for p in seen])))
+    for one in list(out):
+        moves = one.kind in (OF_STATE, OF_INPUT) and not one.name.startswith("the rate")
+        if moves and 2 * step < LAG_SHARE * longest:
+            for lag in np.geomspace(2 * step, LAG_SHARE * longest, LAGS):
+                out.append(State(one.kind, one.which, one.name, one.unit, one.low, one.high, float(lag), longest))
+    wanted = model.get("depends_on")
+    return out if wanted is None else [s for s in out if s.name in (*wanted, "nothing")]
+
+
+def makes_sense(place: Place, state: State) -> bool:
+    """Whether a law is looked for here: clocks over time, delays as they are, an equation over anything."""
+    if place.kind == CLOCK:
+        return state.kind in (OF_TIME, OF_NOTHING)
+    if place.kind == DELAY:
+        return state.kind == OF_NOTHING
+    if place.kind == INPUT:
+        own = state.kind == OF_INPUT and state.which == place.which and state.lag_s is None
+        return own or state.kind in (OF_TIME, OF_NOTHING)
+    if place.kind == FACTOR:
+        return state.kind not in (OF_NOTHING, OF_SHOWN)
+    if place.kind == STRENGTH:
+        return state.kind not in (OF_NOTHING, OF_SHOWN) and state.lag_s is None
+    if place.kind == RATE:
+        # over its own rate a law is a factor on all else, and is looked for as such
+        return state.kind != OF_SHOWN and not (state.kind == OF_RATE and state.which == place.which)
+    return True
+
+
+def values_over(state: State, seen: Sequence[Passed]) -> Floats:
+    """All values of a state (without its lag) that recordings pass."""
+    rows = {
+        OF_STATE: lambda p: p.states[state.which],
+        OF_RATE: lambda p: p.rates[state.which],
+        OF_INPUT: lambda p: p.recording.inputs[state.which],
+        OF_TIME: lambda p: p.recording.time_s,
+        OF_SHOWN: lambda p: p.recording.seen[state.which],
+    }
+    out = np.concatenate([rows[state.kind](p) for p in seen])
+    return np.asarray(out[np.isfinite(out)])
+
+
+def points(place: Place, state: State, seen: Sequence[Passed]) -> tuple[float, ...]:
+    """Points of a table, half way between even and where recordings are most; many over a clock's time."""
+    many = 24 if place.kind == CLOCK else 12 if state.kind == OF_TIME else 8
+    even = np.linspace(state.low, state.high, many)
+    often = np.quantile(values_over(state, seen), np.linspace(*VISITED, many))
+    out = np.unique(0.5 * (even + often))
+    apart = [0, *(k for k in range(1, len(out)) if out[k] - out[k - 1] > 1e-6 * state.span)]
+    return tuple(float(x) for x in out[apart])

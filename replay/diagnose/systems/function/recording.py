@@ -1,0 +1,241 @@
+"""A table of readings as a recording of a user's system: inputs and their rates, channels, noise, what is held out."""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
+
+from straw.replay.diagnose.system import Stretch
+from straw.replay.diagnose.systems.function.model import Model, Signal
+from straw.replay.diagnose.systems.function.table import column, read_table
+from straw.replay.errors import ReplayError
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+#: Readings a recording has at least.
+SHORTEST = 4
+#: The rate of an input is taken over so few readings that noise makes at most this share of its deviation, and over at
+#: most this share of the recording.
+RATE_NOISE, RATE_WINDOW = 0.1, 0.02
+#: Readings of a window in which a channel may be quiet: a fifth of them tell the noise.
+QUIET = 8
+#: Parts that a recording without a hold-out of its own is cut into; every third is held out where there is one only.
+PARTS = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """One run: channels ``seen`` (channels, n), NaN where there is none, at ``time_s`` (n,) from its first reading.
+
+    ``inputs`` (2 inputs, n) are the inputs and their rates; ``noise`` (channels,); ``fitted`` (n,) marks the samples
+    that are not held out, ``tells_start`` (n,) those from which starts may be told.
+    """
+
+    name: str
+    time_s: Floats
+    seen: Floats
+    inputs: Floats
+    noise: Floats
+    fitted: Flags
+    tells_start: Flags
+    conditions_: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def events_s(self) -> Floats:
+        """None are looked for."""
+        return np.empty(0)
+
+    @property
+    def kind(self) -> str:
+        """Every recording is of its own kind."""
+        return self.name
+
+    @property
+    def held(self) -> Flags:
+        """Samples that no fit sees, (n,)."""
+        return ~self.fitted & ~np.isnan(self.seen).all(axis=0)
+
+    def sigma(self) -> Floats:
+        """Noise, (channels, n)."""
+        return np.repeat(self.noise[:, None], len(self.time_s), axis=1)
+
+    def floor(self) -> Floats:
+        """Noise, (channels, n)."""
+        return self.sigma()
+
+    def stretches(self) -> list[Stretch]:
+        """Eighths of the recording: nothing else is known of it."""
+        ends = np.linspace(self.time_s[0], self.time_s[-1], 9)
+        words = [f"{k} of 8" for k in range(1, 9)]
+        return [Stretch(f"part {w}", float(a), float(b)) for w, a, b in zip(words, ends[:-1], ends[1:], strict=True)]
+
+    def every(self, step: int) -> Recorded:
+        """Every so many of its samples."""
+        from dataclasses import replace
+
+        cut = slice(None, None, step)
+        return replace(
+            self,
+            time_s=self.time_s[cut],
+            seen=self.seen[:, cut],
+            inputs=self.inputs[:, cut],
+            fitted=self.fitted[cut],
+            tells_start=self.tells_start[cut],
+        )
+
+    def conditions(self) -> Mapping[str, float]:
+        """Means and sizes of its inputs."""
+        return self.conditions_
+
+
+def read_recordings(model: Model, paths: Sequence[Path], hold_out: Sequence[str] = ()) -> list[Recorded]:
+    """Recordings from files, as the system's ``read`` or a table's columns say; ReplayError for bad input."""
+    tables: dict[str, tuple[str, Mapping[str, Any]]] = {}
+    for path in paths:
+        for name, table in _tables(model, Path(path)).items():
+            if name in tables:
+                raise ReplayError(f"{path}: recording {name} is there twice; give each once")
+            tables[name] = str(path), table
+    if not tables:
+        raise ReplayError("no recordings; give at least one file")
+    out = [_recorded(model, name, path, table) for name, (path, table) in tables.items()]
+    return _held_out(model, out, hold_out, {name: table for name, (_, table) in tables.items()})
+
+
+def _tables(model: Model, path: Path) -> dict[str, Mapping[str, Any]]:
+    read = model.get("read")
+    if not path.exists():
+        raise ReplayError(f"{path}: no such file")
+    if read is None:
+        return {path.stem: read_table(path, model.get("columns"))}
+    try:
+        found = read(path)
+    except ReplayError:
+        raise
+    except Exception as problem:  # it is the user's code
+        raise ReplayError(f"{model.path}: read({path.name}) raised {type(problem).__name__}: {problem}") from problem
+    if not isinstance(found, Mapping):
+        raise ReplayError(f"{model.path}: read must return a dict of columns, or of such dicts by recording")
+    if found and all(isinstance(table, Mapping) for table in found.values()):
+        return dict(found)
+    return {path.stem: found}
+
+
+def _recorded(model: Model, name: str, path: str, table: Mapping[str, Any]) -> Recorded:
+    length = max(np.size(v) for v in table.values())
+
+    def one(signal: Signal, kind: str) -> Floats:
+        values = column(path, table, signal.column, f"{kind} {signal.name}")
+        if values.size not in (1, length):
+            raise ReplayError(f"{path}: {name}: {signal.column} has {values.size} readings, others {length}")
+        return np.broadcast_to(values, (length,)).astype(np.float64)
+
+    if isinstance(model.time, str):
+        time = column(path, table, model.time, "time")
+        if time.size != length:
+            raise ReplayError(f"{path}: {name}: {model.time} has {time.size} readings, others {length}")
+    else:
+        time = np.arange(length) / float(model.time)
+    inputs = np.array([one(s, "input") for s in model.inputs]).reshape(len(model.inputs), length)
+    seen = np.array([one(s, "channel") for s in model.channels])
+    good = np.isfinite(time) & np.isfinite(seen).any(axis=0)
+    if np.count_nonzero(good) < SHORTEST:
+        raise ReplayError(f"{path}: {name}: {np.count_nonzero(good)} readings of at least {SHORTEST}; leave it out")
+    late = np.flatnonzero(np.diff(time[good]) <= 0)
+    if len(late):
+        row = np.flatnonzero(good)[late[0] + 1]
+        raise ReplayError(
+            f"{path}: {name}: time stands or runs back at reading {row + 1} ({time[row]:g}); sort it, or split it there"
+        )
+    keep = np.flatnonzero(good)
+    rows = slice(keep[0], keep[-1] + 1)
+    rows_finite = np.arange(rows.start, rows.stop)[np.isfinite(time[rows])]
+    time, seen = time[rows_finite], seen[:, rows_finite]
+    filled = np.array(
+        [_filled(model, path, time, row[rows_finite], s) for row, s in zip(inputs, model.inputs, strict=True)]
+    )
+    filled = filled.reshape(len(model.inputs), len(time))
+    rates = np.array([rate(time, row) for row in filled]).reshape(filled.shape)
+    noise = np.array([s.noise or noise_of(row) for s, row in zip(model.channels, seen, strict=True)])
+    time = time - time[0]
+    fitted = np.isfinite(seen).any(axis=0) & (time >= float(model.get("skip_s", 0.0)))
+    said = {f"the mean of {model.named(s.name)}": float(np.mean(r)) for s, r in zip(model.inputs, filled, strict=True)}
+    return Recorded(name, time, seen, np.concatenate([filled, rates]), noise, fitted, fitted.copy(), said)
+
+
+def _filled(model: Model, path: str, time: Floats, values: Floats, signal: Signal) -> Floats:
+    good = np.isfinite(values)
+    if not good.any():
+        raise ReplayError(f"{path}: input {signal.name} ({signal.column}) has no number at all")
+    return np.asarray(np.interp(time, time[good], values[good]))
+
+
+def noise_of(values: Floats) -> float:
+    """Noise of readings (n,), one deviation: how they bend where quiet, and a converter's steps (one over root 12)."""
+    good = values[np.isfinite(values)]
+    gaps = np.abs(np.diff(good))
+    steps = gaps[gaps > 1e-12 * max(1.0, float(np.max(np.abs(good))))]
+    step = float(np.quantile(steps, 0.02)) if len(steps) else 0.0
+    bends = np.diff(good, 2) ** 2 / 6 if len(good) > 2 else np.zeros(1)
+    windows = np.array_split(bends, max(1, len(bends) // QUIET))
+    white = float(np.sqrt(np.quantile([np.mean(w) for w in windows], 0.2)))
+    quantised = step / np.sqrt(12) if len(steps) < 0.9 * len(gaps) else 0.0
+    return max(white, quantised, 1e-9 * float(np.ptp(good)), 1e-300)
+
+
+def rate(time_s: Floats, values: Floats) -> Floats:
+    """Rate of an input (n,): the slope of a cubic over so few readings that noise does not make it."""
+    if np.ptp(values) == 0 or len(values) < 7:
+        return np.asarray(np.gradient(values, time_s))
+    step_s, noise = float(np.median(np.diff(time_s))), noise_of(values)
+    even = np.arange(time_s[0], time_s[-1] + step_s / 2, step_s)
+    y = np.interp(even, time_s, values)
+    out = np.gradient(y, step_s)
+    for window in (5, 7, 9, 11, 15, 21, 31, 45, 63):
+        if window >= min(len(even), max(6, RATE_WINDOW * len(even))):
+            break
+        out = savgol_filter(y, window, 2, deriv=1, delta=step_s)
+        if noise * np.sqrt(12 / window**3) / step_s < RATE_NOISE * np.std(out):
+            break
+    return np.asarray(np.interp(time_s, even, out))
+
+
+def _held_out(
+    model: Model, recordings: list[Recorded], patterns: Sequence[str], tables: Mapping[str, Mapping[str, Any]]
+) -> list[Recorded]:
+    """Marks what is held out: names by the command, what the file says, or else every third recording or part."""
+    from dataclasses import replace
+
+    said = model.get("hold_out")
+    out = []
+    for k, one in enumerate(recordings):
+        if patterns or isinstance(said, list | tuple):
+            held: Any = any(fnmatch.fnmatch(one.name, p) for p in (patterns or said))
+        elif callable(said):
+            held = said(one.name, one.time_s, tables[one.name])
+        elif len(recordings) > 2:
+            held = k % 3 == 2
+        else:
+            held = (np.arange(len(one.time_s)) * PARTS // len(one.time_s)) % 3 == 1
+        mask = np.broadcast_to(np.asarray(held, dtype=bool), one.time_s.shape)
+        start = one.fitted & ~mask
+        if not start.any():  # a recording nobody fits: its start from its first readings
+            first_s = float(model.get("start_from_s", one.time_s[min(9, len(one.time_s) - 1)]))
+            start = np.isfinite(one.seen).any(axis=0) & (one.time_s <= first_s)
+        out.append(replace(one, fitted=one.fitted & ~mask, tells_start=start))
+    for pattern in patterns:
+        if not any(fnmatch.fnmatch(one.name, pattern) for one in recordings):
+            raise ReplayError(
+                f"--hold-out {pattern}: no such recording; known: {', '.join(o.name for o in recordings)}"
+            )
+    if not any(one.fitted.any() for one in out):
+        raise ReplayError("everything is held out; leave something to be fitted")
+    return out

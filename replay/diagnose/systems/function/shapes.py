@@ -1,0 +1,111 @@
+"""Shapes that a law may have over one state: a table, and the formulas that are tried in its place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from straw.replay.diagnose.systems.function.compiled import compiled
+
+Floats = NDArray[np.float64]
+
+TABLE, CONSTANT, LINEAR, SQUARE, CUBE, QUADRATIC, SIGN, ROOT, POWER, SATURATES, ABOVE, BELOW, FADES, STEP = range(14)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A formula over a state s: how it is written, its constants beside the strength, and where these start.
+
+    ``constants`` are (name, start, low, high) in units of the state's span (``span``) or plain (""); ``unit`` is the
+    power of the state's unit that the strength is divided by. ``odd`` ones change their sign with the state.
+    """
+
+    number: int
+    name: str
+    text: str  # {s} the state, {0} and {1} its constants
+    constants: tuple[tuple[str, float, float, float, str], ...] = ()
+    unit: float = 0.0
+
+
+#: The shortest first. Starts and bounds in units of the state's span, 0 to 1, or plain numbers.
+SHAPES = {
+    shape.number: shape
+    for shape in (
+        Shape(CONSTANT, "constant", ""),
+        Shape(LINEAR, "linear", "{s}", unit=1),
+        Shape(SQUARE, "square with sign", "|{s}| {s}", unit=2),
+        Shape(QUADRATIC, "square", "{s}^2", unit=2),
+        Shape(CUBE, "cube", "{s}^3", unit=3),
+        Shape(ROOT, "root with sign", "sign({s}) sqrt|{s}|", unit=0.5),
+        Shape(SIGN, "sign", "tanh({s} / {0})", (("width", 0.02, 1e-4, 0.3, "span"),)),
+        Shape(POWER, "power", "sign({s}) |{s}|^{0}", (("exponent", 1.5, 0.1, 6.0, ""),), unit=1),
+        Shape(SATURATES, "saturating", "{s} / (1 + |{s}| / {0})", (("knee", 0.2, 0.005, 5.0, "span"),), unit=1),
+        Shape(ABOVE, "above a threshold", "max(0, {s} - {0})", (("threshold", 0.6, 0.0, 1.0, "place"),), unit=1),
+        Shape(BELOW, "below a threshold", "max(0, {0} - {s})", (("threshold", 0.4, 0.0, 1.0, "place"),), unit=1),
+        Shape(FADES, "fading", "exp(-({s} - {s}_0) / {0})", (("range", 0.3, 0.02, 5.0, "span"),)),
+        Shape(
+            STEP,
+            "step",
+            "(1 + tanh(({s} - {0}) / {1})) / 2",
+            (("place", 0.5, 0.0, 1.0, "place"), ("width", 0.05, 0.003, 0.5, "span")),
+        ),
+    )
+}
+
+
+@compiled
+def value(shape: int, p: Floats, s: float) -> float:
+    """A law at state s: ``p`` are strength and constants of a formula, or of a table its points and their values."""
+    if shape == TABLE:
+        n = len(p) // 2
+        if s <= p[0]:
+            return float(p[n])
+        if s >= p[n - 1]:
+            return float(p[2 * n - 1])
+        low, high = 0, n - 1
+        while high - low > 1:
+            middle = (low + high) // 2
+            if p[middle] <= s:
+                low = middle
+            else:
+                high = middle
+        share = (s - p[low]) / (p[high] - p[low])
+        return float(p[n + low] * (1 - share) + p[n + high] * share)
+    a = p[0]
+    if shape == CONSTANT:
+        return float(a)
+    if shape == LINEAR:
+        return float(a * s)
+    if shape == SQUARE:
+        return float(a * abs(s) * s)
+    if shape == CUBE:
+        return float(a * s * s * s)
+    if shape == QUADRATIC:
+        return float(a * s * s)
+    if shape == SIGN:
+        return float(a * np.tanh(s / p[1]))
+    if shape == ROOT:
+        return float(a * np.sign(s) * np.sqrt(abs(s)))
+    if shape == POWER:
+        # in units of p[2], the state's span, so that strength and exponent do not trade
+        return float(a * np.sign(s) * abs(s / p[2]) ** p[1])
+    if shape == SATURATES:
+        return float(a * s / (1 + abs(s) / p[1]))
+    if shape == ABOVE:
+        return float(a * max(0.0, s - p[1]))
+    if shape == BELOW:
+        return float(a * max(0.0, p[1] - s))
+    if shape == FADES:
+        return float(a * np.exp(-min(max((s - p[2]) / p[1], -50.0), 50.0)))
+    return float(a * 0.5 * (1 + np.tanh((s - p[1]) / p[2])))
+
+
+@compiled
+def values_of(shape: int, p: Floats, s: Floats) -> Floats:
+    """A law at states (n,)."""
+    out = np.empty_like(s)
+    for k in range(len(s)):
+        out[k] = value(shape, p, s[k])
+    return out

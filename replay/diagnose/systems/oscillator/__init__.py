@@ -1,0 +1,1 @@
+"""A driven oscillator of one degree of freedom as a system of the diagnosis."""

@@ -1,0 +1,1 @@
+"""The straw as a system of the diagnosis."""

@@ -1,0 +1,89 @@
+"""A signal's slow part and the envelope of its ringing, which change smoothly with a straw's constants from afar.
+
+Point by point, a ringing tip agrees only with a straw that rings in phase, so damping and frequency can be found only
+from close by. How strongly it swings has no phase: its logarithm is nearly linear in damping, from afar too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+Floats = NDArray[np.float64]
+
+#: The averages' standard deviation, s: longer than half a period of the tip's slowest swing, some 10 Hz.
+AVERAGED_S = 0.035
+#: What is averaged is slow: every so many of these one value is kept.
+KEPT_S = 0.025
+#: What moves may be off by this in time, s, and a swing by this in its logarithm.
+LATE_S, SWING = 5e-3, 0.15
+#: Channels whose swing is looked at: X, which is axial, and Phi, which bends.
+SWINGING = (0, 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Envelope:
+    """Of tip (3, n): slow (3, k) m, m, rad, and swing (2, k), logarithms; with the sigma of each at ``time_s`` (n,)."""
+
+    time_s: Floats  # even grid on which it is looked at
+    floor: Floats  # (3, 1) noise, which swings as well
+    slow: Floats
+    swing: Floats
+    sigma: Floats  # (3, k) of slow
+    sigma_swing: Floats  # (2, k)
+
+    def differs(self, tip: Floats) -> Floats:
+        """How far slow part and envelope of another tip (3, n), at ``time_s``, are off: in sigmas, one vector."""
+        slow, swing = _parts(self.time_s, tip, self.floor)
+        swing = np.log(np.hypot(np.exp(swing), self.floor[SWINGING, :]))  # the other has no noise of its own
+        slow, swing = (slow - self.slow) / self.sigma, (swing - self.swing) / self.sigma_swing
+        return np.concatenate([slow.ravel(), swing.ravel()])
+
+    def tangent(self, tip: Floats, d_tip: Floats) -> Floats:
+        """Derivative of `differs`, (size, columns), along derivatives of the tip, (3, n, columns)."""
+        step_s = float(self.time_s[1] - self.time_s[0])
+        width, every = AVERAGED_S / step_s, max(1, round(KEPT_S / step_s))
+        slow, d_slow = gaussian_filter1d(tip, width, axis=1), gaussian_filter1d(d_tip, width, axis=1)
+        fast, d_fast = (tip - slow)[SWINGING, :], (d_tip - d_slow)[SWINGING, :]
+        power = gaussian_filter1d(fast**2, width, axis=1)[:, ::every]
+        d_power = gaussian_filter1d(2 * fast[:, :, None] * d_fast, width, axis=1)[:, ::every]
+        floor2 = self.floor[SWINGING, :] ** 2
+        d_power[power < floor2 / 4] = 0.0  # below the noise no envelope is told
+        total = np.maximum(power, floor2 / 4) + floor2
+        d_swing = d_power / (2 * total[:, :, None] * self.sigma_swing[:, :, None])
+        columns = d_tip.shape[-1]
+        return np.concatenate(
+            [
+                (d_slow[:, ::every] / self.sigma[:, :, None]).reshape(-1, columns),
+                d_swing.reshape(-1, columns),
+            ]
+        )
+
+    @property
+    def size(self) -> int:
+        """Length of what `differs` returns."""
+        return int(self.slow.size + self.swing.size)
+
+
+def envelope_of(time_s: Floats, tip: Floats, at_rest: Floats) -> Envelope:
+    """Envelope of a recorded tip (3, n) at times (n,) with noise ``at_rest`` (3, n)."""
+    grid = np.arange(time_s[0], time_s[-1], float(np.median(np.diff(time_s))))
+    floor = np.median(at_rest, axis=1, keepdims=True)
+    even = np.stack([np.interp(grid, time_s, row) for row in tip])
+    slow, swing = _parts(grid, even, floor)
+    rate = np.gradient(slow, KEPT_S, axis=1)
+    noise = floor[SWINGING, :] / np.exp(swing)  # what is no louder than noise says nothing of a swing
+    return Envelope(grid, floor, slow, swing, np.hypot(floor, rate * LATE_S), np.hypot(SWING, noise))
+
+
+def _parts(grid: Floats, tip: Floats, floor: Floats) -> tuple[Floats, Floats]:
+    """Slow part and logarithm of the swing, each KEPT_S."""
+    step_s = float(grid[1] - grid[0])
+    slow = gaussian_filter1d(tip, AVERAGED_S / step_s, axis=1)
+    fast = (tip - slow)[SWINGING, :]
+    swing = np.sqrt(gaussian_filter1d(fast**2, AVERAGED_S / step_s, axis=1))
+    every = max(1, round(KEPT_S / step_s))
+    return slow[:, ::every], np.log(np.maximum(swing, 0.5 * floor[SWINGING, :]))[:, ::every]

@@ -1,0 +1,89 @@
+"""What camera, clock and gauge may do to a run: the contract's measurement faults, applied to what a straw does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+#: A curve as pairs (where, value), rising; none says zero.
+Curve = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """Faults of the apparatus; all zero is a faultless one.
+
+    A camera with a late clock stamps t + ``clock_offset_s`` + ``clock_drift`` t. A gauge shows
+    (1 + ``gauge_gain``) p + ``gauge_offset_pa``. The camera's picture is turned by ``camera_roll_rad`` in the sense of
+    growing Phi, stretched by 1 + ``length_scale``, and the tip is taken ``tip_offset_m`` too far along its axis.
+    Faults without a law are curves: what the gauge shows too much over what it shows (Pa) and over the run's time,
+    and how late the camera stamps over what it stamps (s).
+    """
+
+    clock_offset_s: float = 0.0
+    clock_drift: float = 0.0
+    length_scale: float = 0.0
+    camera_roll_rad: float = 0.0
+    tip_offset_m: float = 0.0
+    gauge_offset_pa: float = 0.0
+    gauge_gain: float = 0.0
+    gauge_curve_pa: Curve = ()
+    gauge_wander_pa: Curve = ()
+    clock_curve_s: Curve = ()
+
+    @classmethod
+    def of(cls, faults: Mapping[str, float]) -> Self:
+        """An instrument with faults by name; a curve's point is ``NAME@WHERE``."""
+        curves: dict[str, list[tuple[float, float]]] = {}
+        plain = {}
+        for name, value in faults.items():
+            name, point, where = name.partition("@")
+            if point:
+                curves.setdefault(name, []).append((float(where), value))
+            else:
+                plain[name] = value
+        return cls(**plain, **{name: tuple(sorted(points)) for name, points in curves.items()})  # type: ignore[arg-type]
+
+    def true_time(self, stamped_s: Floats) -> Floats:
+        """When something happened (s since the run's zero) that the camera stamped (n,)."""
+        return (stamped_s - self.clock_offset_s - _at(self.clock_curve_s, stamped_s)) / (1 + self.clock_drift)
+
+    def stamped(self, true_s: Floats) -> Floats:
+        """What the camera stamps (n,) when something happens; late by the curve as where it would stamp without."""
+        stamped_s = true_s * (1 + self.clock_drift) + self.clock_offset_s
+        return stamped_s + _at(self.clock_curve_s, stamped_s)
+
+    def true_pressure(self, shown_pa: Floats, time_s: Floats) -> Floats:
+        """Pressure (Pa) where the gauge shows (n,) at times (n,) of its run."""
+        wrong = self.gauge_offset_pa + _at(self.gauge_curve_pa, shown_pa) + _at(self.gauge_wander_pa, time_s)
+        return (shown_pa - wrong) / (1 + self.gauge_gain)
+
+    def shown_pressure(self, true_pa: float) -> float:
+        """What the gauge shows (Pa) at a pressure (Pa)."""
+        return (1 + self.gauge_gain) * true_pa + self.gauge_offset_pa
+
+    def seen(self, pose: Floats) -> Floats:
+        """Tip X, Z, Phi as tracked, (3, n), of a tip at X, Z (m), Phi (rad), (3, n)."""
+        x, z, phi = pose
+        x, z = x + self.tip_offset_m * np.sin(phi), z + self.tip_offset_m * np.cos(phi)
+        c, s = np.cos(self.camera_roll_rad), np.sin(self.camera_roll_rad)
+        scale = 1 + self.length_scale
+        return np.stack([scale * (c * x + s * z), scale * (c * z - s * x), phi + self.camera_roll_rad])
+
+    def seen_tangent(self, pose: Floats, d_pose: Floats) -> Floats:
+        """Derivative of `seen`, (3, n, columns), along derivatives of the pose, (3, n, columns)."""
+        phi, (dx, dz, dphi) = pose[2][:, None], d_pose
+        dx, dz = dx + self.tip_offset_m * np.cos(phi) * dphi, dz - self.tip_offset_m * np.sin(phi) * dphi
+        c, s = np.cos(self.camera_roll_rad), np.sin(self.camera_roll_rad)
+        scale = 1 + self.length_scale
+        return np.stack([scale * (c * dx + s * dz), scale * (c * dz - s * dx), dphi])
+
+
+def _at(curve: Curve, x: Floats) -> Floats | float:
+    """Values of a curve at x (n,), its ends' beyond them."""
+    return np.interp(x, *np.transpose(curve)) if curve else 0.0

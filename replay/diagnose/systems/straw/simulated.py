@@ -1,0 +1,207 @@
+"""A run simulated as the instruments would have seen it, with exact derivatives by a hypothesis' unknowns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from straw.model.derivative import Derivatives, differentiate
+from straw.model.direction import Direction
+from straw.model.drive import Table
+from straw.model.parameters import StrawParameters
+from straw.model.simulate import Prediction
+from straw.model.simulate import run as simulate
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.settings import (
+    EXTRA_TIME_S,
+    FINER_M,
+    LIVELIEST_PER_S,
+    SECANT,
+    SIMULATED_EVERY_S,
+    STEPS_GROW,
+    TOLERANCE_M,
+)
+from straw.replay.diagnose.systems.straw.constants import applied
+from straw.replay.diagnose.systems.straw.instrument import Instrument
+from straw.replay.diagnose.systems.straw.observation import Observation
+from straw.replay.diagnose.systems.straw.snaps import SMOOTHED_S, cell_snaps, crossings
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Simulated:
+    """A prediction at the times the camera would stamp, and its derivatives at fixed stamped times by u.
+
+    ``time_s`` (n,), ``pose`` (3, n) = X, Z (m), Phi (rad), ``events_s`` (k,) when snaps begin and end; ``d_pose``
+    (3, n, unknowns) and ``d_events_s`` (k, unknowns), without columns where no derivatives were asked for.
+    """
+
+    time_s: Floats
+    pose: Floats
+    events_s: Floats
+    d_pose: Floats
+    d_events_s: Floats
+    prediction: Prediction
+
+
+def simulated(
+    observed: Observation,
+    straw: StrawParameters,
+    unknowns: Sequence[Unknown],
+    at: Floats,
+    *,
+    derivatives: bool = False,
+    tolerance_m: float = TOLERANCE_M,
+) -> Simulated:
+    """What the straw with the unknowns at u does in this run; ModelError where it cannot be simulated."""
+    changed, instrument = applied(straw, unknowns, at)
+    seen, by = _until_it_snaps(observed, straw, changed, instrument, unknowns, at, derivatives, tolerance_m)
+    pose = np.stack([seen.x_m, seen.z_m, seen.phi_rad])
+    stamped_s = instrument.stamped(seen.time_s)
+    shown = instrument.seen(pose)
+    true_events_s = _events(observed, seen, instrument)
+    none = 0 if by is None else len(unknowns)
+    d_shown, d_true_s = np.zeros((*pose.shape, none)), np.zeros((len(true_events_s), none))
+    d_stamped, d_late = np.zeros((len(stamped_s), none)), np.zeros((len(true_events_s), none))
+    if by is not None:
+        moving, columns = by
+        d_pose = np.stack([columns.x_m, columns.z_m, columns.phi_rad])
+        d_shown[:, :, moving] = instrument.seen_tangent(pose, d_pose)
+        d_true_s[:, moving] = _events_tangent(observed, seen, instrument, true_events_s, columns)
+        for k, unknown in enumerate(unknowns):
+            if unknown.target.startswith("instrument.") and k not in moving:
+                low, high, step = _beside(straw, unknowns, at, k)
+                d_shown[:, :, k] = (high[1].seen(pose) - low[1].seen(pose)) / step
+                d_stamped[:, k] = (high[1].stamped(seen.time_s) - low[1].stamped(seen.time_s)) / step
+                d_late[:, k] = (high[1].stamped(true_events_s) - low[1].stamped(true_events_s)) / step
+        # at a fixed stamped time: what the clock shifts is what the tip moves meanwhile
+        rate = np.gradient(shown, stamped_s, axis=1)
+        d_shown -= rate[:, :, None] * d_stamped
+        d_true_s = d_true_s * (1 + instrument.clock_drift) + d_late
+    return Simulated(stamped_s, shown, instrument.stamped(true_events_s), d_shown, d_true_s, seen)
+
+
+def most_steps_per_s(tolerance_m: float) -> float:
+    """Steps a second that a simulation of this accuracy may take."""
+    return float(LIVELIEST_PER_S * (TOLERANCE_M / tolerance_m) ** STEPS_GROW)
+
+
+def _until_it_snaps(
+    observed: Observation,
+    straw: StrawParameters,
+    changed: StrawParameters,
+    instrument: Instrument,
+    unknowns: Sequence[Unknown],
+    at: Floats,
+    derivatives: bool,
+    tolerance_m: float,
+) -> tuple[Prediction, tuple[list[int], Derivatives] | None]:
+    """The simulation, a little longer where the recording shows more snaps, and the columns of what moves the straw."""
+    deployed = observed.run.initial_deployed
+    assert deployed is not None
+    cycle, table = float(observed.run.cycle), observed.pressure
+    shown_s = table.start_s + table.step_s * np.arange(len(table.pressure_pa), dtype=np.float64)
+    pressure = table._replace(pressure_pa=instrument.true_pressure(table.pressure_pa, shown_s))
+    tolerance_m = min(tolerance_m, *(FINER_M.get(term, tolerance_m) for term in ("", *changed.terms)))
+    worn = changed.replace(cycle=cycle)
+    ends = instrument.true_time(np.array([observed.start_s, observed.end_s]))
+    start, end = float(min(ends[0], observed.start_s)), float(ends[1])
+    near, most = observed.rests.get(changed.form), most_steps_per_s(tolerance_m)
+    moving, directions = _directions(straw, changed, unknowns, at, table, shown_s, cycle) if derivatives else ([], [])
+    for extra_s in (0.0, EXTRA_TIME_S):
+        grid = np.arange(start, end + extra_s + 2 * SIMULATED_EVERY_S, SIMULATED_EVERY_S)
+        by = None
+        if derivatives:
+            by = differentiate(
+                worn,
+                pressure,
+                grid,
+                deployed,
+                directions,
+                tolerance_m=tolerance_m,
+                near=near,
+                most_steps_per_s=most,
+                cells=True,
+            )
+            seen = by.prediction
+        else:
+            seen = simulate(worn, pressure, grid, deployed, tolerance_m, near, most)
+        if len(_events(observed, seen, instrument)) >= len(observed.snaps_s):
+            break
+    return seen, None if by is None else (moving, by)
+
+
+def _directions(
+    straw: StrawParameters,
+    changed: StrawParameters,
+    unknowns: Sequence[Unknown],
+    at: Floats,
+    table: Table,
+    shown_s: Floats,
+    cycle: float,
+) -> tuple[list[int], list[Direction]]:
+    """Which unknowns move the straw, and how they move its constants or the pressure that drives it."""
+    moving, directions = [], []
+    for k, unknown in enumerate(unknowns):
+        if unknown.target.startswith(("straw.", "term.")):
+            (low, _), (high, _), step = _beside(straw, unknowns, at, k)
+            directions.append(Direction.between(low.replace(cycle=cycle), high.replace(cycle=cycle), step))
+        elif unknown.target.startswith("instrument.gauge"):
+            (_, under), (_, over), step = _beside(straw, unknowns, at, k)
+            shift = over.true_pressure(table.pressure_pa, shown_s) - under.true_pressure(table.pressure_pa, shown_s)
+            directions.append(Direction.driven(changed, table._replace(pressure_pa=shift / step)))
+        else:
+            continue
+        moving.append(k)
+    return moving, directions
+
+
+def _beside(
+    straw: StrawParameters, unknowns: Sequence[Unknown], at: Floats, k: int
+) -> tuple[tuple[StrawParameters, Instrument], tuple[StrawParameters, Instrument], float]:
+    """Straw and instrument a little below and above in one unknown, within its bounds, and how far they are apart."""
+    low, high = at.copy(), at.copy()
+    low[k], high[k] = max(at[k] - SECANT, unknowns[k].low), min(at[k] + SECANT, unknowns[k].high)
+    return applied(straw, unknowns, low), applied(straw, unknowns, high), float(high[k] - low[k])
+
+
+def _events(observed: Observation, seen: Prediction, instrument: Instrument) -> Floats:
+    """True times (s) at which the prediction's snaps begin and end."""
+    true_s = crossings(seen.time_s, seen.phi_rad + instrument.camera_roll_rad, observed.levels)
+    if len(true_s) < len(observed.snaps_s):
+        true_s = cell_snaps(seen.time_s, seen.zeta_m[:, :, 1], true_s)
+    return true_s
+
+
+def _events_tangent(
+    observed: Observation, seen: Prediction, instrument: Instrument, events_s: Floats, by: Derivatives
+) -> Floats:
+    """Derivative of the events' true times: dt/dp = -(dg/dp) / (dg/dt) of the signal g that crosses its level."""
+    out = np.zeros((len(events_s), by.phi_rad.shape[-1]))
+    assert by.zeta_m is not None
+    if not len(events_s):
+        return out
+    step_s = float(np.median(np.diff(seen.time_s)))
+    smooth_s = SMOOTHED_S / step_s
+    rate = gaussian_filter1d(np.gradient(seen.phi_rad, seen.time_s), smooth_s)
+    shown = crossings(seen.time_s, seen.phi_rad + instrument.camera_roll_rad, observed.levels)
+    zeta = seen.zeta_m[:, :, 1]
+    zeta_rate = np.gradient(zeta, seen.time_s, axis=0)
+    reach = round(4 * smooth_s)
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / smooth_s) ** 2)
+    for j, at_s in enumerate(events_s):
+        k = int(np.clip(np.searchsorted(seen.time_s, at_s), 1, len(seen.time_s) - 1))
+        if len(shown) and np.min(np.abs(shown - at_s)) < 1e-9:
+            rows = np.clip(np.arange(k - reach, k + reach + 1), 0, len(seen.time_s) - 1)
+            moved, speed = weights @ by.phi_rad[rows] / weights.sum(), rate[k]
+        else:  # a cell passes its flat state
+            cell = int(np.argmin(np.abs(zeta[k]) + 1e3 * (np.abs(zeta_rate[k]) < 1e-6)))
+            moved, speed = by.zeta_m[k, cell, 1], zeta_rate[k, cell]
+        if speed != 0:
+            out[j] = -moved / speed
+    return out

@@ -1,0 +1,185 @@
+"""What a missing force may depend on: every state it is looked for over, where its points lie, how it is said."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from straw.model.parameters import StrawParameters
+from straw.model.simulate import Prediction
+from straw.model.table import POINTS
+from straw.model.terms.missing_force import HEIGHTS
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.systems.straw.observation import Observation
+
+Floats = NDArray[np.float64]
+
+#: Speeds are looked at from the fastest down to this share of it, evenly in their logarithm.
+SLOWEST = 1 / 60
+#: Points of a curve are at least this share of its range apart.
+APART = 1 / 25
+#: A curve over so few values is none.
+FEWEST = 3
+#: Deviation of the prior of a value in units: hardly any.
+WIDE = 100.0
+
+
+@dataclass(frozen=True)
+class State:
+    """One state and the curve over it: a table in a term of the model, or a curve of the instrument.
+
+    ``values`` and ``points`` are patterns of targets and constants; ``unit`` is about the smallest value that is seen.
+    """
+
+    name: str
+    symbol: str  # of the state
+    state_unit: str
+    value_symbol: str
+    value_unit: str
+    says: str  # a noun: "a missing axial force of each frustum that depends on its height"
+    values: str
+    points: str
+    unit: float
+    visited: Callable[[StrawParameters, Observation, Prediction], Floats]  # what the runs pass through
+    odd: bool = False  # over the size of the state, through zero
+    zero: bool = False  # nothing where the state is zero
+    scale: Callable[[StrawParameters], float] = lambda straw: 1.0  # SI value of a point at 1
+
+    @property
+    def term(self) -> str:
+        """The term whose table it is; empty for an instrument."""
+        return self.values.split(".")[1] if self.values.startswith("term.") else ""
+
+    def straw_with(self, straw: StrawParameters, at: Floats) -> StrawParameters:
+        """The straw with the table's points (n,) in it, ones nobody passes before them, and all values zero."""
+        if not self.term:
+            return straw
+        before = at[0] - np.arange(POINTS - len(at), 0, -1)
+        where = {self.points.format(n): float(x) for n, x in enumerate([*before, *at], 1)}
+        return straw.with_term(self.term, amount=1.0, **where)
+
+    def unknowns(self, at: Floats) -> tuple[Unknown, ...]:
+        """Unknowns for the values at points (n,), less those where there is nothing to find."""
+        first = 1 + POINTS - len(at)
+        return tuple(
+            Unknown(self.values.format(n if self.term else f"{x:.6g}"), self.unit, kind="linear", sd=WIDE)
+            for n, x in enumerate(at, first)
+            if not (self.zero and x == 0)
+        )
+
+
+def _even_m(straw: StrawParameters) -> float:
+    return float(np.mean(np.abs(straw.zeta0_m[:, 1])))
+
+
+def _length_m(straw: StrawParameters) -> float:
+    return float(np.sum(straw.zeta0_m[:, 0] - straw.zeta0_m[:, 1]))
+
+
+def _speed(straw: StrawParameters, o: Observation, p: Prediction) -> Floats:
+    return np.asarray(np.abs(np.gradient(p.zeta_m[:, :, 1], p.time_s, axis=0)).ravel(), dtype=np.float64)
+
+
+def _tip_speed(straw: StrawParameters, o: Observation, p: Prediction) -> Floats:
+    return np.asarray(np.hypot(o.rate[0], o.rate[1]))
+
+
+def _height(straw: StrawParameters, o: Observation, p: Prediction) -> Floats:
+    return np.array(HEIGHTS)
+
+
+def _cycle(straw: StrawParameters, o: Observation, p: Prediction) -> Floats:
+    return np.array([float(o.run.cycle)])
+
+
+def _along(straw: StrawParameters, o: Observation, p: Prediction) -> Floats:
+    return np.asarray(o.tip[0] / _length_m(straw))
+
+
+STATES: tuple[State, ...] = (
+    State(
+        "height", "zeta", "m", "F", "N", "an axial force of each frustum that depends on its height",
+        "term.missing_force.force_{}_n", "height_{}", 0.2, _height, scale=_even_m,
+    ),
+    State(
+        "angle", "phi", "rad", "M", "N m", "a moment of each frustum that depends on its bending angle",
+        "term.missing_force.moment_{}_n_m", "angle_{}_rad", 0.5e-3,
+        lambda straw, o, p: p.frustum_phi_rad[:, :, 1].ravel(),
+    ),
+    State(
+        "speed", "v", "m/s", "F", "N", "an axial force of each frustum against its speed",
+        "term.missing_damping.force_{}_n", "speed_{}_m_per_s", 0.1, _speed, odd=True,
+    ),
+    State(
+        "damping over height", "zeta", "m", "d", "N s/m", "an axial damping of each frustum that depends on its height",
+        "term.missing_damping.damping_{}_n_s_per_m", "height_{}", 50.0, _height, scale=_even_m,
+    ),
+    State(
+        "cycles: stiffness", "n", "cycles", "e", "1", "a stiffness of the frusta that changes with the cycles before",
+        "term.missing_force.stiffness_{}", "cycle_{}", 2e-3, _cycle,
+    ),
+    State(
+        "tip X, along X", "X", "m", "F_X", "N", "a force along X on the tip that depends on where it is",
+        "term.missing_tip_force.along_x_{}_n", "x_{}", 0.01, _along, scale=_length_m,
+    ),
+    State(
+        "tip X, along Z", "X", "m", "F_Z", "N", "a force along Z on the tip that depends on where it is",
+        "term.missing_tip_force.along_z_{}_n", "at_x_{}", 2e-3, _along, scale=_length_m,
+    ),
+    State(
+        "tip speed", "V", "m/s", "F", "N", "a force along the tip's velocity that depends on its speed",
+        "term.missing_tip_force.push_{}_n", "speed_{}_m_per_s", 3e-3, _tip_speed, odd=True,
+    ),
+    State(
+        "flow", "Q", "m^3/s", "dp", "Pa", "a loss of pressure that depends on the flow",
+        "term.missing_loss.loss_{}_pa", "flow_{}_m3_per_s", 200.0,
+        lambda straw, o, p: np.gradient(p.volume_m3, p.time_s), zero=True,
+    ),
+    State(
+        "cycles: channel", "n", "cycles", "k", "1", "a loss in the channel that changes with the cycles before",
+        "term.missing_loss.share_{}", "cycle_{}", 0.01, _cycle,
+    ),
+    State(
+        "gauge over pressure", "p", "Pa", "error", "Pa", "an error of the gauge that depends on what it shows",
+        "instrument.gauge_curve_pa@{}", "", 100.0, lambda straw, o, p: p.external_pa,
+    ),
+    State(
+        "gauge over time", "t", "s", "error", "Pa", "an error of the gauge that depends on the time in a run",
+        "instrument.gauge_wander_pa@{}", "", 100.0, lambda straw, o, p: p.time_s,
+    ),
+    State(
+        "clock over time", "t", "s", "late", "s", "a camera whose stamps are late by what depends on the time",
+        "instrument.clock_curve_s@{}", "", 5e-3, lambda straw, o, p: p.time_s,
+    ),
+)  # fmt: skip
+
+
+def points(state: State, visited: Sequence[Floats]) -> Floats | None:
+    """Points (n,), at most POINTS, of a state's curve, dense where the runs are often; None where they pass too little.
+
+    Even in the mean of the share of samples below x and the share of the range below x.
+    """
+    x = np.concatenate(visited)
+    few = np.unique(x)
+    if len(few) <= POINTS:
+        return few if len(few) >= FEWEST else None
+    if state.odd:
+        return np.asarray(np.geomspace(SLOWEST, 1.0, POINTS) * np.quantile(x, 0.9995))
+    low, high = np.quantile(x, [0.001, 0.999])
+    if not high > low:
+        return None
+    even = np.linspace(low, high, 400)
+    below = (np.searchsorted(np.sort(x), even) / len(x) + np.linspace(0, 1, 400)) / 2
+    at = np.interp(np.linspace(0, 1, POINTS), below, even)
+    least = APART * (high - low)
+    for n in range(1, POINTS):
+        at[n] = max(at[n], at[n - 1] + least)
+    at[-1] = high
+    for n in range(POINTS - 2, -1, -1):
+        at[n] = min(at[n], at[n + 1] - least)
+    if state.zero:
+        at[np.argmin(np.abs(at))] = 0.0
+    return np.asarray(at)

@@ -1,0 +1,154 @@
+"""`import straw`: the same answers as the commands, as objects that a notebook shows; bad input is one line."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import straw
+from straw.replay.cli import main
+
+PROTOCOL = 'name = "p"\npressure_unit = "kPa"\ninitial_deployed = [1, 4]\n[[main]]\nhold = -5\nfor_s = 0.2\n'
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a protocol, a run on the emulator and the tip that a perfect camera saw."""
+    folder = tmp_path_factory.mktemp("place")
+    (folder / "p.toml").write_text(PROTOCOL)
+    run = ["rig", "run", str(folder / "p.toml"), "--emulate", "--fast", "-o", str(folder / "run.mcap")]
+    assert main([*run, "--tip", str(folder / "tip.mcap")]) == 0
+    return folder
+
+
+def test_every_public_name_is_there_and_has_a_docstring() -> None:
+    for name in straw.__all__:
+        value = getattr(straw, name)
+        if name not in ("__version__", "USER_ERRORS"):
+            assert value.__doc__, name
+            assert name in dir(straw)
+
+
+def test_an_unknown_name_is_answered_with_where_to_look() -> None:
+    with pytest.raises(AttributeError, match="__all__"):
+        straw.simulat  # noqa: B018
+
+
+def test_a_protocol_is_predicted_as_by_the_command(place: Path) -> None:
+    predicted = straw.simulate(None, place / "p.toml")
+    out = place / "predicted.mcap"
+    assert main(["simulate", "--protocol", str(place / "p.toml"), "-o", str(out)]) == 0
+    said = straw.read_recording(out).predictions["straw"].tip
+    assert said is not None
+    np.testing.assert_array_equal(predicted.x_m, said.x_m)
+    assert predicted.x_m.shape == predicted.time_s.shape == (48,)
+
+
+def test_times_and_start_may_be_given_with_any_pressure(place: Path) -> None:
+    by_number = straw.simulate(None, -5e3, [0.0, 0.1], [1, 4])
+    by_function = straw.simulate(straw.StrawParameters(), lambda t: np.full_like(t, -5e3), np.array([0.0, 0.1]), (1, 4))
+    np.testing.assert_array_equal(by_number.x_m, by_function.x_m)
+    assert len(straw.simulate(None, straw.load_protocol(place / "p.toml"), [0.0, 0.05]).time_s) == 2
+
+
+def test_a_derivative_is_what_a_small_change_of_the_constant_does(place: Path) -> None:
+    d = straw.differentiate(None, place / "p.toml", ["c_zeta_n_s_per_m", "delay_s"])
+    assert d.x_m.shape == (48, 2)
+    base = straw.StrawParameters()
+    step = 1.0
+    a, b = (straw.simulate(base.replace(c_zeta_n_s_per_m=620 + k * step), place / "p.toml").x_m for k in (-1, 1))
+    # both runs are good to TOLERANCE_M a step, hence their difference to the size of one over 2 step
+    np.testing.assert_allclose(d.x_m[:, 0], (b - a) / (2 * step), atol=1e-6 / (2 * step))
+
+
+def test_recordings_are_compared_as_by_the_command(place: Path) -> None:
+    files = [place / "run.mcap", place / "tip.mcap"]
+    found = straw.replay(files)
+    joined = straw.replay(straw.read_recording(*files))
+    out = place / "r.json"
+    assert main(["replay", *map(str, files), "--report", str(place / "r.html"), "--json", str(out)]) == 0
+    assert json.loads(out.read_text()) == json.loads(json.dumps(found.as_json()))
+    assert found["run"].signals["x_m"].metrics.rmse == joined[0].signals["x_m"].metrics.rmse
+    found.write_page(place / "page.html")
+    assert (place / "page.html").read_text() == (place / "r.html").read_text()
+
+
+def test_a_recording_that_is_written_reads_the_same(place: Path) -> None:
+    read = straw.read_recording(place / "run.mcap", place / "tip.mcap")
+    about = {"initial_deployed": read.initial_deployed, "specimen": "s", "cycle": 3, "zero_time_ns": read.zero_time_ns}
+    columns = {"pressure": read.pressure, "command": read.command, "tip": read.tip, "events": read.events}
+    back = straw.write_recording(place / "back.mcap", **columns, **about)  # type: ignore[arg-type]
+    assert (back.initial_deployed, back.specimen, back.cycle) == ((1, 4), "s", 3)
+    assert [e.kind for e in back.events] == [e.kind for e in read.events]
+    for log in ("pressure", "command", "tip"):
+        one, other = getattr(read, log), getattr(back, log)
+        for name in vars(one):
+            # a time is kept in ns
+            np.testing.assert_allclose(
+                np.asarray(getattr(one, name), float), np.asarray(getattr(other, name), float), rtol=0, atol=1e-9
+            )
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"pressure": {"time_s": [0.0, 1.0]}}, "pressure_pa is missing"),
+        ({"pressure": {"time_s": [0.0, 1.0], "pressure_pa": [0.0]}}, "make them equal"),
+        ({"pressure": {"time_s": [1.0, 0.0], "pressure_pa": [0.0, 0.0]}}, "increase"),
+        ({"pressure": {"time_s": [0.0], "pressure_pa": [np.nan]}}, "no numbers"),
+        ({"pressure": {"time_s": [0.0], "pressure_kpa": [1.0]}}, "unknown column 'pressure_kpa'"),
+        ({"tip": {"time_s": ["a"], "x_m": [0], "z_m": [0], "phi_rad": [0]}}, "no column of numbers"),
+        ({}, "nothing to write"),
+    ],
+)
+def test_columns_that_are_no_recording_are_refused_in_one_line(
+    tmp_path: Path, given: dict[str, object], words: str
+) -> None:
+    with pytest.raises(straw.USER_ERRORS, match=words) as refused:
+        straw.write_recording(tmp_path / "r.mcap", **given)  # type: ignore[arg-type]
+    assert "\n" not in str(refused.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_missing_is_said(place: Path) -> None:
+    with pytest.raises(straw.ReplayError, match="give time_s and deployed"):
+        straw.simulate(None, 1e3)
+    with pytest.raises(straw.ReplayError, match="give a controller"):
+        straw.run_protocol(place / "p.toml", place / "no.mcap")
+    with pytest.raises(straw.ReplayError, match="no track of"):
+        straw.read_recording(place / "run.mcap", place / "run.mcap")
+    with pytest.raises(straw.ReplayError, match="no recording is given"):
+        straw.replay([])
+
+
+def test_a_run_on_the_emulator_is_a_recording(place: Path) -> None:
+    recorded = straw.run_protocol(place / "p.toml", place / "again.mcap", emulate=True, metadata={"fluid": "water"})
+    assert recorded.metadata["fluid"] == "water"
+    assert "ob1-mk4" in straw.controllers()
+
+
+def test_results_show_themselves_and_become_data_frames(place: Path) -> None:
+    results = [
+        straw.load_protocol(place / "p.toml"),
+        straw.read_recording(place / "run.mcap", place / "tip.mcap"),
+        straw.simulate(None, place / "p.toml"),
+        straw.replay([place / "run.mcap", place / "tip.mcap"]),
+        straw.replay([place / "run.mcap", place / "tip.mcap"])[0],
+    ]
+    for result in results:
+        shown = result._repr_html_()
+        assert "<svg" in shown
+        assert "<table" in shown
+        frame = result.to_dataframe()
+        assert len(frame) > 0
+        assert all(len(name.rsplit("_", 1)) == 2 for name in frame.columns if name not in ("run", "valid"))
+
+
+def test_without_pandas_the_cure_is_named(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(straw.ReplayError, match="pip install pandas"):
+        straw.load_protocol(place / "p.toml").to_dataframe()

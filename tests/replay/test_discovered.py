@@ -1,0 +1,61 @@
+"""A discovered curve as the contract has it, and as a law file."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from straw.model.law_file import laws_in
+from straw.model.term import Frustum
+from straw.replay.diagnose.formula import Formula
+from straw.replay.diagnose.systems.straw.dictionary import atoms
+from straw.replay.diagnose.systems.straw.discovered import PLACES, discovered
+from straw.replay.diagnose.systems.straw.states import STATES
+
+
+def found(name, at, choose):
+    state = next(s for s in STATES if s.name == name)
+    chosen = tuple(atom for atom in atoms(state, at) if choose(atom.text))
+    coefficients = np.linspace(2.0, 3.0, len(chosen))
+    formula = Formula("F", chosen, coefficients, 0.1 * coefficients, ("N",) * len(chosen), 0.9)
+    curve = SimpleNamespace(state=state)
+    return SimpleNamespace(curve=curve, formula=formula, at=at, values=formula.of(at), sigmas=np.ones(len(at)))
+
+
+def frustum(**state):
+    return Frustum(**{"zeta": -3e-3, "phi": 0.1, "d_zeta": 0.02, "d_phi": 0.0, "zeta0": -4e-3} | state, C1=1.0, C2=1.0,
+                   c_zeta=20.0, c_phi=2e-3, r_i=4e-3, r_o=6e-3, cycle=0.0)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "at", "choose"),
+    [
+        ("height", np.linspace(-4.4e-3, 3.8e-3, 8), lambda text: "0.4 mm" in text and "exp(-((" in text),
+        ("angle", np.linspace(-0.3, 0.3, 8), lambda text: text in ("phi", "phi^3")),
+        ("speed", np.geomspace(3e-3, 0.4, 8), lambda text: text in ("v", "sign v")),
+    ],
+)
+def test_its_law_file_passes_the_contract_test_and_is_the_formula(tmp_path, name, at, choose):
+    missing = found(name, at, choose)
+    path = tmp_path / "law.py"
+    path.write_text(discovered(missing, [1, 4])["law"])
+    (law,) = laws_in(path)
+    f = frustum()
+    k = np.array([float(c.about.split()[1]) for c in law.constants])
+    x = {"height": f.zeta, "angle": f.phi, "speed": f.d_zeta}[name]
+    acts = law.force(f, k)[1 if name == "angle" else 0]
+    expected = missing.formula.of(np.array([x]))[0] * (-1 if name == "speed" else 1)
+    assert acts == pytest.approx(expected, rel=1e-4)  # constants are written with five digits
+
+
+def test_every_curve_has_a_place_and_a_state_of_the_contract():
+    assert set(PLACES) == {state.name for state in STATES}
+
+
+def test_a_place_that_takes_no_law_of_ones_own_has_the_curve_alone():
+    missing = found("flow", np.linspace(-1e-5, 1e-5, 8), lambda text: text == "Q")
+    told = discovered(missing, [1, 4])
+    assert told["place"] == "flow"
+    assert told["law"] == ""
+    assert told["cells"] == []
+    assert len(told["curve"]) == 8

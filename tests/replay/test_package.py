@@ -1,0 +1,159 @@
+"""What is installed: `straw` alone, beside anybody's own model.py, with all its files, from a wheel and editable."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from straw.replay.cli import parser
+
+ROOMS = ("model", "replay", "rig", "tracking")
+PROTOCOL = 'name = "p"\npressure_unit = "kPa"\ninitial_deployed = [1, 4]\n[[main]]\nhold = -5\nfor_s = 0.02\n'
+API = """
+import straw
+run = straw.simulate(straw.load_straw(None), straw.load_protocol("p.toml"), [0.0, 0.01], [1, 4])
+print(straw.__version__, run.x_m.shape)
+"""
+
+
+def tracked(repository: Path) -> list[str]:
+    """Files of the checkout; without git there is nothing to compare with."""
+    if not (repository / ".git").exists():
+        pytest.skip("not a git checkout")
+    named = subprocess.check_output(["git", "-C", str(repository), "ls-files"], text=True).splitlines()
+    return [name for name in named if (repository / name).is_file() and not name.startswith(".ci/")]
+
+
+@pytest.fixture(scope="module")
+def wheel(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A wheel of the checkout, built in a copy so that nothing of it is left here."""
+    source, out = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("wheel")
+    for name in tracked(repository):
+        (source / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(repository / name, source / name)
+    command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", str(out), str(source)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode and ("No matching distribution" in done.stderr or "No module named pip" in done.stderr):
+        pytest.skip("pip cannot get setuptools here")
+    assert done.returncode == 0, done.stderr
+    return next(out.glob("*.whl"))
+
+
+@pytest.fixture(scope="module", params=["wheel", "editable"])
+def installed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """The environment in which the command `straw` is found, and STRAW, the command."""
+    if request.param == "editable":
+        return {"STRAW": str(Path(sys.executable).with_name("straw"))}
+    site = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--target", str(site)]
+    subprocess.run([*command, str(request.getfixturevalue("wheel"))], check=True, capture_output=True)
+    # interpreted: machine code is cached by place, and compiling for this one would take a minute
+    return {"PYTHONPATH": str(site), "STRAW": str(site / "bin" / "straw"), "NUMBA_DISABLE_JIT": "1"}
+
+
+@pytest.fixture
+def foreign(tmp_path: Path) -> Path:
+    """Somebody's folder, whose files have the rooms' names and end whoever imports them."""
+    for name in (*ROOMS, "operator_panel", "errors"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('somebody else')\n")
+    (tmp_path / "p.toml").write_text(PROTOCOL)
+    return tmp_path
+
+
+def commands() -> Iterator[list[str]]:
+    """Every command's words, as `rig run`."""
+
+    def below(p: object, words: list[str]) -> Iterator[list[str]]:
+        yield words
+        for action in getattr(p, "_actions", ()):
+            if isinstance(getattr(action, "choices", None), dict):
+                for name, sub in action.choices.items():
+                    yield from below(sub, [*words, name])
+
+    return below(parser(), [])
+
+
+def asked(installed: dict[str, str], folder: Path, *command: str) -> str:
+    """What a command prints in a folder; it must end well."""
+    environment = {**os.environ, **installed}
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, (command, done.stderr)
+    return done.stdout
+
+
+def test_every_folder_of_code_is_listed_as_a_package(repository: Path) -> None:
+    setuptools = tomllib.loads((repository / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
+    api = repository / setuptools["package-dir"]["straw"]
+    folders = {p.parent for room in ROOMS for p in (repository / room).rglob("__init__.py")} - {api}
+    there = {"straw." + ".".join(p.relative_to(repository).parts) for p in folders} | {"straw"}
+    assert sorted(setuptools["packages"]) == sorted(there)
+
+
+def test_the_wheel_holds_straw_alone_with_every_file_of_the_rooms(repository: Path, wheel: Path) -> None:
+    names = {n for n in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in n}
+    api = "replay/api/straw/"
+    rooms = [n for n in tracked(repository) if n.startswith(tuple(f"{room}/" for room in ROOMS))]
+    assert names == {f"straw/{n.removeprefix(api)}" if n.startswith(api) else f"straw/{n}" for n in rooms}
+
+
+def test_every_command_answers_beside_files_of_the_rooms_names(installed: dict[str, str], foreign: Path) -> None:
+    for words in commands():
+        assert asked(installed, foreign, installed["STRAW"], *words, "--help").startswith("usage: straw")
+
+
+def test_every_module_is_imported_from_straw_beside_files_of_the_rooms_names(
+    installed: dict[str, str], foreign: Path, repository: Path
+) -> None:
+    """In one process, with the folder first on its path."""
+    names = [
+        "straw." + name[:-3].replace("/", ".").removesuffix(".__init__")
+        for name in tracked(repository)
+        if name.startswith(tuple(f"{room}/" for room in ROOMS)) and name.endswith(".py") and "api/straw" not in name
+    ]
+    code = f"import sys, importlib\nfor n in {names}: importlib.import_module(n)\n"
+    code += f"print(sorted(set(sys.modules) & set({ROOMS})), sys.modules['straw.model'].__file__)"
+    said = asked(installed, foreign, sys.executable, "-c", code)
+    assert said.startswith("[]")
+    assert installed.get("PYTHONPATH", str(repository)) in said
+
+
+def test_the_command_and_the_api_simulate_beside_files_of_the_rooms_names(
+    installed: dict[str, str], foreign: Path
+) -> None:
+    out = foreign / "o.mcap"
+    asked(installed, foreign, installed["STRAW"], "simulate", "--protocol", "p.toml", "-o", str(out))
+    assert out.exists()
+    assert asked(installed, foreign, sys.executable, "-c", API).split() == [
+        importlib.metadata.version("straw"),
+        "(2,)",
+    ]
+
+
+def test_the_processes_that_vent_start_beside_files_of_the_rooms_names(
+    installed: dict[str, str], foreign: Path
+) -> None:
+    """A standby without orders ends with 0, if it came from the package at all."""
+    code = "from straw.rig.apart import start_apart as s; p = s('straw.rig.standby', answers=False); p.stdin.close(); "
+    assert asked(installed, foreign, sys.executable, "-c", f"{code}print(p.wait(30))") == "0\n"
+
+
+def test_a_run_with_its_guardian_works_beside_files_of_the_rooms_names(foreign: Path) -> None:
+    out = foreign / "r.mcap"
+    asked({}, foreign, sys.executable, "-m", "straw", "rig", "run", "p.toml", "--emulate", "-o", str(out))
+    assert out.exists()
+
+
+def test_importing_straw_loads_nothing_that_is_heavy() -> None:
+    code = "import sys; before = set(sys.modules); import straw; print(len(set(sys.modules) - before), dir(straw))"
+    count, _, names = subprocess.check_output([sys.executable, "-c", code], text=True).partition(" ")
+    assert int(count) < 20
+    assert "simulate" in names

@@ -1,0 +1,80 @@
+"""The engine diagnoses what is no straw, through the interface of a system alone."""
+
+from __future__ import annotations
+
+import ast
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import straw.replay.diagnose
+from straw.replay.diagnose.diagnosis import inquire
+from straw.replay.diagnose.findings import conclude
+from straw.replay.diagnose.systems.oscillator.system import (
+    FINE,
+    LIBRARY,
+    RATE_HZ,
+    SIGMA_M,
+    OscillatorSystem,
+    Record,
+    played,
+)
+
+SAMPLES = 600
+
+
+def _records(cubic_n_per_m3: float) -> list[Record]:
+    """Two levels of band-limited noise on an oscillator of 10 N s/m and 100 kN/m with a cubic spring."""
+    rng, out = np.random.default_rng(5), []
+    for level in (20.0, 50.0):
+        steps = SAMPLES * FINE + 1
+        smooth = np.convolve(rng.normal(size=steps), np.hanning(24), mode="same")
+        force = level * smooth / np.std(smooth)
+        k = np.array([10.0, 1e5, cubic_n_per_m3, 0, 0, 0, 0, 1.0, 0, 0, 0])
+        y = played(force, k, 2 / (RATE_HZ * FINE))[:: FINE // 2][:SAMPLES]
+        time_s = np.arange(SAMPLES) / RATE_HZ
+        out.append(Record(f"{level:.0f}N", force, time_s, y + SIGMA_M * rng.normal(size=SAMPLES)))
+    return out
+
+
+@pytest.mark.parametrize(
+    ("cubic", "verdict", "causes"), [(5e9, "missing_physics", ["cubic_stiffness"]), (0.0, "complete", [])]
+)
+def test_a_spring_that_stiffens_is_named_and_a_linear_one_is_complete(cubic, verdict, causes):
+    with ThreadPoolExecutor() as pool:
+        findings = conclude(inquire(_records(cubic), OscillatorSystem(), executor=pool), brief=True)
+    assert (findings.verdict, findings.causes) == (verdict, causes)
+    if cubic:
+        found = findings.parameters["cubic_stiffness"]["k3"]
+        assert abs(found["value"] - cubic) < 3 * found["sigma"]
+        assert found["unit"] == "N/m^3"
+
+
+def test_derivatives_of_the_oscillator_are_those_of_wider_differences():
+    system, (record, _) = OscillatorSystem(), _records(5e9)
+    unknowns = (*system.base, *LIBRARY["cubic_stiffness"][0], *LIBRARY["dry_friction"][0])
+    u = np.array([0.1, 0.1, 0.5, 0.0])
+    one = system.misfit(record, unknowns, u, derivatives=True)
+    assert one is not None
+    for k in range(4):
+        h = 1e-3 * np.eye(4)[k]
+        low = u if unknowns[k].low == u[k] else u - h
+        ends = [system.misfit(record, unknowns, np.array(at)) for at in (u + h, low)]
+        slope = (ends[0].vector - ends[1].vector) / (u + h - low)[k]  # type: ignore[union-attr]
+        # a one-sided difference errs by half of its step times the curvature, which is of the slope's order
+        assert np.linalg.norm(one.jacobian[:, k] - slope) < 5e-3 * np.linalg.norm(slope)
+
+
+def test_a_system_travels_to_workers():
+    assert pickle.loads(pickle.dumps(OscillatorSystem(("dry_friction",)))).causes == ("dry_friction",)
+
+
+def test_the_engine_imports_nothing_of_a_system():
+    """Files of the engine's own room; what is learned of straws (`propose`) is handed over as an object."""
+    for path in Path(str(straw.replay.diagnose.__file__)).parent.glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                assert not node.module.startswith(("straw.replay.diagnose.systems", "model", "rig")), path
