@@ -33,8 +33,8 @@ class Signal:
 def signal_of(
     table: Table, role: str, use: Use, said: TableMap, clock: Times, how: str, as_stated: bool
 ) -> tuple[Signal, Doubt | None]:
-    """One column in its role, in SI, at the times kept; and what was guessed of its unit. RigError, with place and cure,
-    for a column of another length, of words, of no such unit, or of a size that no run has."""
+    """One column in its role, in SI, at the times kept, and what was guessed of its unit. RigError, with place and
+    cure, for a column of another length, of words, of no such unit, or of a size that no run has."""
     column, quantity = table.column(use.column), ROLES[role].quantity
     where, flag = f"{table.name}: column {column.name!r}", f"--{role.replace('_', '-')}"
     if clock.unit != "rows" and len(column) <= int(clock.keep[-1]):
