@@ -38,7 +38,7 @@ MARKER = ".straw-demo"  # a folder with this file is one that the demo may use a
 MADE = (
     "sealed.txt", "base.toml", "camera.json", *(name for plan in PLANS for name in plan.files),
     "why.html", "improved.toml", "replay.html", "opened.json", "demo.json",
-    "air_chamber.py", "Ultimaker_015.csv", "SOURCE.txt",
+    "air_chamber.py", "Ultimaker_015.csv", "SOURCE.md",
 )  # fmt: skip
 
 

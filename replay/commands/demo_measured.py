@@ -10,7 +10,7 @@ from pathlib import Path
 from straw.replay.commands import diagnose_system
 
 #: What is laid into the folder, and what is made there.
-SYSTEM, READINGS, SOURCE = "air_chamber.py", "Ultimaker_015.csv", "SOURCE.txt"
+SYSTEM, READINGS, SOURCE = "air_chamber.py", "Ultimaker_015.csv", "SOURCE.md"
 
 
 def run(args: argparse.Namespace, out: Path) -> int:
