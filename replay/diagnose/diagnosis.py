@@ -8,6 +8,7 @@ from concurrent.futures import Executor
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.explain import explain
 from straw.replay.diagnose.inquiry import Inquiry, Told, silent
+from straw.replay.diagnose.settings import MOST_WORK
 from straw.replay.diagnose.system import Recording, System
 
 
@@ -22,7 +23,8 @@ def inquire(
 ) -> Inquiry:
     """Fit the base and every cause in the library (all by default), alone and in pairs, until done or stopped.
 
-    Raises ReplayError where a run cannot be simulated at all.
+    Raises ReplayError where a run cannot be simulated at all. A search that takes more than ``MOST_WORK`` steps ends
+    where it is, on every machine at the same place, and then settles nothing.
 
     ``executor`` works out residuals: a `ThreadPoolExecutor` (the compiled model releases the GIL), or a Dask client's
     ``client.get_executor()``. It must outlive what is asked of the inquiry later.
@@ -30,4 +32,8 @@ def inquire(
     names = [n for n in system.causes if library is None or n in library]
     system.ready(observations)
     proposal = system.propose(observations, names) if names else None
-    return explain(Campaign(observations, system, executor, stop), names, told, proposal)
+    campaign = Campaign(observations, system, executor, stop)
+    campaign.stop = lambda: stop() or campaign.tally["work"] > MOST_WORK
+    found = explain(campaign, names, told, proposal)
+    campaign.stop = stop  # what is asked of the inquiry later has a budget of its own
+    return found

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.findings import Findings
 from straw.replay.diagnose.fit import Fit
+from straw.replay.diagnose.heldout import Held
 from straw.replay.diagnose.inquiry import Inquiry
+from straw.replay.diagnose.system import Channel
 
 Floats = NDArray[np.float64]
 
@@ -120,6 +122,20 @@ def _held(f: Findings, found: Inquiry) -> str:
         f"<p>Both models fitted to {_text(', '.join(f.held.train))} (chi-square per value {f.held.chi2_before:.2f} "
         f"before, {f.held.chi2_after:.2f} after) and tried on {_text(', '.join(f.held.heldout))}, RMS there:</p>"
         + _table(("", "base model", "improved", "noise"), rows)
+        + _explained(f.held, found.campaign.system.channels)
+    )
+
+
+def _explained(held: Held, channels: Sequence[Channel]) -> str:
+    """What share of the mean squared misfit above noise each cause takes away there, and what remains."""
+    rows = [
+        (one["cause"].replace("_", " ").replace("+", " and "), *(f"{100 * x:.0f} %" for x in one["share"].values()))
+        for one in held.explained()
+    ]
+    left = (f"{c.shown_per_si * held.remainder[c.name]:.3g} {c.shown_unit}" for c in channels)
+    rows.append(("remains above noise (RMS)", *left))
+    return "<p>Share of the mean squared misfit above noise explained there:</p>" + _table(
+        ("", *(c.symbol for c in channels)), rows
     )
 
 

@@ -61,5 +61,8 @@ FAINT = 0.01
 #: Causes that are tried first of those a proposal puts in order, and pairs: it had the truth among the first eight in
 #: nine of ten held-out simulations (`python -m tests.benchmarks.proposal`).
 PROPOSED, PROPOSED_PAIRS = 8, 4
+#: A derivative's cost in plain simulations (`python -m tests.benchmarks.derivatives`: 16 cost 5 to 7), and the work, in
+#: steps of plain simulations, after which a search ends where it is and settles nothing: about 180 s on two idle cores.
+COLUMN_COSTS, MOST_WORK = 0.35, 12e6
 #: Stages that progress is told in, at most.
 STAGES = 7
