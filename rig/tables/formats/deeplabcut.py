@@ -101,6 +101,10 @@ def _from_hdf(path: Path, data: bytes) -> tuple[list[tuple[str, ...]], Any, list
             if "table" in group:
                 rows = group["table"][:]
                 keys = _names(group["table"].attrs["values_block_0_kind"])
+                if rows["index"].dtype.kind == "S":
+                    raise RigError(
+                        f"{path.name}: holds labelled pictures, no video; give the file that analyze_videos wrote"
+                    )
                 frames, values = rows["index"].astype(float), np.asarray(rows["values_block_0"], dtype=float)
             else:
                 levels = [f"axis0_level{k}" for k in range(4)]
