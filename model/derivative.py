@@ -195,12 +195,7 @@ def _by_frustum(straw: StrawParameters, by: Floats, odd: Floats) -> tuple[Floats
 
 
 def _start(
-    straw: StrawParameters,
-    changes: Given,
-    linear: Constants,
-    table: Table,
-    q: Floats,
-    directions: Sequence[Direction],
+    straw: StrawParameters, changes: Given, linear: Constants, table: Table, q: Floats, directions: Sequence[Direction]
 ) -> tuple[Columns, Floats]:
     """Where the columns start: how the rest state, (cells, moving, P) once more, and the way in change."""
     P, n, moving, first_pa = len(directions), straw.cells, len(q) // straw.cells, float(table.pressure_pa[0])

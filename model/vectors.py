@@ -13,13 +13,15 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.core import cgutils
+from numba.core import cgutils as untyped
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from straw.model.compiled import allocates_nothing
 
 Floats = NDArray[np.float64]
+
+cgutils: Any = untyped
 
 #: Columns come in multiples of this.
 WIDTH = 4
@@ -88,8 +90,8 @@ def _plus(typing: Any, one: Any, share: Any, other: Any, out: Any) -> Any:
     return types.none(one, types.float64, other, out), emit
 
 
-plus: Callable[..., None] = intrinsic(_plus)
-
+#: out = one + share * other: plus(one, share, other, out), see `_plus`.
+plus: Callable[..., Any] = intrinsic(_plus)
 
 _three8, _two8, _one8 = _kernel(3, 8, 3), _kernel(2, 8, 2), _kernel(1, 8, 1)
 _three4, _two4, _one4 = _kernel(3, 4, 3), _kernel(2, 4, 2), _kernel(1, 4, 1)
