@@ -27,6 +27,7 @@ def parser() -> argparse.ArgumentParser:
 
     p = _command(commands, "demo", "the whole loop without hardware: drive, film, track, replay")
     p.add_argument("--out", type=Path, default=Path("demo"), metavar="DIR", help="folder for all it makes (demo)")
+    p.add_argument("--measured", action="store_true", help="instead, diagnose what instruments measured")
     p.add_argument("--seed", type=_seed, default=1, help="seed of the noise, and of what is concealed (1)")
     _json(p)
 

@@ -38,12 +38,17 @@ MARKER = ".straw-demo"  # a folder with this file is one that the demo may use a
 MADE = (
     "sealed.txt", "base.toml", "camera.json", *(name for plan in PLANS for name in plan.files),
     "why.html", "improved.toml", "replay.html", "opened.json", "demo.json",
+    "air_chamber.py", "Ultimaker_015.csv", "SOURCE.txt",
 )  # fmt: skip
 
 
 def run(args: argparse.Namespace) -> int:
     """Conceal, drive, film, track, diagnose, replay, open the seal; 0 whether or not the diagnosis named it."""
     out = clear_folder(args.out)
+    if args.measured:
+        from replay.commands import demo_measured
+
+        return demo_measured.run(args, out)
     concealed = draw(args.seed)
     seal = Seal.on(concealed)
     told = seal.sha256

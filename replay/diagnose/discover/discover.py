@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +46,7 @@ HELD = 0.95
 #: Difference of Schwarz' criterion that is strong evidence (Kass and Raftery 1995: 6 to 10).
 STRONG = 10.0
 #: Laws accepted at most; candidates fitted, of each place and over each state at most; written as formulas.
-LAWS, FITTED, ALIKE, FORMULAS = 3, 12, 4, 3
+LAWS, FITTED, ALIKE, FORMULAS = 3, 9, 3, 3
 #: Deviations of the difference, block by block, within which two laws explain alike.
 TOLD_APART = 2.0
 #: Samples that are enough where nothing is integrated: a law of a dozen constants wants hundreds.
@@ -113,6 +114,9 @@ def discover(
             if step.accepted is None:
                 break
             held.append(held_out(step.accepted, whole))
+    steps = [replace(one, accepted=on_all(one.accepted, whole) if one.accepted else None) for one in steps]
+    base = on_all(base, whole)
+    held = [held_out(one, whole) for one in (base, *(s.accepted for s in steps if s.accepted))]
     return Discovery(base, tuple(steps), noise, tuple(held), not stop())
 
 
@@ -131,11 +135,19 @@ def base_trial(system: FunctionSystem, recordings: Sequence[Recorded]) -> Trial:
 
 
 def thinned(system: FunctionSystem, recordings: Sequence[Recorded]) -> list[Recorded]:
-    """Every so many samples of recordings that are longer than need be, where nothing is integrated between samples."""
+    """What the search looks at where there is more than it needs: every so many samples, or, where a system is
+    integrated from sample to sample, the first recordings. What is accepted is fitted to all at its end."""
     every = int(np.ceil(sum(int(o.fitted.sum()) for o in recordings) / ENOUGH))
-    if system.model.states or every < 2:
+    if every < 2:
         return list(recordings)
-    return [o.every(every) for o in recordings]
+    if not system.model.states:
+        return [o.every(every) for o in recordings]
+    kept, total = [], 0
+    for one in recordings:
+        if one.fitted.any() and total < ENOUGH:
+            kept.append(one)
+            total += int(one.fitted.sum())
+    return kept
 
 
 def longest_step(system: FunctionSystem, recordings: Sequence[Recorded]) -> float:
@@ -198,6 +210,37 @@ def polished(trial: Trial, recordings: Sequence[Recorded]) -> Trial:
     return with_unseen(end, recordings)
 
 
+def pruned(trial: Trial, recordings: Sequence[Recorded], held: Floats) -> Trial:
+    """The trial without earlier laws that its last law has made needless (backward elimination)."""
+    for number in range(len(trial.laws) - 2, -1, -1):
+        if any(law.place.kind == STRENGTH for law in trial.laws[number + 1 :]):
+            continue  # it may multiply this one
+        laws = [law for k, law in enumerate(trial.laws) if k != number]
+        named = [(k, int(one.target.split(".")[1])) for k, one in enumerate(trial.fit.unknowns) if _of_law(one.target)]
+        keep = [k for k, of in named if of != number]
+        constants = [k for k, one in enumerate(trial.fit.unknowns) if not _of_law(one.target)]
+        unknowns = [trial.fit.unknowns[k] for k in constants]
+        unknowns += [one for k, law in enumerate(laws) for one in law.unknowns(k)]
+        campaign = trial.campaign.with_system(trial.system.with_laws(*laws))
+        fewer = with_unseen(tried(campaign, unknowns, trial.fit.u[[*constants, *keep]], trial.unit), recordings)
+        if OF_NEARLY * fewer.predicts <= trial.predicts and better(fewer, held, held_out(fewer, recordings)):
+            trial = fewer
+    return trial
+
+
+def _of_law(target: str) -> bool:
+    return target.startswith("law.")
+
+
+def on_all(trial: Trial, recordings: Sequence[Recorded]) -> Trial:
+    """A trial of some recordings, fitted to all."""
+    runs: Sequence[Any] = trial.campaign.observations
+    if sum(int(o.fitted.sum()) for o in runs) == sum(int(o.fitted.sum()) for o in recordings):
+        return trial
+    campaign = Campaign(recordings, trial.system, Inline())
+    return with_unseen(tried(campaign, trial.fit.unknowns, trial.fit.u, trial.unit, tempered=1), recordings)
+
+
 def one_round(
     current: Trial, recordings: Sequence[Recorded], held: Floats, unit: Floats, pool: Executor, stop: Callable[[], bool]
 ) -> Step:
@@ -209,7 +252,7 @@ def one_round(
         return Step(None, (), (), tuple(promised[:FITTED]))
     near = [one for one in tables if one.predicts < OF_NOTE * current.predicts][:FORMULAS]
     open_ = [one for one in near if one.laws[-1].shape == TABLE or one.laws[-1].state.lag_s]
-    more = [pool.submit(formulas, one, unit, seen) for one in open_]
+    more = [pool.submit(formulas, one, current, seen) for one in open_]
     every = [*tables]
     for job in more:
         every += job.result()
@@ -222,6 +265,7 @@ def one_round(
         if last.predicts < accepted.predicts and better(last, held, held_out(last, recordings)):
             every[every.index(accepted)] = left[left.index(accepted)] = last
             accepted = last
+        accepted = pruned(accepted, recordings, held)
     alike = tuple(one for one in left if accepted and one is not accepted and not apart(one, accepted))
     return Step(accepted, tuple(every), alike, tuple(promised[:FITTED]))
 

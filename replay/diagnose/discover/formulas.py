@@ -18,13 +18,17 @@ from replay.diagnose.systems.function.shapes import CONSTANT, CUBE, LINEAR, POWE
 Floats = NDArray[np.float64]
 
 #: Shapes fitted to the runs: so many that lie nearest to the table.
-FITTED = 5
+FITTED = 4
 #: Starts of a shape's constants on the table, in units of their range.
 SCATTER = (0.15, 0.5, 0.85)
 
 
-def formulas(trial: Trial, unit: Floats, seen: Sequence[Passed]) -> list[Trial]:
-    """Fits with the last law, a table, as each of the formulas nearest to it; the best first by their evidence."""
+def formulas(trial: Trial, before: Trial, seen: Sequence[Passed]) -> list[Trial]:
+    """Fits with the last law, a table, as each of the formulas nearest to it; the best first.
+
+    ``before`` is the trial without the law: a formula laid on a table is off by more than the table leaves, so sigma
+    starts as it was there.
+    """
     *known, table = trial.laws
     number = len(known)
     n = len(table.unknowns(number))
@@ -34,10 +38,10 @@ def formulas(trial: Trial, unit: Floats, seen: Sequence[Passed]) -> list[Trial]:
     laid = sorted((_laid(shape, table, at, curve, weight) for shape in _shapes(table)), key=lambda one: one[0])
     out = []
     for _, law, u in laid[:FITTED]:
-        system = trial.system.with_laws(*known, law)
+        system = replace(trial.system.with_laws(*known, law), sigma=before.system.sigma)
         campaign = trial.campaign.with_system(system)
         start = np.concatenate([base_u, u])
-        out.append(tried(campaign, (*base_unknowns, *law.unknowns(number)), start, unit, tempered=2))
+        out.append(tried(campaign, (*base_unknowns, *law.unknowns(number)), start, trial.unit))
     return sorted(out, key=lambda one: one.predicts)
 
 

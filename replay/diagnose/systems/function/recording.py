@@ -5,6 +5,7 @@ from __future__ import annotations
 import fnmatch
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import comb
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +26,10 @@ SHORTEST = 4
 #: The rate of an input is taken over so few readings that noise makes at most this share of its deviation, and over at
 #: most this share of the recording.
 RATE_NOISE, RATE_WINDOW = 0.1, 0.02
-#: Readings of a window in which a channel may be quiet: a fifth of them tell the noise.
+#: Readings of a window in which a channel may be quiet: half of them tell the noise.
 QUIET = 8
+#: Orders of differences that may tell it.
+ORDERS = (2, 3, 4, 6)
 #: Parts that a recording without a hold-out of its own is cut into; every third is held out where there is one only.
 PARTS = 12
 
@@ -179,16 +182,21 @@ def _filled(model: Model, path: str, time: Floats, values: Floats, signal: Signa
 
 
 def noise_of(values: Floats) -> float:
-    """Noise of readings (n,), one deviation: how they bend where quiet, and a converter's steps (one over root 12)."""
+    """Noise of readings (n,), one deviation: differences, and a converter's steps (one over root 12)."""
     good = values[np.isfinite(values)]
     gaps = np.abs(np.diff(good))
     steps = gaps[gaps > 1e-12 * max(1.0, float(np.max(np.abs(good))))]
     step = float(np.quantile(steps, 0.02)) if len(steps) else 0.0
-    bends = np.diff(good, 2) ** 2 / 6 if len(good) > 2 else np.zeros(1)
-    windows = np.array_split(bends, max(1, len(bends) // QUIET))
-    white = float(np.sqrt(np.quantile([np.mean(w) for w in windows], 0.2)))
+    white = min((_white(good, order) for order in ORDERS if len(good) > 2 * order), default=0.0)
     quantised = step / np.sqrt(12) if len(steps) < 0.9 * len(gaps) else 0.0
     return max(white, quantised, 1e-9 * float(np.ptp(good)), 1e-300)
+
+
+def _white(values: Floats, order: int) -> float:
+    """White noise as differences of an order tell it; a smooth signal adds less to them the higher it is."""
+    squares = np.diff(values, order) ** 2 / comb(2 * order, order)
+    windows = np.array_split(squares, max(1, len(squares) // QUIET))
+    return float(np.sqrt(np.median([np.mean(w) for w in windows])))
 
 
 def rate(time_s: Floats, values: Floats) -> Floats:

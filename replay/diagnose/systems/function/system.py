@@ -229,7 +229,7 @@ class FunctionSystem(System):
         vector = np.append(self._differences(recording, y, fitted_only), 0.0)
         slopes = np.empty((0, 0))
         if derivatives:
-            slopes = jacobian(in_sigmas, unknowns, u, vector)
+            slopes = jacobian(in_sigmas, unknowns, u, vector, central=False)
             if own.size and fitted_only.any():
                 q, _ = np.linalg.qr(np.vstack([own, np.zeros((1, own.shape[1]))]))
                 slopes -= q @ (q.T @ slopes)

@@ -1,0 +1,201 @@
+"""A user's own system: read with a line for each defect, fitted, and what it leaves out found where it was planted."""
+
+from __future__ import annotations
+
+import json
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from replay.cli import main
+from replay.diagnose.systems.function.check import defects
+from replay.diagnose.systems.function.model import load_model
+from replay.diagnose.systems.function.recording import noise_of, read_recordings
+from replay.diagnose.systems.function.table import read_table
+from replay.errors import ReplayError
+
+OSCILLATOR = '''
+"""An oscillator that is taken to be linear."""
+time = "t"
+inputs = {"u": ("force", "N")}
+channels = {"y": ("y", "m")}
+constants = {"c": (0.5, "1/s", 0.05, 5.0), "k": (30.0, "1/s^2", 5.0, 200.0)}
+start = {"y": "y", "v": (0.0, -5.0, 5.0)}
+units = {"v": "m/s"}
+hold_out = ["c"]
+places = ["rate:v", "constant:k", "channel:y"]  # all by default; fewer are quicker
+depends_on = ["y", "v"]
+
+def slopes(t, x, u, c):
+    return x.v, u.u - c.c * x.v - c.k * x.y
+'''
+STATIC = '''
+"""A cylinder without friction."""
+time = 100.0
+inputs = {"p": ("p", "bar"), "s": ("s", "mm")}
+channels = {"F": ("F", "N")}
+constants = {"A": (40.0, "N/bar", 10.0, 100.0)}
+places = ["channel:F", "constant:A"]
+depends_on = ["s", "the rate of s", "p", "time"]
+
+def shown(t, x, u, c):
+    return c.A * u.p
+'''
+C, K, CUBIC, NOISE = 0.8, 40.0, 60.0, 2e-3
+
+
+def written(folder: Path, name: str, columns: dict[str, np.ndarray]) -> Path:
+    path = folder / f"{name}.csv"
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(path, table, delimiter=",", header=",".join(columns), comments="")
+    return path
+
+
+def file(folder: Path, text: str) -> Path:
+    path = folder / "my_system.py"
+    path.write_text(text)
+    return path
+
+
+def oscillations(folder: Path, cubic: float) -> list[Path]:
+    """Three recordings of another integrator's, with noise."""
+    rng, out, t = np.random.default_rng(3), [], np.arange(0, 12, 0.05)
+    for name, size in (("a", 12.0), ("b", 20.0), ("c", 16.0)):
+        phases = rng.uniform(0, 2 * np.pi, 6)
+        force = size * np.mean([np.sin(w * t + p) for w, p in zip(np.linspace(2, 9, 6), phases, strict=True)], axis=0)
+
+        def slope(at: float, x: np.ndarray, force: np.ndarray = force) -> list[float]:
+            return [x[1], np.interp(at, t, force) - C * x[1] - K * x[0] - cubic * x[0] ** 3]
+
+        y = solve_ivp(slope, (0, t[-1]), [0.1, 0.0], t_eval=t, rtol=1e-8, atol=1e-10, max_step=0.05).y[0]
+        out.append(written(folder, name, {"t": t, "force": force, "y": y + NOISE * rng.normal(size=len(t))}))
+    return out
+
+
+def asked(system: Path, paths: list[Path], folder: Path, *more: str) -> tuple[int, dict]:
+    out = folder / "findings.json"
+    arguments = ["diagnose", *map(str, paths), "--system", str(system), "--json", str(out), *more]
+    code = main(arguments)
+    return code, json.loads(out.read_text())
+
+
+def test_a_spring_that_stiffens_is_found_with_its_place_state_and_formula(tmp_path):
+    system = file(tmp_path, OSCILLATOR)
+    assert defects(system) == []
+    page = tmp_path / "why.html"
+    code, found = asked(system, oscillations(tmp_path, CUBIC), tmp_path, "--report", str(page))
+    assert (code, found["verdict"]) == (1, "missing_physics")
+    law = found["discovered"]["laws"][0]
+    assert law["over"] == "y"
+    assert law["place"] in ("rate:v", "constant:k")  # the same law written in two ways
+    curve = np.array(law["curve"])
+    force = curve[:, 1] if law["place"] == "rate:v" else -K * curve[:, 1] * curve[:, 0]
+    # a linear part trades against k, so the law is compared beside the best straight line
+    truth = -CUBIC * curve[:, 0] ** 3
+    rest = force - truth - np.polyval(np.polyfit(curve[:, 0], force - truth, 1), curve[:, 0])
+    assert np.sqrt(np.mean(rest**2)) < 0.15 * np.sqrt(np.mean(truth**2))
+    held = found["fit"]["heldout"]
+    assert held["rms_after"]["y"] < 1.3 * NOISE < held["rms_before"]["y"] / 3
+    assert "(y)" not in law["formula"]  # a formula, not a curve
+    assert "y" in page.read_text()
+
+
+def test_nothing_is_missing_from_an_oscillator_that_is_linear(tmp_path):
+    code, found = asked(file(tmp_path, OSCILLATOR), oscillations(tmp_path, 0.0), tmp_path)
+    assert (code, found["verdict"], found["causes"]) == (0, "complete", [])
+    constants = found["parameters"]["base"]
+    assert constants["k"]["value"] == pytest.approx(K, rel=0.01)
+
+
+def strokes(folder: Path) -> list[Path]:
+    rng, out, t = np.random.default_rng(1), [], np.arange(0, 12, 0.01)
+    for k, bar in enumerate((1.0, 4.0, 2.5)):
+        s = 40 * np.sin(1.3 * t)
+        p = bar + 0.3 * np.sin(2.1 * t)
+        force = 50 * p + 6 * np.tanh(np.gradient(s, t) / 3) + 0.1 * rng.normal(size=len(t))
+        out.append(written(folder, f"run{k}", {"p": p, "s": s, "F": force}))
+    return out
+
+
+def test_friction_is_found_over_the_rate_of_an_input_and_its_size_is_right(tmp_path):
+    code, found = asked(file(tmp_path, STATIC), strokes(tmp_path), tmp_path)
+    assert (code, found["verdict"]) == (1, "missing_physics")
+    law = found["discovered"]
+    assert (law["place"], law["over"]) == ("channel:F", "the rate of s")
+    curve = np.array(law["curve"])
+    assert curve[-1, 1] == pytest.approx(6, rel=0.05)
+    assert curve[0, 1] == pytest.approx(-6, rel=0.05)
+    scope: dict = {"np": np}
+    exec(law["law"], scope)
+    assert scope["law"](40.0) == pytest.approx(6, rel=0.05)
+
+
+def test_a_model_travels_to_workers_as_its_file(tmp_path):
+    model = load_model(file(tmp_path, OSCILLATOR), [("c", 0.7, 0.6, 0.8)])
+    assert pickle.loads(pickle.dumps(model)).constants == model.constants
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ('channels = {"y": ("y", "m")}', "", "says no channels; add"),
+        ("return x.v, u.u - c.c * x.v - c.k * x.y", "return x.v", "slopes returns 1 numbers for 2: y, v"),
+        ("c.k * x.y", "c.q * x.y", "slopes(t, x, u, c) raised AttributeError"),
+        ("c.k * x.y", "c.k * x.y / (x.y - 1.0)", "raised ZeroDivisionError"),
+        ('"k": (30.0, "1/s^2", 5.0, 200.0)', '"k": (30.0, "1/s^2", 50.0, 200.0)', "is not within its range 50 to 200"),
+        ('start = {"y": "y"', 'start = {"y": "z"', "no such channel; known: y"),
+        ('units = {"v": "m/s"}', "", 'state v has no unit; add units = {"v": "..."}'),
+        ("def slopes", "1/0\ndef slopes", "cannot be run: ZeroDivisionError"),
+    ],
+)
+def test_each_defect_of_a_file_is_one_line_with_place_and_cure(tmp_path, old, new, says):
+    assert old in OSCILLATOR
+    (line, *_) = defects(file(tmp_path, OSCILLATOR.replace(old, new)))
+    assert says in line
+    assert "\n" not in line
+    assert "my_system.py" in line
+
+
+@pytest.mark.parametrize(
+    ("rows", "says"),
+    [
+        ("t,force\n0,1\n1,1\n", 'no column "y", which channel y wants; there are: t, force'),
+        ("t,force,y\n0,1,1\n1,1,1\n1,1,1\n2,1,1\n3,1,1\n", "time stands or runs back at reading 3 (1)"),
+        ("t,force,y\n0,1,\n1,1,\n2,1,1\n", "1 readings of at least 4"),
+        ("t,force,y\n0,,1\n1,,1\n2,,1\n3,,1\n4,,1\n", "input u (force) has no number at all"),
+        ("0,1,2\n1,2,3\n2,3,4\n", "has no line of names"),
+    ],
+)
+def test_bad_readings_are_one_line_and_exit_2(tmp_path, capsys, rows, says):
+    path = tmp_path / "readings.csv"
+    path.write_text(rows)
+    assert main(["diagnose", str(path), "--system", str(file(tmp_path, OSCILLATOR))]) == 2
+    told = capsys.readouterr().err
+    assert says in told
+    assert "Traceback" not in told
+
+
+def test_tables_are_read_as_loggers_write_them(tmp_path):
+    path = tmp_path / "german.csv"
+    path.write_text("\ufeff# Messung\nZeit [s];Druck [bar]\n0;1.013,5\n0,5;\n1;1,5\n", encoding="utf-8")
+    table = read_table(path)
+    np.testing.assert_array_equal(table["Zeit [s]"], [0, 0.5, 1])
+    np.testing.assert_array_equal(table["Druck [bar]"], [1013.5, np.nan, 1.5])
+
+
+def test_noise_is_told_from_a_signal_that_moves_and_from_a_converter_that_counts():
+    rng = np.random.default_rng(0)
+    t = np.linspace(0, 10, 2000)
+    white = np.sin(t) + 0.02 * rng.normal(size=len(t))
+    assert noise_of(white) == pytest.approx(0.02, rel=0.5)
+    counted = np.round(np.sin(t) / 0.05) * 0.05
+    assert noise_of(counted) == pytest.approx(0.05 / np.sqrt(12), rel=0.5)
+
+
+def test_what_is_held_out_by_a_name_nobody_has_is_refused(tmp_path):
+    model = load_model(file(tmp_path, STATIC))
+    with pytest.raises(ReplayError, match="no such recording; known: run0, run1, run2"):
+        read_recordings(model, strokes(tmp_path), ["friday"])
