@@ -20,6 +20,7 @@ from replay.diagnose.systems.function.kernel import (
     OF_SHOWN,
     OF_TIME,
     RATE,
+    SHIFT,
     STRENGTH,
 )
 from replay.diagnose.systems.function.laws import Law
@@ -38,6 +39,7 @@ READS = {
     DELAY: "{name} acts later by {f}",
     STRENGTH: "times (1 + {f})",
     INPUT: "{name} -> {name} + {f}",
+    SHIFT: "{name}, with {f}",
 }
 
 

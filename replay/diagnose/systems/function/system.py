@@ -66,7 +66,7 @@ class FunctionSystem(System):
 
     @property
     def optional(self) -> dict[str, str]:
-        """Constants of the file's optional laws: the law by constant; they are zero unless it acts."""
+        """Constants of the file's optional laws: the law by constant; the first of each is zero unless it acts."""
         return {name: law for law, names in self.model.get("laws", {}).items() for name in names}
 
     @property
@@ -107,8 +107,8 @@ class FunctionSystem(System):
 
     def constants(self, values: Mapping[str, float]) -> Floats:
         """Constants (constants,) in the file's order."""
-        optional = self.optional
-        given = (0.0 if c.name in optional else c.value for c in self.model.constants)
+        strengths = {names[0] for names in self.model.get("laws", {}).values()}
+        given = (0.0 if c.name in strengths else c.value for c in self.model.constants)
         named = zip(self.model.constants, given, strict=True)
         return np.array([values.get(f"constant.{c.name}", value) for c, value in named] or [0.0])
 
