@@ -15,7 +15,7 @@ SYSTEM, READINGS, SOURCE = "air_chamber.py", "Ultimaker_015.csv", "SOURCE.md"
 
 def run(args: argparse.Namespace, out: Path) -> int:
     """Diagnose the shipped recording in a folder; 0 whether or not something is missing."""
-    with as_file(files("replay.demo.measured")) as shipped:
+    with as_file(files("straw.replay.demo.measured")) as shipped:
         for name in (SYSTEM, READINGS, SOURCE):
             shutil.copyfile(shipped / name, out / name)
     print((out / SOURCE).read_text(encoding="utf-8").strip(), end="\n\n")

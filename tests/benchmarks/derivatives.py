@@ -118,7 +118,10 @@ def growth() -> None:
             given, along = (straw, held.pressure_pa, time_s, held.deployed), columns(held, 16)
             first = simulate(*given)
             near = first.rest
-            with only(model.simulate, "integrate") as plain, only(model.derivative, "integrate_columns") as both:
+            with (
+                only(straw.model.simulate, "integrate") as plain,
+                only(straw.model.derivative, "integrate_columns") as both,
+            ):
                 for _ in range(REPEATS):
                     simulate(*given, near=near)
                     differentiate(*given, along, near=near)

@@ -21,8 +21,9 @@ from straw.model.step import DONE, take_step
 Floats = NDArray[np.float64]
 
 #: A tolerance that refuses no step of a finer run, and a share of it at which Newton stops: 1e-15 m. It stops as well
-#: at corrections of `model.step.ROUNDING` of the tolerance, 1e-14 m. A looser one leaves out a share of what Newton's
-#: matrix lacks, of drag above all: in proportion to its strength, so that no choice of the differences' step shows it.
+#: at corrections of `straw.model.step.ROUNDING` of the tolerance, 1e-14 m. A looser one leaves out a share of what
+#: Newton's matrix lacks, of drag above all: in proportion to its strength, so that no choice of the differences' step
+#: shows it.
 LOOSE_M, CLOSE = 1e-8, 1e-7
 
 

@@ -133,6 +133,17 @@ def test_friction_is_found_over_the_rate_of_an_input_and_its_size_is_right(tmp_p
     assert scope["law"](40.0) == pytest.approx(6, rel=0.05)
 
 
+def test_a_law_of_the_users_own_is_found_by_its_name_in_a_plain_function(tmp_path):
+    text = STATIC.replace('places = ["channel:F", "constant:A"]', 'places = []\nlaws = {"seal friction": ["f"]}')
+    text = text.replace("100.0)}\n", '100.0), "f": (0.0, "N", -50.0, 50.0)}\n', 1)
+    text = text.replace("def shown(t, x, u, c):\n    return c.A * u.p", "import numpy as np\n\ndef simulate(t, u, c):\n"
+                        "    return c.A * u.p + c.f * np.tanh(np.gradient(u.s, t) / 3)")  # fmt: skip
+    _, found = asked(file(tmp_path, text), strokes(tmp_path), tmp_path)
+    assert found["causes"] == ["law:seal friction"]
+    strength = found["parameters"]["law:seal friction"]["strength"]
+    assert abs(strength["value"] - 6) < 3 * strength["sigma"]
+
+
 def test_a_model_travels_to_workers_as_its_file(tmp_path):
     model = load_model(file(tmp_path, OSCILLATOR), [("c", 0.7, 0.6, 0.8)])
     assert pickle.loads(pickle.dumps(model)).constants == model.constants

@@ -31,6 +31,7 @@ from straw.replay.diagnose.systems.function.kernel import (
     OF_SHOWN,
     OF_TIME,
     RATE,
+    SHIFT,
     STRENGTH,
 )
 from straw.replay.diagnose.systems.function.recording import Recorded
@@ -303,7 +304,7 @@ def simplest(one: Trial) -> tuple[float, ...]:
     """Of laws that predict alike a formula comes before a table, fewer constants before more, and a law in an equation
     before the same written as what a constant, an input or an instrument does."""
     law = one.laws[-1]
-    order = (RATE, CHANNEL, STRENGTH, FACTOR, DELAY, INPUT, CLOCK).index(law.place.kind)
+    order = (SHIFT, RATE, CHANNEL, STRENGTH, FACTOR, DELAY, INPUT, CLOCK).index(law.place.kind)
     own = law.place.kind == CHANNEL and law.state.kind == OF_SHOWN
     # over time anything can be laid, as nothing repeats there
     drifts = law.state.kind == OF_TIME and law.place.kind != CLOCK

@@ -153,15 +153,15 @@ class SystemFindings:
                     "was held out."
                 )
             return f"The base does not explain {these}, and they cannot tell what is missing."
-        names = [one.law.says for one in self.laws]
-        text = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+        names = [one.law.said for one in self.laws]
+        text = names[0] if len(names) == 1 else f"{'; '.join(names[:-1])}; and {names[-1]}"
         ratio = float(np.sqrt(np.mean((d.held[-1] / d.base.unit) ** 2) / np.mean((d.held[0] / d.base.unit) ** 2)))
-        gain = f"with it the error on what was held out is {100 * ratio:.0f} % of the base's"
+        gain = f"with it the error on what was held out is {100 * ratio:.2g} % of the base's"
         if verdict == "ambiguous":
             others = "; ".join(self.alike_places[:3])
-            return f"Something is missing that {these} cannot tell apart: {names[0]}, or {others}; {gain}."
-        what = "The recording is at fault" if verdict == "measurement_fault" else "The model leaves out a law"
-        return f"{what}: {text}; {gain}."
+            return f"Something is missing {names[0]}; {these} cannot tell it from {others}; {gain}."
+        what = "The recording is at fault" if verdict == "measurement_fault" else "The model leaves something out"
+        return f"{what} {text}; {gain}."
 
     @property
     def best_located(self) -> str:

@@ -67,7 +67,7 @@ def page(f: SystemFindings) -> str:
 
 def _law(one: Told, number: int) -> str:
     rows = [(n, f"{v:.4g}", f"± {s:.2g}", u if u != "1" else "") for n, (v, s, u) in one.constants.items()]
-    words = f"<p><b>{number}. {_text(one.law.says[:1].upper() + one.law.says[1:])}</b><br>"
+    words = f"<p><b>{number}. {_text(one.law.said[:1].upper() + one.law.said[1:])}</b><br>"
     words += f"<code>{_text(one.formula)}</code></p>"
     if one.law.shape != TABLE:
         words += _table(("constant", "value", "one sigma", "unit"), rows)
@@ -83,7 +83,7 @@ def _curve(one: Told) -> str:
     axes.fill_between(x, y - e, y + e, color=BETTER, alpha=0.2, linewidth=0)
     axes.plot(x, y, color=BETTER)
     axes.set_xlabel(f"{one.law.state.name} / {one.law.state.unit}")
-    axes.set_ylabel(f"{one.law.place.name} / {one.law.place.unit}")
+    axes.set_ylabel(f"{one.law.place.says} / {one.law.place.unit}".removesuffix(" / 1"), fontsize=8)
     return _svg(figure)
 
 

@@ -20,6 +20,7 @@ from straw.replay.diagnose.systems.function.kernel import (
     OF_SHOWN,
     OF_TIME,
     RATE,
+    SHIFT,
     STRENGTH,
 )
 from straw.replay.diagnose.systems.function.laws import Law
@@ -38,6 +39,7 @@ READS = {
     DELAY: "{name} acts later by {f}",
     STRENGTH: "times (1 + {f})",
     INPUT: "{name} -> {name} + {f}",
+    SHIFT: "{name}, with {f}",
 }
 
 
@@ -123,7 +125,8 @@ def formula(law: Law, values: dict[str, float], number: int) -> str:
     else:
         shape = SHAPES[law.shape]
         inner = [f"{values[prefix + c]:.4g} {law.state.unit if of else ''}".strip() for c, *_, of in shape.constants]
-        text = shape.text.format(*inner, s=symbol(law))
+        span = f"{law.state.span:.4g} {law.state.unit}".removesuffix(" 1")
+        text = shape.text.format(*inner, s=symbol(law)).replace("span", span)
         f = f"({values[prefix + 'strength']:.4g} {unit_of(law, 'strength')}) {text}".replace(" 1)", ")").strip()
     lag = f", {symbol(law)} following with a lag of {values[prefix + 'lag_s']:.3g} s" if law.state.lag_s else ""
     if law.place.kind == STRENGTH:
@@ -160,7 +163,7 @@ def law_text(trial: Trial, number: int) -> str:
         "{s}^3": "s**3",
         "sign({s}) sqrt|{s}|": "np.sign(s) * np.sqrt(abs(s))",
         "tanh({s} / {0})": "np.tanh(s / {0})",
-        "sign({s}) |{s}|^{0}": f"np.sign(s) * abs(s / {law.state.span:.6g}) ** {{0}}",
+        "sign({s}) |{s} / span|^{0}": f"np.sign(s) * abs(s / {law.state.span:.6g}) ** {{0}}",
         "{s} / (1 + |{s}| / {0})": "s / (1 + abs(s) / {0})",
         "max(0, {s} - {0})": "max(0.0, s - {0})",
         "max(0, {0} - {s})": "max(0.0, {0} - s)",

@@ -16,7 +16,7 @@ Indices = NDArray[np.int64]
 
 #: Where a law may act, and over what. Columns of a law's row of integers: place, which, state, which, shape, first
 #: parameter, how many, number of its lagging state or -1.
-RATE, FACTOR, CHANNEL, CLOCK, DELAY, STRENGTH, INPUT = range(7)
+RATE, FACTOR, CHANNEL, CLOCK, DELAY, STRENGTH, INPUT, SHIFT = range(8)
 OF_STATE, OF_RATE, OF_INPUT, OF_TIME, OF_NOTHING, OF_SHOWN = range(6)
 
 
@@ -100,6 +100,8 @@ def built(slopes: Callable[..., Any], shown: Callable[..., Any]) -> Callable[...
         for m in range(len(rows)):
             if rows[m, 0] == FACTOR:
                 c_work[rows[m, 1]] *= 1.0 + work[m]
+            elif rows[m, 0] == SHIFT:
+                c_work[rows[m, 1]] += work[m]
             elif rows[m, 0] == INPUT:
                 u_work[rows[m, 1]] += work[m]
         for m in range(len(rows)):
@@ -156,6 +158,8 @@ def built(slopes: Callable[..., Any], shown: Callable[..., Any]) -> Callable[...
                 for m in range(len(rows)):
                     if rows[m, 0] == FACTOR:
                         c_work[rows[m, 1]] *= 1.0 + work[m]
+                    elif rows[m, 0] == SHIFT:
+                        c_work[rows[m, 1]] += work[m]
                     elif rows[m, 0] == INPUT:
                         u_work[rows[m, 1]] += work[m]
             shown(t[k], x, u_work, c_work, y)

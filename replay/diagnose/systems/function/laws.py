@@ -135,6 +135,13 @@ class Law:
         return f"{self.place.says}, over {self.over}"
 
     @property
+    def said(self) -> str:
+        """The same within a sentence."""
+        if self.shape == CONSTANT and self.state.lag_s is None:
+            return f"in {self.place.says}"
+        return f"in {self.place.says}, depending on {self.over}"
+
+    @property
     def over(self) -> str:
         """What it depends on, in words."""
         return self.state.name if self.state.lag_s is None else f"the history of {self.state.name}"

@@ -22,6 +22,7 @@ from straw.replay.diagnose.systems.function.kernel import (
     OF_STATE,
     OF_TIME,
     RATE,
+    SHIFT,
     STRENGTH,
 )
 from straw.replay.diagnose.systems.function.laws import Place, State
@@ -79,6 +80,11 @@ def places(system: FunctionSystem, seen: Sequence[Passed]) -> list[Place]:
         unit = f"{model.unit(name)}/s"
         out.append(Place(RATE, i, f"rate:{name}", f"the rate of {model.named(name)}", unit, size))
     optional = system.optional
+    for name, constants in model.get("laws", {}).items():  # the file's own: its first constant is its strength
+        which = [k.name for k in model.constants].index(constants[0])
+        constant = model.constants[which]
+        size = max(abs(constant.low), abs(constant.high)) / 10
+        out.append(Place(SHIFT, which, f"law:{name}", f"the law {model.named(name)}", constant.unit, size))
     for i, constant in enumerate(model.constants):
         if constant.name not in optional:
             says = f"the constant {model.named(constant.name)}"
@@ -101,7 +107,7 @@ def places(system: FunctionSystem, seen: Sequence[Passed]) -> list[Place]:
             continue
         out.append(Place(STRENGTH, k, f"strength:{k}", f"the strength of the law in {law.place.says}", "1", 0.5))
     wanted = model.get("places")
-    return out if wanted is None else [p for p in out if p.name in wanted or p.kind == STRENGTH]
+    return out if wanted is None else [p for p in out if p.name in wanted or p.kind in (STRENGTH, SHIFT)]
 
 
 def states(system: FunctionSystem, seen: Sequence[Passed]) -> list[State]:
@@ -142,7 +148,7 @@ def makes_sense(place: Place, state: State) -> bool:
     """Whether a law is looked for here: clocks over time, delays as they are, an equation over anything."""
     if place.kind == CLOCK:
         return state.kind in (OF_TIME, OF_NOTHING)
-    if place.kind == DELAY:
+    if place.kind in (DELAY, SHIFT):
         return state.kind == OF_NOTHING
     if place.kind == INPUT:
         own = state.kind == OF_INPUT and state.which == place.which and state.lag_s is None

@@ -5,7 +5,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.replay.diagnose.systems.function.kernel import CHANNEL, FACTOR, INPUT, OF_INPUT, OF_SHOWN, OF_TIME, STRENGTH
+from straw.replay.diagnose.systems.function.kernel import (
+    CHANNEL,
+    FACTOR,
+    INPUT,
+    OF_INPUT,
+    OF_SHOWN,
+    OF_TIME,
+    SHIFT,
+    STRENGTH,
+)
 from straw.replay.diagnose.systems.function.model import Model, fields
 from straw.replay.diagnose.systems.function.shapes import values_of
 from straw.replay.errors import ReplayError
@@ -39,6 +48,8 @@ def plain_march(
     for m in range(len(rows)):
         if rows[m, 0] == FACTOR:
             constants[rows[m, 1]] = constants[rows[m, 1]] * (1 + force(m))
+        elif rows[m, 0] == SHIFT:
+            constants[rows[m, 1]] = constants[rows[m, 1]] + force(m)
         elif rows[m, 0] == INPUT:
             u[rows[m, 1]] += force(m)
     try:

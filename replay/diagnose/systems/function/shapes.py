@@ -40,7 +40,7 @@ SHAPES = {
         Shape(CUBE, "cube", "{s}^3", unit=3),
         Shape(ROOT, "root with sign", "sign({s}) sqrt|{s}|", unit=0.5),
         Shape(SIGN, "sign", "tanh({s} / {0})", (("width", 0.02, 1e-4, 0.3, "span"),)),
-        Shape(POWER, "power", "sign({s}) |{s}|^{0}", (("exponent", 1.5, 0.1, 6.0, ""),), unit=1),
+        Shape(POWER, "power", "sign({s}) |{s} / span|^{0}", (("exponent", 1.5, 0.1, 6.0, ""),)),
         Shape(SATURATES, "saturating", "{s} / (1 + |{s}| / {0})", (("knee", 0.2, 0.005, 5.0, "span"),), unit=1),
         Shape(ABOVE, "above a threshold", "max(0, {s} - {0})", (("threshold", 0.6, 0.0, 1.0, "place"),), unit=1),
         Shape(BELOW, "below a threshold", "max(0, {0} - {s})", (("threshold", 0.4, 0.0, 1.0, "place"),), unit=1),

@@ -29,8 +29,9 @@ from straw.replay.diagnose.systems.function.recording import Recorded
 
 Floats = NDArray[np.float64]
 
-#: Evaluations of a start, its step, and how wide its prior is in units of its scale.
-START_ROUNDS, START_STEP, START_SD = 4, 1e-3, 30.0
+#: Steps to a start, the step of its differences, how wide its prior is in units of its scale, and the share of the
+#: cost that a step must gain.
+START_ROUNDS, START_STEP, START_SD, START_GAIN = 5, 1e-3, 30.0, 1e-3
 #: A start about a channel's first readings is looked for in units of its noise, or of this share of what the channel
 #: spans, and at most so many of these away: farther, it would stand in for what is missing.
 START_SHARE, START_UNITS = 2e-3, 5.0
@@ -52,6 +53,8 @@ class FunctionSystem(System):
     sigma: tuple[float, ...] = ()
     longest_s: float = np.inf
     library: Mapping[str, Law] = field(default_factory=dict)
+    #: What was profiled last of each recording, by values: a search asks twice at the same point.
+    _last: dict[str, tuple[Any, Any]] = field(init=False, repr=False, default_factory=dict)
 
     @property
     def channels(self) -> tuple[Channel, ...]:
@@ -66,7 +69,7 @@ class FunctionSystem(System):
 
     @property
     def optional(self) -> dict[str, str]:
-        """Constants of the file's optional laws: the law by constant; they are zero unless it acts."""
+        """Constants of the file's optional laws: the law by constant; the first of each is zero unless it acts."""
         return {name: law for law, names in self.model.get("laws", {}).items() for name in names}
 
     @property
@@ -107,8 +110,8 @@ class FunctionSystem(System):
 
     def constants(self, values: Mapping[str, float]) -> Floats:
         """Constants (constants,) in the file's order."""
-        optional = self.optional
-        given = (0.0 if c.name in optional else c.value for c in self.model.constants)
+        strengths = {names[0] for names in self.model.get("laws", {}).values()}
+        given = (0.0 if c.name in strengths else c.value for c in self.model.constants)
         named = zip(self.model.constants, given, strict=True)
         return np.array([values.get(f"constant.{c.name}", value) for c, value in named] or [0.0])
 
@@ -162,6 +165,16 @@ class FunctionSystem(System):
 
     def profiled(self, recording: Recorded, values: Mapping[str, float]) -> tuple[Floats, Floats, Floats]:
         """Shown (channels, n) with the best starts, these (states,), and their columns (m, free) in sigmas."""
+        asked = recording.time_s.size, tuple(sorted(values.items()))
+        known = self._last.get(recording.name)
+        if known is None or known[0] != asked:
+            known = asked, self._profiled(recording, values)
+            self._last[recording.name] = known
+        y, at, columns = known[1]
+        return y.copy(), at, columns
+
+    def _profiled(self, recording: Recorded, values: Mapping[str, float]) -> tuple[Floats, Floats, Floats]:
+        """Gauss-Newton whose columns are worked out again only where a step with the old ones does not help."""
         start, scale = self.started(recording)
         free = self.free_starts()
         near = np.array([START_UNITS * scale[i] if self.model.starts[i].channel else np.inf for i in free])
@@ -179,27 +192,31 @@ class FunctionSystem(System):
         columns = np.zeros((len(r), len(free)))
         if not free or not np.isfinite(y).all():
             return y, at, columns
-        cost = robust_cost(r)
+        cost, fresh, old = robust_cost(r), False, columns
         for _ in range(START_ROUNDS):
-            for k in range(len(free)):
-                columns[:, k] = (tried(o + START_STEP * np.eye(len(free))[k])[2] - r) / START_STEP
-            if not np.isfinite(columns).all():
-                columns[:] = 0.0
+            if not columns.any():
+                fresh = True
+                for k in range(len(free)):
+                    columns[:, k] = (tried(o + START_STEP * np.eye(len(free))[k])[2] - r) / START_STEP
+            if not np.isfinite(columns).all() or not columns.any():
+                columns = np.zeros_like(columns)
                 break
             w = weights(r)
             curvature = (columns * w[:, None]).T @ columns + np.eye(len(free)) / START_SD**2
             step = -np.linalg.solve(curvature, columns.T @ (w * r) + o / START_SD**2)
-            for share in (1.0, 0.3, 0.1):
+            gain = 0.0
+            for share in (1.0, 0.2):
                 y_new, at_new, r_new = tried(o + share * step)
                 if np.isfinite(r_new).all() and robust_cost(r_new) < cost:
                     gain, cost = cost - robust_cost(r_new), robust_cost(r_new)
                     o, y, at, r = o + share * step, y_new, at_new, r_new
                     break
-            else:
-                break
-            if gain < 1e-4 * cost:
-                break
-        return y, at, columns
+            if gain < START_GAIN * cost:
+                if fresh:
+                    break
+                old, columns = columns, np.zeros_like(columns)
+            fresh = False
+        return y, at, columns if columns.any() else old
 
     def _differences(self, recording: Recorded, y: Floats, which: NDArray[np.bool_]) -> Floats:
         sigma = np.array(self.sigma or recording.noise)[:, None]
