@@ -168,7 +168,7 @@ def test_a_law_of_ones_own_is_a_hypothesis_whose_unknowns_come_from_its_constant
     code = """
 import numpy as np, straw
 straw.add_laws("sticky.py")
-from straw.replay.diagnose.hypothesis import applied
+from straw.replay.diagnose.systems.straw.constants import applied
 from straw.replay.diagnose.systems.straw.library import causes, hypothesis
 unknowns, starts = causes(9)["sticky"]
 print([u.target for u in unknowns], unknowns[0].scale, unknowns[1].value(unknowns[1].high))
