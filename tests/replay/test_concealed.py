@@ -49,13 +49,14 @@ def test_the_law_of_a_wall_that_relaxes_takes_up_two_times_and_spares_the_bendin
     for one in seen:
         one.rest_of(BASE)
     base, law = base_unknowns(BASE), hypothesis(["viscoelasticity"], BASE.cells)
-    start = np.concatenate([np.zeros(len(base)), law.starts[0]])
+    starts = [np.concatenate([np.zeros(len(base)), start]) for start in law.starts[2:4]]  # either side of two valleys
     with ThreadPoolExecutor(2) as pool:
         whole = Campaign(seen, StrawSystem(BASE), pool)
-        coarse = fitted(whole.coarse(), (*base, *law.unknowns), start, rounds=20)
+        ends = [fitted(whole.coarse(), (*base, *law.unknowns), start, rounds=20) for start in starts]
+        coarse = min(ends, key=lambda fit: fit.cost)
         random_effects(whole, fitted(whole, coarse.unknowns, coarse.u, rounds=20))
         found = fitted(whole, coarse.unknowns, coarse.u, rounds=20)
-        without = fitted(whole, base, start[: len(base)], rounds=20)
+        without = fitted(whole, base, np.zeros(len(base)), rounds=20)
         left, missing = unexplained(whole, found), unexplained(whole, without)
     assert left < NOISE_LEAVES < missing
     assert found.values["term.viscoelasticity&viscoelasticity_slow.bending"] < 0.2
