@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -39,7 +40,19 @@ def say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-def prepare() -> None:
+def prepare(*, derivatives: bool = False) -> None:
     """Tell a person who waits that the model is about to be compiled; nothing where a log is kept."""
     if sys.stderr.isatty() and not COMPILED_BEFORE:
-        say("compiling the model, once on this machine: about half a minute")
+        takes = "two or three minutes, with its derivatives" if derivatives else "about half a minute"
+        say(f"compiling the model, once on this machine: {takes}")
+
+
+@contextmanager
+def compiling_meanwhile() -> Iterator[Callable[[], int]]:
+    """Compile the model's derivatives in a process of its own; what is given waits for it."""
+    child = subprocess.Popen([sys.executable, "-P", "-m", "straw.model.warm_up"], stderr=subprocess.DEVNULL)
+    try:
+        yield child.wait  # where it failed, what asks for derivatives says why
+    finally:
+        child.terminate()
+        child.wait()

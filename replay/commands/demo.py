@@ -24,7 +24,7 @@ from straw.replay.diagnose.systems.straw.system import StrawSystem
 from straw.replay.errors import ReplayError
 from straw.replay.gather import gather
 from straw.replay.output import write_json, write_text
-from straw.replay.progress import prepare, progress_bar, say
+from straw.replay.progress import compiling_meanwhile, prepare, progress_bar, say
 from straw.replay.report.page import page
 from straw.replay.report.proxy import film as film_proxy
 from straw.rig.run import Run
@@ -59,10 +59,14 @@ def run(args: argparse.Namespace) -> int:
 
     prepare()
     filmed: list[Filmed] = []
-    for k, plan in enumerate(PLANS):
-        say(f"{k + 1}/6 {plan.name}: an emulated OB1 MK4 is driven through its driver, filmed at 240 frames/s, tracked")
-        camera = None if plan.places else filmed[-1].tracked.camera
-        filmed.append(record(plan, BASE, concealed, out, args.seed + k, camera))
+    with compiling_meanwhile() as wait:
+        for k, plan in enumerate(PLANS):
+            say(
+                f"{k + 1}/6 {plan.name}: an emulated OB1 MK4 is driven through its driver, filmed at 240 frames/s, tracked"
+            )
+            camera = None if plan.places else filmed[-1].tracked.camera
+            filmed.append(record(plan, BASE, concealed, out, args.seed + k, camera))
+        wait()
 
     say(f"5/6 diagnose: {len(PLANS)} runs, {len(CHANNELS)} channels, and the straw without what is concealed")
     runs = gather([path for one in filmed for path in (one.recording, one.tip)])

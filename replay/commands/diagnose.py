@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
     runs = gather(args.runs, partial=args.partial)
     check_campaign(runs, straw.cells)
     observations = [observe(one) for one in runs]
-    prepare()
+    prepare(derivatives=True)
     with (
         threads(args.jobs, args.dask) as pool,
         progress_bar("diagnose", "step") as update,
