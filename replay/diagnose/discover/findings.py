@@ -158,7 +158,7 @@ class SystemFindings:
         ratio = float(np.sqrt(np.mean((d.held[-1] / d.base.unit) ** 2) / np.mean((d.held[0] / d.base.unit) ** 2)))
         gain = f"with it the error on what was held out is {100 * ratio:.2g} % of the base's"
         if verdict == "ambiguous":
-            others = "; ".join(self.alike_places[:3]) or "a drift of the system itself"
+            others = "; or ".join(self.alike_places[:2]) or "a drift of the system itself"
             return f"Something is missing {names[0]}; {these} cannot tell it from {others}; {gain}."
         what = "The recording is at fault" if verdict == "measurement_fault" else "The model leaves something out"
         return f"{what} {text}; {gain}."

@@ -61,7 +61,7 @@ def is_fault(law: Law) -> bool:
 
 
 def drifts(law: Law) -> bool:
-    """Whether a law is a drift of what is shown: of the instrument, or of what no equation holds; time does not tell."""
+    """Whether a law is a drift of what is shown: of the instrument or of the system, which time does not tell."""
     return law.place.kind == CHANNEL and law.state.kind == OF_TIME
 
 
