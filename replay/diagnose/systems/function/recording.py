@@ -28,6 +28,8 @@ SHORTEST = 4
 RATE_NOISE, RATE_WINDOW = 0.1, 0.02
 #: Readings of a window in which a channel may be quiet: half of them tell the noise.
 QUIET = 8
+#: In a recording of fewer readings, most of which may be a transient, a fifth of windows half as long do.
+SHORT = 64
 #: Orders of differences that may tell it.
 ORDERS = (2, 3, 4, 6)
 #: Parts that a recording without a hold-out of its own is cut into; every third is held out where there is one only.
@@ -195,8 +197,9 @@ def noise_of(values: Floats) -> float:
 def _white(values: Floats, order: int) -> float:
     """White noise as differences of an order tell it; a smooth signal adds less to them the higher it is."""
     squares = np.diff(values, order) ** 2 / comb(2 * order, order)
-    windows = np.array_split(squares, max(1, len(squares) // QUIET))
-    return float(np.sqrt(np.median([np.mean(w) for w in windows])))
+    few = len(squares) < SHORT
+    windows = np.array_split(squares, max(1, len(squares) // (QUIET // 2 if few else QUIET)))
+    return float(np.sqrt(np.quantile([np.mean(w) for w in windows], 0.2 if few else 0.5)))
 
 
 def rate(time_s: Floats, values: Floats) -> Floats:
