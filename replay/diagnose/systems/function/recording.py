@@ -189,7 +189,7 @@ def noise_of(values: Floats) -> float:
     gaps = np.abs(np.diff(good))
     steps = gaps[gaps > 1e-12 * max(1.0, float(np.max(np.abs(good))))]
     step = float(np.quantile(steps, 0.02)) if len(steps) else 0.0
-    white = min((_white(good, order) for order in ORDERS if len(good) > 2 * order), default=0.0)
+    white = min((w for w in (_white(good, order) for order in ORDERS if len(good) > order) if w), default=0.0)
     quantised = step / np.sqrt(12) if len(steps) < 0.9 * len(gaps) else 0.0
     return max(white, quantised, 1e-9 * float(np.ptp(good)), 1e-300)
 
@@ -198,6 +198,8 @@ def _white(values: Floats, order: int) -> float:
     """White noise as differences of an order tell it; a smooth signal adds less to them the higher it is."""
     squares = np.diff(values, order) ** 2 / comb(2 * order, order)
     few = len(squares) < SHORT
+    if len(squares) < QUIET:
+        return 0.0  # not told: all of it may be a transient
     windows = np.array_split(squares, max(1, len(squares) // (QUIET // 2 if few else QUIET)))
     return float(np.sqrt(np.quantile([np.mean(w) for w in windows], 0.2 if few else 0.5)))
 
