@@ -61,9 +61,7 @@ def run(args: argparse.Namespace) -> int:
     filmed: list[Filmed] = []
     with compiling_meanwhile() as wait:
         for k, plan in enumerate(PLANS):
-            say(
-                f"{k + 1}/6 {plan.name}: an emulated OB1 MK4 is driven through its driver, filmed at 240 frames/s, tracked"
-            )
+            say(f"{k + 1}/6 {plan.name}: an emulated OB1 MK4 is driven by its real driver, filmed, tracked")
             camera = None if plan.places else filmed[-1].tracked.camera
             filmed.append(record(plan, BASE, concealed, out, args.seed + k, camera))
         wait()

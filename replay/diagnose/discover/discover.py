@@ -201,7 +201,9 @@ def with_unseen(trial: Trial, recordings: Sequence[Recorded]) -> Trial:
         square = np.nansum(np.nan_to_num(off, nan=0.0, posinf=1e6, neginf=-1e6) ** 2, axis=0)
         out += [float(part.sum()) for part in np.array_split(square, max(1, round(BLOCKS * one.held.sum() / total)))]
     # what is held out counts as much as what is fitted, whichever is longer
-    return replace(trial, unseen=np.array(out) * fewer)
+    noise = noise_in(recordings) / trial.unit
+    least = float(np.sum(noise**2)) * sum(int(one.held.sum()) for one in recordings) * fewer
+    return replace(trial, unseen=np.array(out) * fewer, noise=trial.noise + (0.0 if len(trial.unseen) else least))
 
 
 def polished(trial: Trial, recordings: Sequence[Recorded]) -> Trial:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.discover.discover import TO_NOISE, Discovery, of_note
 from straw.replay.diagnose.discover.trial import Trial
-from straw.replay.diagnose.discover.words import Told, as_json, is_fault, law_text, told
+from straw.replay.diagnose.discover.words import Told, as_json, drifts, is_fault, law_text, told
 from straw.replay.diagnose.systems.function.recording import Recorded
 
 Floats = NDArray[np.float64]
@@ -60,7 +60,7 @@ class SystemFindings:
             return "unknown_physics"
         faults = [is_fault(law) for law in d.best.laws]
         first = [is_fault(one.laws[-1]) for one in self.alike]
-        if any(one != faults[0] for one in first) or len(self.alike_places) > 2:
+        if any(one != faults[0] for one in first) or len(self.alike_places) > 2 or drifts(d.best.laws[0]):
             return "ambiguous"
         return "measurement_fault" if all(faults) else "missing_physics"
 
@@ -158,7 +158,7 @@ class SystemFindings:
         ratio = float(np.sqrt(np.mean((d.held[-1] / d.base.unit) ** 2) / np.mean((d.held[0] / d.base.unit) ** 2)))
         gain = f"with it the error on what was held out is {100 * ratio:.2g} % of the base's"
         if verdict == "ambiguous":
-            others = "; ".join(self.alike_places[:3])
+            others = "; or ".join(self.alike_places[:2]) or "a drift of the system itself"
             return f"Something is missing {names[0]}; {these} cannot tell it from {others}; {gain}."
         what = "The recording is at fault" if verdict == "measurement_fault" else "The model leaves something out"
         return f"{what} {text}; {gain}."

@@ -60,6 +60,11 @@ def is_fault(law: Law) -> bool:
     return law.place.kind == CHANNEL and law.state.kind in (OF_SHOWN, OF_TIME, OF_NOTHING) and law.state.lag_s is None
 
 
+def drifts(law: Law) -> bool:
+    """Whether a law is a drift of what is shown: of the instrument or of the system, which time does not tell."""
+    return law.place.kind == CHANNEL and law.state.kind == OF_TIME
+
+
 def told(trial: Trial, number: int) -> Told:
     """A trial's law by its number, with what the recordings leave open, the other constants free."""
     law, fit = trial.laws[number], trial.fit

@@ -73,6 +73,8 @@ def agrees(case: Case, f: SystemFindings) -> str:
     says = [one.law.says for one in f.laws]
     if not case.found:
         return "yes" if f.verdict in ("complete", "unknown_physics", "ambiguous") else "no (claims)"
+    if "cannot be told" in case.literature and f.verdict == "ambiguous":
+        return "yes"
     if any(word in one for word in case.found for one in says):
         return "yes"
     alike = [trial.laws[-1].says for step in f.discovery.steps for trial in step.alike]

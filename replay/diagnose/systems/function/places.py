@@ -87,7 +87,7 @@ def places(system: FunctionSystem, seen: Sequence[Passed]) -> list[Place]:
         out.append(Place(SHIFT, which, f"law:{name}", f"the law {model.named(name)}", constant.unit, size))
     for i, constant in enumerate(model.constants):
         if constant.name not in optional:
-            says = f"the constant {model.named(constant.name)}"
+            says = model.says.get(constant.name, f"the constant {constant.name}")
             out.append(Place(FACTOR, i, f"constant:{constant.name}", says, "1", 0.3))
     for i, channel in enumerate(model.channels):
         size = float(np.std(np.concatenate([p.recording.seen[i][np.isfinite(p.recording.seen[i])] for p in seen])))

@@ -28,6 +28,8 @@ SHORTEST = 4
 RATE_NOISE, RATE_WINDOW = 0.1, 0.02
 #: Readings of a window in which a channel may be quiet: half of them tell the noise.
 QUIET = 8
+#: In a recording of fewer readings, most of which may be a transient, a fifth of windows half as long do.
+SHORT = 64
 #: Orders of differences that may tell it.
 ORDERS = (2, 3, 4, 6)
 #: Parts that a recording without a hold-out of its own is cut into; every third is held out where there is one only.
@@ -187,7 +189,7 @@ def noise_of(values: Floats) -> float:
     gaps = np.abs(np.diff(good))
     steps = gaps[gaps > 1e-12 * max(1.0, float(np.max(np.abs(good))))]
     step = float(np.quantile(steps, 0.02)) if len(steps) else 0.0
-    white = min((_white(good, order) for order in ORDERS if len(good) > 2 * order), default=0.0)
+    white = min((w for w in (_white(good, order) for order in ORDERS if len(good) > order) if w), default=0.0)
     quantised = step / np.sqrt(12) if len(steps) < 0.9 * len(gaps) else 0.0
     return max(white, quantised, 1e-9 * float(np.ptp(good)), 1e-300)
 
@@ -195,8 +197,11 @@ def noise_of(values: Floats) -> float:
 def _white(values: Floats, order: int) -> float:
     """White noise as differences of an order tell it; a smooth signal adds less to them the higher it is."""
     squares = np.diff(values, order) ** 2 / comb(2 * order, order)
-    windows = np.array_split(squares, max(1, len(squares) // QUIET))
-    return float(np.sqrt(np.median([np.mean(w) for w in windows])))
+    few = len(squares) < SHORT
+    if len(squares) < QUIET:
+        return 0.0  # not told: all of it may be a transient
+    windows = np.array_split(squares, max(1, len(squares) // (QUIET // 2 if few else QUIET)))
+    return float(np.sqrt(np.quantile([np.mean(w) for w in windows], 0.2 if few else 0.5)))
 
 
 def rate(time_s: Floats, values: Floats) -> Floats:
