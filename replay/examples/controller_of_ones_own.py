@@ -7,7 +7,7 @@ from tempfile import mkdtemp
 import straw
 
 Path("hold.toml").write_text(
-    'name = "hold"\npressure_unit = "kPa"\ninitial_deployed = [1, 4]\n[[main]]\nhold = -2\nfor_s = 0.2\n'
+    'name = "hold"\npressure_unit = "kPa"\ninitial_deployed = [1, 4]\n[[main]]\nhold = -2\nfor_s = 2.0\n'
 )
 
 # %%
