@@ -8,7 +8,7 @@ from typing import Any
 
 from straw.replay.api.given import GivenProtocol, GivenStraw, Named, the_protocol, the_straw
 from straw.replay.api.recordings import Recording, read_recording
-from straw.replay.commands.rig_run import drive, emulation
+from straw.replay.commands.rig_run import drive, emulation, write_true_tip
 from straw.replay.errors import ReplayError
 from straw.replay.output import check_new
 from straw.rig.clock import SteppedClock
@@ -50,11 +50,13 @@ def run_protocol(
     straw: GivenStraw = None,
     rate_hz: float = 100.0,
     metadata: Mapping[str, str] | None = None,
+    tip: Named | None = None,
 ) -> Recording:
     """Drive a protocol, record it in ``output`` and return the recording.
 
     On ``controller`` (not opened yet), or with ``emulate`` on an emulated OB1 MK4 with ``straw`` behind it, as ``fast``
-    as the arithmetic or in real time. ``rate_hz``: readings a second. ``metadata`` goes on record. Vents at the end,
+    as the arithmetic or in real time. ``rate_hz``: readings a second. ``metadata`` goes on record. ``tip``: where, with
+    ``emulate``, the track of a perfect camera is written; it is joined to the recording. Vents at the end,
     and on any error or signal; raises RigError.
     """
     the, what, path = the_straw(straw), the_protocol(protocol), Path(output)
@@ -64,12 +66,21 @@ def run_protocol(
     def work(driver: Controller) -> Recording:
         return read_recording(drive(driver, what, path, the.cells, rate_hz, **about).path)
 
-    if (controller is None) != emulate:
-        raise ReplayError("run_protocol: give a controller, or emulate=True: one of them")
+    if (controller is None) != emulate or (tip is not None and not emulate):
+        raise ReplayError("run_protocol: give a controller, or emulate=True: one of them; tip belongs to the latter")
     if controller is not None:
         return work(controller)
+    if tip is not None:
+        check_new(Path(tip))
     clock = SteppedClock() if fast else None
     with emulation(the, what.initial_deployed, "ob1-mk4", clock=clock) as there:
-        if clock:
-            return work(make_controller("ob1-mk4", there.url, clock=clock))
-        return work(GuardedController("ob1-mk4", there.url, remembered=False))
+        driver = (
+            make_controller("ob1-mk4", there.url, clock=clock)
+            if clock
+            else GuardedController("ob1-mk4", there.url, remembered=False)
+        )
+        recorded = work(driver)
+    if tip is None:
+        return recorded
+    write_true_tip(Path(tip), recorded, there.twin.history)
+    return read_recording(path, tip)
