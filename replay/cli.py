@@ -155,6 +155,29 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--remote", action="store_true", help="--listen may name an address that others can reach")
     p.add_argument("--no-browser", action="store_true", help="print the address, open nothing")
 
+    p = _command(
+        commands, "investigate", "diagnose, run the experiment that tells most, again, until there is an answer"
+    )
+    p.add_argument("folder", nargs="?", metavar="FOLDER", help="where the recordings are (the rig's, else the current)")
+    _rig(p)
+    p.add_argument("--specimen", metavar="NAME", help="which straw (the only one in the folder)")
+    p.add_argument("--certainty", type=float, default=0.9, metavar="P", help="how probable an answer must be (0.9)")
+    p.add_argument("--rounds", type=int, default=8, metavar="N", help="run at most so many experiments (8)")
+    p.add_argument("--minutes", type=float, metavar="M", help="drive the rig for at most so long")
+    p.add_argument("--snaps", type=int, metavar="N", help="let cells snap at most so often")
+    p.add_argument("--yes", type=_seed, default=0, metavar="N", help="say yes to N rounds that need no hand (0: ask)")
+    p.add_argument("--log", type=Path, metavar="L.jsonl", help="its log, to go on from (investigate-SPECIMEN.jsonl)")
+    p.add_argument("--operator", default="", metavar="NAME", help="who says yes, for the record")
+    p.add_argument("--fast", action="store_true", help="with --emulate: as fast as the arithmetic, not in real time")
+    p.add_argument("--twin", type=Path, metavar="T.toml", help="with --emulate: what is emulated, unlike --straw")
+    p.add_argument(
+        "--without", nargs="+", action="extend", default=[], metavar="CAUSE", help="leave causes out of the library"
+    )
+    p.add_argument("--jobs", type=int, default=2, metavar="N", help="threads (2)")
+    p.add_argument("--dask", metavar="ADDRESS", help="a Dask scheduler to send the work to")
+    _straw(p, "the base model; its own constants are refitted")
+    _json(p)
+
     p = _command(commands, "track", "from a video to the tip's X, Z and Phi")
     p.add_argument("videos", type=Path, nargs="+", metavar="VIDEO", help="a file, or the chapters of one recording")
     p.add_argument("--camera", type=Path, required=True, metavar="CAMERA.json", help="lens, and placement if known")

@@ -107,8 +107,10 @@ def drive_emulated(
     if args.tip:
         check_new(args.tip)
     settings = channels_of(args, protocol)
+    cycle = protocol.cycle if args.cycle is None else args.cycle
+    worn = straw.replace(cycle=float(cycle))  # as what is recorded says
     with emulation(
-        straw, protocol.initial_deployed, args.controller, clock=clock, channels=settings["channels"]
+        worn, protocol.initial_deployed, args.controller, clock=clock, channels=settings["channels"]
     ) as emulated:
         rig = (
             make_controller(args.controller, emulated.url, clock=clock, **settings)

@@ -22,9 +22,9 @@ from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.judge import UNKNOWN_AT_MOST, by_cause, surviving, unknown_leaves, weighed
 from straw.replay.diagnose.settings import COARSE_TOLERANCE_M, TOLERANCE_M
 from straw.replay.diagnose.systems.straw.constants import MEASUREMENT, base_unknowns
-from straw.replay.diagnose.systems.straw.experiment import Choice, _toml, menu
 from straw.replay.diagnose.systems.straw.instrument import Instrument
 from straw.replay.diagnose.systems.straw.library import causes
+from straw.replay.diagnose.systems.straw.menu import Choice, menu, written
 from straw.replay.diagnose.systems.straw.misfit import bend_basis, misfit, whitened
 from straw.replay.diagnose.systems.straw.observation import observe
 from straw.replay.diagnose.systems.straw.simulated import most_steps_per_s
@@ -160,7 +160,7 @@ def test_probabilities_are_gathered_by_cause_and_the_fewest_that_suffice_survive
 @pytest.mark.parametrize("choice", menu(9), ids=lambda choice: choice.name)
 def test_every_experiment_on_the_menu_runs_on_the_rig_within_its_limits(choice: Choice, tmp_path):
     path = tmp_path / "next.toml"
-    path.write_text(_toml(choice))
+    path.write_text(written(choice))
     protocol = load_protocol(path)
     assert protocol.initial_deployed == choice.deployed
     assert protocol.duration_s == pytest.approx(1.0 + sum(seconds for _, seconds in choice.holds))

@@ -1,9 +1,9 @@
-"""The next experiment: of a menu of protocols, the one under which the hypotheses that survive differ most."""
+"""Which experiment tells: protocols played by every hypothesis that survives, and how far apart they then are."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,14 +16,17 @@ from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Contestant
 from straw.replay.diagnose.settings import SIMULATED_EVERY_S, TOLERANCE_M
 from straw.replay.diagnose.systems.straw.constants import applied
+from straw.replay.diagnose.systems.straw.menu import Choice, menu, written
 from straw.replay.diagnose.systems.straw.of import straw_of
+from straw.replay.diagnose.systems.straw.snaps import crossings, levels_of
+from straw.rig.outlet import Outlet
+from straw.rig.protocol import PressureProtocol
+from straw.rig.protocol_toml import protocol_from_toml
 
 Floats = NDArray[np.float64]
 
 #: Noise the difference is measured in: m, m, rad, with what repeats differ by; and how long noise lasts, s.
 SIGMA, LASTS_S = np.array([40e-6, 60e-6, 3e-3]), 0.1
-#: What settles of a commanded step at once, s (paper: 97 % within 70 ms).
-SETTLES_S = 0.02
 
 
 @dataclass(frozen=True)
@@ -40,53 +43,38 @@ class Experiment:
         return dict(vars(self))
 
 
-@dataclass(frozen=True)
-class Choice:
-    """An entry of the menu: holds of (kPa, s), cells deployed, and what it is good for."""
+@dataclass(frozen=True, eq=False)
+class Rated:
+    """A protocol, how many sigmas each pair of hypotheses is apart under it (k, k), and how many cells snap at most."""
 
-    name: str
-    deployed: tuple[int, ...]
-    holds: tuple[tuple[float, float], ...]
-    why: str
+    protocol: PressureProtocol
+    separation: Floats
+    snaps: int
 
+    def information(self, probability: Sequence[float]) -> float:
+        """What it is expected to tell of which hypothesis holds, nats, at least; ``probability`` (k,) before it.
 
-def menu(cells: int) -> list[Choice]:
-    """Protocols worth trying: three rates, dwells below the threshold, both directions, elastic pulses."""
-    every = tuple(range(1, cells + 1))
-    most = tuple(c for c in every if c not in (1, 4))
-    out = []
-    for kpa in (26.0, 30.0, 40.0):
-        out.append(
-            Choice(f"deploy-{kpa:.0f}kPa", most, ((kpa, 4.0),), "deployment at another pressure: speed of snaps")
-        )
-    out.append(Choice("dwell-below", most, ((20.0, 3.0), (35.0, 3.0)), "a dwell below the threshold, then deployment"))
-    out.append(Choice("deploy-all", (), ((30.0, 6.0),), "every cell deploys, from the folded state"))
-    for kpa in (-16.0, -22.0, -30.0):
-        out.append(Choice(f"fold{kpa:.0f}kPa", (1, 4), ((kpa, 4.0),), "folding at another suction: speed of snaps"))
-    out.append(Choice("dwell-above", (1, 4), ((-10.0, 3.0), (-25.0, 3.0)), "a dwell above the threshold, then folding"))
-    pulses = tuple((p, 0.3) for p in (12.0, -9.0, 12.0, -9.0, 12.0, 0.0))
-    out.append(Choice("pulses", every, pulses, "no snap: elasticity, the line and the gauge alone"))
-    out.append(Choice("pulses-folded", (1,), pulses, "no snap with most cells folded: the folded state alone"))
-    steps = tuple((p, 0.6) for p in (4.0, 8.0, 12.0, 8.0, 4.0, 0.0, -4.0, -8.0, -4.0, 0.0))
-    out.append(Choice("stairs", every, steps, "small steps: gain and offset of gauge and length"))
-    return [c for c in out if all(cell <= cells for cell in c.deployed)]
+        The bound of Kolchinsky and Tracey (Entropy 19, 361, 2017) for a mixture of normal distributions of one
+        covariance, s sigma apart, whose Bhattacharyya distance is s^2 / 8: I >= -sum_i p_i ln sum_j p_j exp(-s_ij^2/8).
+        """
+        p = np.array(probability) / np.sum(probability)
+        return float(-np.sum(p * np.log(np.exp(-(np.nan_to_num(self.separation) ** 2) / 8) @ p)))
 
 
 def next_experiment(campaign: Campaign, survivors: Sequence[Contestant], *, explain: bool = True) -> Experiment | None:
-    """The choice with the largest smallest separation of the survivors; None with fewer than two of them.
+    """Of the menu, that with the largest smallest separation of the survivors; None with fewer than two of them.
 
     ``explain``: whether they explain the runs, or only come nearest of all that do not.
     """
     if len(survivors) < 2:
         return None
+    choices = menu(straw_of(campaign).cells)
     best: tuple[float, Choice] | None = None
-    for choice in menu(straw_of(campaign).cells):
-        seen = [s for s in (_played(campaign, c, choice) for c in survivors) if s is not None]
-        if len(seen) < 2:
-            continue
-        gaps = [_separation(a, b) for a, b in itertools.combinations(seen, 2)]
-        if best is None or min(gaps) > best[0]:
-            best = min(gaps), choice
+    for choice, one in zip(choices, rated(campaign, survivors, map(written, choices)), strict=True):
+        gaps = one.separation[np.triu_indices(len(survivors), 1)] if one else np.array([np.nan])
+        gap = float(np.min(gaps[np.isfinite(gaps)], initial=np.inf))
+        if np.isfinite(gap) and (best is None or gap > best[0]):
+            best = gap, choice
     if best is None:
         return None
     separation, choice = best
@@ -95,25 +83,42 @@ def next_experiment(campaign: Campaign, survivors: Sequence[Contestant], *, expl
         why = f"{choice.why}; would tell {' from '.join(names)}"
     else:
         why = f"{choice.why}; what comes nearest, {' and '.join(names)}, differs most there"
-    return Experiment(_toml(choice), ",".join(map(str, choice.deployed)), why, separation)
+    return Experiment(written(choice), ",".join(map(str, choice.deployed)), why, separation)
 
 
-def _played(campaign: Campaign, contestant: Contestant, choice: Choice) -> Floats | None:
-    """Tip (3, n) under a choice as a hypothesis sees it; None where it cannot be played."""
+def rated(campaign: Campaign, survivors: Sequence[Contestant], protocols: Iterable[str]) -> list[Rated | None]:
+    """Protocols (TOML) as these hypotheses see them, worked out by the campaign's workers.
+
+    None where fewer than two can play it; a pair of which one cannot is NaN sigmas apart.
+    """
+    read = [protocol_from_toml(text, "an experiment") for text in protocols]
+    jobs = [[campaign.pool.submit(_played, campaign, c, protocol) for c in survivors] for protocol in read]
+    out: list[Rated | None] = []
+    for protocol, row in zip(read, jobs, strict=True):
+        seen = [job.result() for job in row]
+        separation = np.zeros((len(seen), len(seen)))
+        for i, k in itertools.combinations(range(len(seen)), 2):
+            a, b = seen[i], seen[k]
+            separation[i, k] = separation[k, i] = np.nan if a is None or b is None else _separation(a, b)
+        snaps = max((_snaps(one) for one in seen if one is not None), default=0)
+        played = sum(one is not None for one in seen)
+        out.append(Rated(protocol, separation, snaps) if played > 1 else None)
+    return out
+
+
+def _played(campaign: Campaign, contestant: Contestant, protocol: PressureProtocol) -> Floats | None:
+    """Tip (3, n) under a protocol as a hypothesis sees it; None where it cannot be played."""
     straw, instrument = applied(straw_of(campaign), contestant.fit.unknowns, contestant.fit.u)
-    length = 0.5 + sum(seconds for _, seconds in choice.holds)
-    grid = np.arange(0.0, length, SIMULATED_EVERY_S)
-    begins = 0.5 + np.cumsum([0.0, *(seconds for _, seconds in choice.holds)])[:-1]
-
-    def pressure(t: Floats) -> Floats:
-        out, before = np.zeros_like(t), 0.0
-        for begin, (kpa, _) in zip(begins, choice.holds, strict=True):
-            out += (1e3 * kpa - before) * np.where(t > begin, 1 - np.exp(-np.clip(t - begin, 0, None) / SETTLES_S), 0)
-            before = 1e3 * kpa
-        return instrument.true_pressure(out, t)
-
+    grid = np.arange(0.0, protocol.duration_s, SIMULATED_EVERY_S)
+    outlet = Outlet(protocol)
     try:
-        seen = simulate(straw, pressure, grid, choice.deployed, tolerance_m=TOLERANCE_M)
+        seen = simulate(
+            straw,
+            lambda t: instrument.true_pressure(outlet(t), t),
+            grid,
+            protocol.initial_deployed,
+            tolerance_m=TOLERANCE_M,
+        )
     except ModelError:
         return None
     pose = np.stack([seen.x_m, seen.z_m, seen.phi_rad])
@@ -121,24 +126,14 @@ def _played(campaign: Campaign, contestant: Contestant, choice: Choice) -> Float
     return instrument.seen(np.stack([np.interp(at, grid, row) for row in pose]))
 
 
+def _snaps(pose: Floats) -> int:
+    """How often a tip (3, n) shows a snap."""
+    grid = np.arange(pose.shape[1]) * SIMULATED_EVERY_S
+    return len(crossings(grid, pose[2], levels_of(pose[2]))[::2])
+
+
 def _separation(a: Floats, b: Floats) -> float:
     """How many sigmas two predictions are apart, a stretch as long as noise lasts counting once."""
     n = min(a.shape[1], b.shape[1])
     scaled = (a[:, :n] - b[:, :n]) / SIGMA[:, None]
     return float(np.sqrt(np.sum(scaled**2) * SIMULATED_EVERY_S / LASTS_S))
-
-
-def _toml(choice: Choice) -> str:
-    lines = [
-        f"# Proposed by straw diagnose: {choice.why}.",
-        f'name = "{choice.name}"',
-        'pressure_unit = "kPa"',
-        f"initial_deployed = {list(choice.deployed)}",
-        "",
-        "[[prefix]]",
-        "hold = 0",
-        "for_s = 0.5",
-    ]
-    for kpa, seconds in choice.holds:
-        lines += ["", "[[main]]", f"hold = {kpa:g}", f"for_s = {seconds:g}"]
-    return "\n".join([*lines, "", "[[suffix]]", "hold = 0", "for_s = 0.5", ""])

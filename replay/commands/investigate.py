@@ -1,0 +1,72 @@
+"""straw investigate: diagnose, choose and dry-run the next experiment, ask, run it, again, until there is an answer."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from straw.model.parameters import load_straw
+from straw.replay.commands.rig_of import settings_of, take_rig
+from straw.replay.errors import ReplayError
+from straw.replay.investigate.bench import Bench, check_place
+from straw.replay.investigate.budget import Budget
+from straw.replay.investigate.campaign import Folder, specimen_of
+from straw.replay.investigate.log import Log
+from straw.replay.investigate.loop import Loop
+from straw.replay.output import write_json
+from straw.replay.progress import prepare, say
+from straw.replay.workers import threads
+from straw.rig.limits import STRAW_LIMITS
+
+
+def run(args: argparse.Namespace) -> int:
+    """Go on until there is a reason to stop; 0 when it is an answer, 1 when not."""
+    if not 0.5 < args.certainty < 1:
+        raise ReplayError(f"--certainty {args.certainty:g}: expected a probability between 0.5 and 1, as 0.9")
+    for name in ("rounds", "minutes", "snaps"):
+        if (value := getattr(args, name)) is not None and value <= 0:
+            raise ReplayError(f"--{name} {value:g}: expected a number above 0, or leave it out")
+    rig = take_rig(args)
+    if (args.fast or args.twin) and not args.emulate:
+        raise ReplayError("--fast and --twin belong to --emulate: a real rig runs in real time, with a real straw")
+    straw = load_straw(args.straw)
+    if args.twin:
+        load_straw(args.twin)  # what is wrong with it is said before anything else happens
+    path = Path(args.folder or (rig.folder if rig else Path())).resolve()
+    if not path.is_dir():
+        raise ReplayError(f"{path} is not a folder; name the one that holds the recordings")
+    folder = Folder(path, specimen_of(path, args.specimen, args.emulate))
+    log = (args.log or path / f"investigate-{_plain(folder.specimen)}.jsonl").resolve()
+    limits = settings_of(args).get("limits", STRAW_LIMITS).and_also(STRAW_LIMITS)
+    prepare()
+    with Log(log) as lines, threads(args.jobs, args.dask) as pool:
+        if lines.torn:
+            say(f"{log}: {lines.torn} lines that were cut are left out")
+        if lines.lines:
+            say(f"{log}: goes on from its {len(lines.lines)} lines")
+        check_place(log.with_suffix(""))
+        bench = Bench(args, straw, limits, rig, folder, log.with_suffix(""), pool, command)
+        budget = Budget(args.rounds, args.minutes, args.snaps)
+        loop = Loop(lines, bench, budget, args.certainty, args.yes, say)
+        stop = loop.run()
+    spent = loop.state.spent
+    if args.json:
+        write_json(args.json, {**asdict(stop), "code": stop.code, "spent": asdict(spent), "log": str(log)})
+    print(f"stopped: {stop.reason.replace('_', ' ')}: {stop.says}")
+    print(f"{spent.rounds} rounds, {spent.minutes:.2f} minutes of driving, {spent.snaps} snaps; all of it in {log}")
+    return stop.code
+
+
+def command(words: Sequence[str]) -> int:
+    """Another command of straw, in this process, as from the command line."""
+    from straw.replay.cli import parser
+
+    given = parser().parse_args(list(words))
+    return int(importlib.import_module(f"straw.replay.commands.{given.module}").run(given))
+
+
+def _plain(name: str) -> str:
+    return "".join(c if c.isalnum() or c in "-_." else "-" for c in name)

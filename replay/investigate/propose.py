@@ -1,0 +1,102 @@
+"""Propose: experiments that the surviving hypotheses disagree about: the menu, free designs, and repeats of runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.fit import Contestant
+from straw.replay.diagnose.hypothesis import Hypothesis
+from straw.replay.diagnose.inquiry import Inquiry
+from straw.replay.diagnose.judge import surviving
+from straw.replay.diagnose.systems.straw.experiment import Rated, rated
+from straw.replay.diagnose.systems.straw.menu import Choice, allowed, drawn, menu, varied, written
+from straw.replay.diagnose.systems.straw.of import straw_of
+from straw.replay.investigate.steps import Proposal
+from straw.rig.limits import PressureLimits
+from straw.rig.protocol import PressureProtocol
+
+#: Hypotheses that an experiment is judged by, at most: each is a simulation of every candidate.
+MOST_HYPOTHESES = 4
+#: Free designs that are drawn, the best that are varied, variations of each: as many simulations as the menu twice.
+DRAWN, FOLLOWED, VARIATIONS = 12, 3, 4
+#: What is run first, one in each direction, where too little is known to ask for more.
+OPENINGS = ("deploy-30kPa", "deploy-26kPa", "fold-22kPa", "fold-16kPa")
+
+
+def proposals(found: Inquiry, limits: PressureLimits, known: Sequence[str]) -> list[Proposal]:
+    """Experiments within the limits with what each is expected to tell and cost; ``known``: protocols that were run, as
+    TOML, once for each run. Empty where fewer than two hypotheses can be played."""
+    probability, among = hypotheses(found)
+    if len(among) < 2:
+        return []
+    campaign, cells = found.campaign, straw_of(found.campaign).cells
+    rng = np.random.default_rng(len(campaign.observations))  # the same campaign is offered the same
+    choices = [c for c in menu(cells) if allowed(c, limits)] + [drawn(rng, cells, limits) for _ in range(DRAWN)]
+    first = _rated(campaign, among[:2], probability[:2], choices, limits)
+    best = [choice for _, choice in sorted(first, key=lambda row: -row[0])[:FOLLOWED]]
+    choices += [varied(choice, rng, limits) for choice in best for _ in range(VARIATIONS)]
+    texts = list(dict.fromkeys([*(written(c, limits) for c in choices), *known]))
+    why = {written(c, limits): c.why for c in choices}
+    names = " from ".join(c.name.replace("_", " ") for c in among)
+    out = []
+    for text, one in zip(texts, rated(campaign, among, texts), strict=True):
+        if one is None or any(limits.why_not(float(p)) for p in one.protocol.pressure_pa):
+            continue
+        out.append(_proposal(text, one, probability, f"{why.get(text, 'once more')}; would tell {names}", known))
+    return out
+
+
+def hypotheses(found: Inquiry) -> tuple[list[float], list[Contestant]]:
+    """The hypotheses that survive and can be played, most probable first, at least two where there are; "complete" is
+    the base, and what nobody has thought of can play nothing: what comes nearest to it then stands for it."""
+    probability = found.judgement().probability
+    fitted = {c.name: c for c in found.contestants}
+    fitted["complete"] = Contestant(Hypothesis((), (), ()), found.null)
+    names = [name for name in probability if name in fitted]
+    count = max(2, sum(name in fitted for name in surviving(probability)))
+    chosen = names[: min(count, MOST_HYPOTHESES)]
+    return [probability[name] for name in chosen], [fitted[name] for name in chosen]
+
+
+def openings(cells: int, limits: PressureLimits, known: Sequence[str]) -> list[Proposal]:
+    """What is run before anything can be diagnosed: one run in each direction that was not run yet."""
+    by_name = {c.name: c for c in menu(cells) if allowed(c, limits)}
+    out = []
+    for direction in ("deploy", "fold"):
+        mine = [by_name[name] for name in OPENINGS if name.startswith(direction) and name in by_name]
+        texts = [written(c, limits) for c in mine]
+        if not mine or any(text in known for text in texts):
+            continue
+        why = f"{mine[0].why}; nothing is known yet, so both directions come first"
+        minutes = (1.0 + sum(s for _, s in mine[0].holds)) / 60
+        out.append(Proposal(texts[0], mine[0].deployed, why, 0.0, 0.0, minutes, 0, opening=True))
+    return out
+
+
+def _rated(
+    campaign: Campaign,
+    among: Sequence[Contestant],
+    probability: Sequence[float],
+    choices: Sequence[Choice],
+    limits: PressureLimits,
+) -> list[tuple[float, Choice]]:
+    """Choices that can be played with what they tell, nats."""
+    seen = zip(choices, rated(campaign, among, [written(c, limits) for c in choices]), strict=True)
+    return [(one.information(probability), choice) for choice, one in seen if one is not None]
+
+
+def _proposal(text: str, one: Rated, probability: Sequence[float], why: str, known: Sequence[str]) -> Proposal:
+    protocol: PressureProtocol = one.protocol
+    return Proposal(
+        text,
+        protocol.initial_deployed,
+        why,
+        one.information(probability),
+        float(np.nanmax(one.separation)),
+        protocol.duration_s / 60,
+        one.snaps,
+        run_before=sum(text == other for other in known),
+    )

@@ -1,0 +1,310 @@
+"""The closed loop by itself: reasons to stop, what is chosen, the log, and going on after a crash at any step."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from straw.replay.errors import ReplayError
+from straw.replay.investigate.budget import Budget, Spent
+from straw.replay.investigate.log import Log
+from straw.replay.investigate.loop import Loop, Stop, certainty_of
+from straw.replay.investigate.state import State
+from straw.replay.investigate.steps import Found, Plan, Proposal, Ran
+from straw.rig.errors import RigError
+
+UNSURE = {"cohesion": 0.5, "squeeze_film": 0.4, "complete": 0.1}
+SURE = {"cohesion": 0.9, "cohesion+clock_offset": 0.06, "squeeze_film": 0.04}
+
+
+def offered(name: str, nats: float = 0.5, sigma: float = 9.0, minutes: float = 0.1, snaps: int = 3) -> Proposal:
+    return Proposal(f'name = "{name}"', (1, 4), name, nats, sigma, minutes, snaps)
+
+
+class Crash(BaseException):
+    """The process dies."""
+
+
+class Fakes:
+    """A world outside the loop that outlives it: ``named_after`` runs the cause is sure. ``crash`` names the step at
+    which, the next time it is taken, the process dies before and with ``late`` after the step was done."""
+
+    def __init__(self, named_after: int = 2, menu: Sequence[Proposal] = ()) -> None:
+        self.named_after = named_after
+        self.menu = list(menu) or [offered("a", 0.6), offered("b", 0.5), offered("c", 0.4)]
+        self.sure = Found("missing_physics", ("cohesion",), SURE, "cohesion is missing")
+        self.answer, self.forbidden, self.tracks, self.hand = "somebody", set[str](), True, ""
+        self.ended: dict[str, Ran] = {}
+        self.status, self.error = "success", ""
+        self.crash, self.late = "", False
+        self.ran: list[str] = []
+        self.asked = self.diagnosed = 0
+
+    def _dies(self, step: str, late: bool) -> None:
+        if (step, late) == (self.crash, self.late):
+            self.crash = ""
+            raise Crash
+
+    def recordings(self) -> tuple[str, ...]:
+        return tuple(sorted(ran.sha256 for ran in self.ended.values() if ran.well))
+
+    def diagnose(self) -> Found:
+        self._dies("diagnose", False)
+        self.diagnosed += 1
+        runs = self.recordings()
+        found = self.sure if len(runs) >= self.named_after else Found("ambiguous", ("cohesion",), UNSURE, "not told")
+        return Found(found.verdict, found.causes, found.probability, found.says, runs)
+
+    def propose(self, found: Found) -> Sequence[Proposal]:
+        self._dies("propose", False)
+        return self.menu
+
+    def dry_run(self, proposal: Proposal, left: Sequence[int] | None) -> Plan:
+        self._dies("dry_run", False)
+        if proposal.why in self.forbidden:
+            raise RigError(f"{proposal.why} is beyond the limit")
+        return Plan(proposal.minutes, proposal.snaps, "", self.hand, (1,))
+
+    def ask(self, proposal: Proposal, plan: Plan, repeat: int) -> str:
+        self._dies("ask", False)
+        self.asked += 1
+        return self.answer
+
+    def recording_of(self, proposal: Proposal, number: int) -> str:
+        return f"{len(self.ended)}-{proposal.why}.mcap"
+
+    def run(self, proposal: Proposal, recording: str) -> None:
+        self._dies("run", False)
+        self.ended[recording] = Ran("cut", recording, minutes=0.05)
+        if self.error:
+            raise RigError(self.error)
+        if (self.crash, self.late) != ("run", True):
+            self.ended[recording] = Ran(self.status, recording, recording, proposal.minutes, proposal.snaps)
+            self.ran.append(proposal.why)
+        self._dies("run", True)
+
+    def after(self, recording: str) -> Ran:
+        self._dies("after", False)
+        return self.ended.get(recording, Ran("none", recording))
+
+    def track(self, recording: str) -> bool:
+        self._dies("track", False)
+        return self.tracks
+
+
+def went(path: Path, fakes: Fakes, budget: Budget | None = None, certainty: float = 0.9, yes: int = 0) -> Stop:
+    with Log(path) as log:
+        return Loop(log, fakes, budget or Budget(), certainty, yes).run()
+
+
+def lines(path: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in path.read_text().splitlines()]
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "log.jsonl"
+
+
+def test_it_runs_what_tells_most_until_the_cause_is_named_with_the_certainty_asked_for(path: Path) -> None:
+    fakes = Fakes(named_after=2)
+    stop = went(path, fakes)
+    assert (stop.reason, stop.code, fakes.ran) == ("named", 0, ["a", "b"])
+    rounds = [line for line in lines(path) if line["kind"] == "round"]
+    assert [(r["number"], r["proposal"]["why"], r["who"]) for r in rounds] == [
+        (1, "a", "somebody"),
+        (2, "b", "somebody"),
+    ]
+    assert rounds[0]["verdict_before"] == "ambiguous"
+    assert lines(path)[-1]["reason"] == "named"
+
+
+def test_a_cause_that_is_less_certain_than_asked_for_is_not_enough(path: Path) -> None:
+    stop = went(path, Fakes(named_after=0), Budget(rounds=3), certainty=0.97)
+    assert (stop.reason, stop.code) == ("budget", 1)
+
+
+def test_with_nothing_missing_nothing_is_run(path: Path) -> None:
+    fakes = Fakes(named_after=0)
+    fakes.sure = Found("complete", (), {"complete": 0.95, "cohesion": 0.05}, "nothing is missing")
+    assert (went(path, fakes).reason, fakes.ran) == ("complete", [])
+
+
+def test_every_cause_that_is_named_has_to_be_certain() -> None:
+    both = Found("missing_physics", ("cohesion", "clock_offset"), SURE)
+    assert certainty_of(both) == pytest.approx(0.06)
+    assert certainty_of(Found("missing_physics", ("cohesion",), SURE)) == pytest.approx(0.96)
+    assert certainty_of(Found("unknown_physics", ("unknown",), {"unknown": 0.99})) == 0
+
+
+def test_it_ends_where_no_experiment_could_bring_even_odds_to_the_certainty(path: Path) -> None:
+    """For 0.9 that takes ln 9 = 2.2 nats, which 2.1 sigma are."""
+    fakes = Fakes(menu=[offered("a", sigma=2.0)])
+    assert went(path, fakes).reason == "nothing_left"
+    fakes = Fakes(named_after=1, menu=[offered("a", sigma=2.2)])
+    assert went(path, fakes).reason == "named"
+
+
+def test_nothing_is_run_twice_unless_a_repeat_tells_most(path: Path) -> None:
+    fakes = Fakes(named_after=3, menu=[offered("a", 0.6), offered("b", 0.5), offered("c", 0.4)])
+    went(path, fakes)
+    assert fakes.ran == ["a", "b", "c"]
+    fakes = Fakes(named_after=3, menu=[offered("a", 0.6), offered("b", 0.25), offered("c", 0.1)])
+    went(path.with_name("other.jsonl"), fakes)
+    assert fakes.ran == ["a", "a", "b"]
+
+
+def test_runs_that_were_recorded_without_the_loop_count_as_run(path: Path) -> None:
+    known = Proposal('name = "a"', (), "a", 0.6, 9.0, 0.1, 3, run_before=2)
+    fakes = Fakes(named_after=1, menu=[known, offered("b", 0.5)])
+    went(path, fakes)
+    assert fakes.ran == ["b"]
+
+
+def test_a_no_ends_it_before_anything_moves(path: Path) -> None:
+    fakes = Fakes()
+    fakes.answer = ""
+    stop = went(path, fakes)
+    assert (stop.reason, stop.code, fakes.ran) == ("refused", 1, [])
+
+
+def test_a_yes_given_in_advance_is_for_so_many_rounds_and_not_for_what_needs_a_hand(path: Path) -> None:
+    fakes = Fakes(named_after=3)
+    went(path, fakes, yes=2)
+    assert (len(fakes.ran), fakes.asked) == (3, 1)
+    fakes = Fakes(named_after=2)
+    fakes.hand = "set cells 1, 4"
+    went(path.with_name("other.jsonl"), fakes, yes=2)
+    assert fakes.asked == 2
+
+
+@pytest.mark.parametrize(
+    ("budget", "runs"), [(Budget(rounds=2), 2), (Budget(None, minutes=0.35), 3), (Budget(None, snaps=5), 1)]
+)
+def test_rounds_minutes_and_snaps_are_counted_and_never_overdrawn(path: Path, budget: Budget, runs: int) -> None:
+    fakes = Fakes(named_after=99)
+    stop = went(path, fakes, budget)
+    assert (stop.reason, stop.code, len(fakes.ran)) == ("budget", 1, runs)
+    assert went(path, fakes, budget).reason == "budget"  # and are spent for the next call as well
+    assert len(fakes.ran) == runs
+
+
+def test_of_two_that_tell_as_much_the_cheaper_one_is_run_and_what_is_too_dear_is_passed_over(path: Path) -> None:
+    fakes = Fakes(
+        named_after=1, menu=[offered("dear", snaps=8), offered("cheap", snaps=2), offered("over", 9.0, snaps=20)]
+    )
+    went(path, fakes, Budget(rounds=None, snaps=10))
+    assert fakes.ran == ["cheap"]
+
+
+def test_what_a_limit_forbids_is_passed_over_and_said_where_nothing_else_is_left(path: Path) -> None:
+    fakes = Fakes(named_after=1)
+    fakes.forbidden = {"a"}
+    went(path, fakes)
+    assert fakes.ran == ["b"]
+    fakes = Fakes()
+    fakes.forbidden = {"a", "b", "c"}
+    stop = went(path.with_name("other.jsonl"), fakes)
+    assert stop.reason == "nothing_left"
+    assert "a is beyond the limit" in stop.says
+
+
+@pytest.mark.parametrize(("status", "error"), [("abort", ""), ("success", "the link is lost")])
+def test_a_run_that_aborts_is_recorded_counts_and_ends_it(path: Path, status: str, error: str) -> None:
+    fakes = Fakes()
+    fakes.status, fakes.error = status, error
+    stop = went(path, fakes)
+    assert (stop.reason, stop.code) == ("aborted", 1)
+    ran = next(line for line in lines(path) if line["kind"] == "ran")
+    assert ran["status"] in ("abort", "cut")
+    assert lines(path)[-1]["spent"]["rounds"] == 1
+    fakes.status, fakes.error = "success", ""
+    assert went(path, fakes, yes=9).reason == "named"  # the same command goes on,
+    assert fakes.asked == 1 + 2  # and somebody has looked before each run
+
+
+def test_a_run_without_a_track_waits_for_one(path: Path) -> None:
+    fakes = Fakes(named_after=1)
+    fakes.tracks = False
+    assert went(path, fakes).reason == "untracked"
+    assert went(path, fakes).reason == "untracked"
+    fakes.tracks = True
+    assert (went(path, fakes).reason, fakes.ran) == ("named", ["a"])
+
+
+STEPS = ("diagnose", "propose", "dry_run", "ask", "run", "after", "track")
+
+
+@pytest.mark.parametrize("step", STEPS)
+def test_after_a_crash_at_any_step_the_same_command_comes_to_the_same_end(path: Path, step: str) -> None:
+    fakes = Fakes(named_after=2)
+    fakes.crash = step
+    with pytest.raises(Crash):
+        went(path, fakes)
+    stop = went(path, fakes)
+    assert (stop.reason, fakes.ran) == ("named", ["a", "b"])
+    assert [line["number"] for line in lines(path) if line["kind"] == "round"] == [1, 2]
+
+
+def test_what_was_proposed_is_not_worked_out_again_after_a_crash(path: Path) -> None:
+    fakes = Fakes(named_after=1)
+    fakes.crash = "ask"
+    with pytest.raises(Crash):
+        went(path, fakes)
+    fakes.crash = "propose"
+    assert went(path, fakes).reason == "named"
+    assert fakes.diagnosed == 2
+
+
+def test_a_run_cut_by_a_crash_counts_as_spent_and_somebody_looks_before_the_next(path: Path) -> None:
+    fakes = Fakes(named_after=1)
+    fakes.crash, fakes.late = "run", True
+    with pytest.raises(Crash):
+        went(path, fakes, yes=5)
+    assert fakes.asked == 0
+    stop = went(path, fakes, yes=5)
+    assert (stop.reason, fakes.ran, fakes.asked) == ("named", ["a"], 1)
+    assert lines(path)[-1]["spent"]["rounds"] == 2
+
+
+def test_a_run_whose_end_was_not_written_down_before_the_crash_is_not_run_again(path: Path) -> None:
+    fakes = Fakes(named_after=1)
+    fakes.crash = "after"
+    with pytest.raises(Crash):
+        went(path, fakes)
+    with_end = [line for line in lines(path) if line["kind"] != "ran"]
+    path.write_text("".join(json.dumps(line) + "\n" for line in with_end))
+    assert (went(path, fakes).reason, fakes.ran) == ("named", ["a"])
+
+
+def test_recordings_that_somebody_adds_are_diagnosed_before_an_old_proposal_is_run(path: Path) -> None:
+    fakes = Fakes(named_after=1)
+    fakes.answer = ""
+    went(path, fakes)
+    fakes.ended["by-hand.mcap"] = Ran("success", "by-hand.mcap", "by-hand")
+    assert (went(path, fakes).reason, fakes.ran) == ("named", [])
+
+
+def test_the_log_only_grows_and_a_line_that_was_cut_is_left_out(path: Path) -> None:
+    went(path, Fakes(named_after=1))
+    before = path.read_bytes()
+    path.write_bytes(before + b'{"kind": "ran", "sta')
+    with Log(path) as log:
+        assert (log.torn, State.of(log.lines).spent) == (1, Spent(1, 0.1, 3))
+        log.write("note")
+    assert path.read_bytes().startswith(before)
+    with Log(path) as log:
+        assert log.lines[-1]["kind"] == "note"
+
+
+def test_two_at_one_log_and_a_file_that_is_no_log_are_refused(path: Path) -> None:
+    with Log(path), pytest.raises(ReplayError, match="another straw investigate"), Log(path):
+        pass
+    path.write_text("somebody's notes\n")
+    with pytest.raises(ReplayError, match="no log"), Log(path):
+        pass
+    assert path.read_text() == "somebody's notes\n"
