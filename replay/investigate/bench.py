@@ -20,6 +20,7 @@ from straw.replay.diagnose.report import report
 from straw.replay.diagnose.systems.straw.observation import observe
 from straw.replay.diagnose.systems.straw.snaps import crossings, levels_of
 from straw.replay.diagnose.systems.straw.system import StrawSystem
+from straw.replay.diagnose.tolerance import parse_tolerance
 from straw.replay.errors import USER_ERRORS, ReplayError
 from straw.replay.gather import gather
 from straw.replay.investigate.campaign import Folder
@@ -74,6 +75,8 @@ class Bench:
             return Found("too_few", says=f"{len(runs)} runs of {self.folder.specimen} so far", recordings=sums)
         check_campaign(runs, self.straw.cells)
         system = StrawSystem(self.straw)
+        given = self.args.tolerance
+        tolerance = parse_tolerance(given, system.channels) if given else None
         with progress_bar("diagnose", "step") as update, Interrupts() as interrupts:
             found = inquire(
                 [observe(run) for run in runs],
@@ -84,7 +87,7 @@ class Bench:
                 stop=lambda: interrupts.pending is not None,
             )
             interrupts.check()
-            findings = conclude(found, brief=True)
+            findings = conclude(found, brief=True, tolerance=tolerance)
         self._inquiry, self.model = found, findings.model
         name = self.place / f"after-{len(runs):02d}-runs"
         write_json(name.with_suffix(".json"), findings.as_json())

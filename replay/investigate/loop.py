@@ -188,7 +188,7 @@ class Loop:
         found, answered = told.get("diagnosed", {}), told.get("answered", {})
         self._write(
             "round",
-            number=self.state.spent.rounds,
+            round=self.state.spent.rounds,
             key=proposed.get("key"),
             recording=ran.get("recording"),
             sha256=ran.get("sha256"),
@@ -200,7 +200,7 @@ class Loop:
         )
 
     def _write(self, kind: str, **said: object) -> None:
-        self.state.take(self.log.write(kind, round=self.state.number, **said))
+        self.state.take(self.log.write(kind, **{"round": self.state.number, **said}))
 
 
 def certainty_of(found: Found) -> float:
