@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from straw.model.parameters import StrawParameters
+from straw.model.simulate import Prediction
 from straw.replay.commands.diagnose import check_campaign, chosen
 from straw.replay.diagnose.diagnosis import inquire
 from straw.replay.diagnose.findings import conclude
@@ -110,13 +111,15 @@ class Bench:
         for part in protocol.parts:
             part.check_limits(self.limits)
         seen, _ = predict_protocol(self.model, protocol)
-        deployed = tuple(int(c) + 1 for c in np.flatnonzero(seen.zeta_m[-1, :, 1] > 0))
+        deployed = None
+        if isinstance(seen, Prediction):  # one of hours leaves out what happens inside
+            deployed = tuple(int(c) + 1 for c in np.flatnonzero(seen.zeta_m[-1, :, 1] > 0))
         begins = crossings(seen.time_s, seen.phi_rad, levels_of(seen.phi_rad))[::2] - protocol.zero_s
         low, high = protocol.pressure_pa.min() / 1e3, protocol.pressure_pa.max() / 1e3
         snaps = f"{len(begins)} snaps, the first at {begins[0]:.2f} s" if len(begins) else "no snap"
         says = (
             f"{protocol.name}: {low:g} to {high:g} kPa within {self.limits}, {protocol.duration_s:.1f} s; predicted: "
-            f"{snaps}, then deployed: {_cells(deployed)}"
+            f"{snaps}{'' if deployed is None else f', then deployed: {_cells(deployed)}'}"
         )
         begin = protocol.initial_deployed
         by_hand = not self.args.emulate and (left is None or tuple(sorted(left)) != begin)
