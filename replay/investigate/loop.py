@@ -11,7 +11,6 @@ from straw.replay.investigate.budget import Budget
 from straw.replay.investigate.log import Log
 from straw.replay.investigate.state import State
 from straw.replay.investigate.steps import Found, Plan, Proposal, Ran, Steps
-from straw.rig.errors import RigError
 
 #: Reasons to stop that are an answer; all others are the answer "no".
 ANSWERS = ("complete", "within_tolerance", "named")
@@ -120,7 +119,7 @@ class Loop:
                 continue
             try:
                 plan = self.steps.dry_run(one, state.ends)
-            except RigError as error:
+            except USER_ERRORS as error:  # a limit, or a start that the model knows no rest for
                 forbidden = forbidden or str(error)
                 continue
             if self.budget.share(state.spent, plan.minutes, plan.snaps) > 1:
