@@ -162,6 +162,7 @@ def parser() -> argparse.ArgumentParser:
     _rig(p)
     p.add_argument("--specimen", metavar="NAME", help="which straw (the only one in the folder)")
     p.add_argument("--certainty", type=float, default=0.9, metavar="P", help="how probable an answer must be (0.9)")
+    p.add_argument("--tolerance", metavar="x=0.1mm,phi=2mrad", help="a model this good is good enough, as in diagnose")
     p.add_argument("--rounds", type=int, default=8, metavar="N", help="run at most so many experiments (8)")
     p.add_argument("--minutes", type=float, metavar="M", help="drive the rig for at most so long")
     p.add_argument("--snaps", type=int, metavar="N", help="let cells snap at most so often")

@@ -9,7 +9,10 @@ from dataclasses import asdict
 from pathlib import Path
 
 from straw.model.parameters import load_straw
+from straw.replay.commands.diagnose import chosen
 from straw.replay.commands.rig_of import settings_of, take_rig
+from straw.replay.diagnose.systems.straw.system import StrawSystem
+from straw.replay.diagnose.tolerance import parse_tolerance
 from straw.replay.errors import ReplayError
 from straw.replay.investigate.bench import Bench, check_place
 from straw.replay.investigate.budget import Budget
@@ -33,8 +36,12 @@ def run(args: argparse.Namespace) -> int:
     if (args.fast or args.twin) and not args.emulate:
         raise ReplayError("--fast and --twin belong to --emulate: a real rig runs in real time, with a real straw")
     straw = load_straw(args.straw)
+    system = StrawSystem(straw)
+    chosen(system, args.without)  # what is wrong with these is said before anything else happens, too
+    if args.tolerance:
+        parse_tolerance(args.tolerance, system.channels)
     if args.twin:
-        load_straw(args.twin)  # what is wrong with it is said before anything else happens
+        load_straw(args.twin)
     path = Path(args.folder or (rig.folder if rig else Path())).resolve()
     if not path.is_dir():
         raise ReplayError(f"{path} is not a folder; name the one that holds the recordings")

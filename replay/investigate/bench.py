@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from straw.model.parameters import StrawParameters
+from straw.model.simulate import Prediction
 from straw.replay.commands.diagnose import check_campaign, chosen
 from straw.replay.diagnose.diagnosis import inquire
 from straw.replay.diagnose.findings import conclude
@@ -20,6 +21,7 @@ from straw.replay.diagnose.report import report
 from straw.replay.diagnose.systems.straw.observation import observe
 from straw.replay.diagnose.systems.straw.snaps import crossings, levels_of
 from straw.replay.diagnose.systems.straw.system import StrawSystem
+from straw.replay.diagnose.tolerance import parse_tolerance
 from straw.replay.errors import USER_ERRORS, ReplayError
 from straw.replay.gather import gather
 from straw.replay.investigate.campaign import Folder
@@ -74,6 +76,8 @@ class Bench:
             return Found("too_few", says=f"{len(runs)} runs of {self.folder.specimen} so far", recordings=sums)
         check_campaign(runs, self.straw.cells)
         system = StrawSystem(self.straw)
+        given = self.args.tolerance
+        tolerance = parse_tolerance(given, system.channels) if given else None
         with progress_bar("diagnose", "step") as update, Interrupts() as interrupts:
             found = inquire(
                 [observe(run) for run in runs],
@@ -84,7 +88,7 @@ class Bench:
                 stop=lambda: interrupts.pending is not None,
             )
             interrupts.check()
-            findings = conclude(found, brief=True)
+            findings = conclude(found, brief=True, tolerance=tolerance)
         self._inquiry, self.model = found, findings.model
         name = self.place / f"after-{len(runs):02d}-runs"
         write_json(name.with_suffix(".json"), findings.as_json())
@@ -107,13 +111,15 @@ class Bench:
         for part in protocol.parts:
             part.check_limits(self.limits)
         seen, _ = predict_protocol(self.model, protocol)
-        deployed = tuple(int(c) + 1 for c in np.flatnonzero(seen.zeta_m[-1, :, 1] > 0))
+        deployed = None
+        if isinstance(seen, Prediction):  # one of hours leaves out what happens inside
+            deployed = tuple(int(c) + 1 for c in np.flatnonzero(seen.zeta_m[-1, :, 1] > 0))
         begins = crossings(seen.time_s, seen.phi_rad, levels_of(seen.phi_rad))[::2] - protocol.zero_s
         low, high = protocol.pressure_pa.min() / 1e3, protocol.pressure_pa.max() / 1e3
         snaps = f"{len(begins)} snaps, the first at {begins[0]:.2f} s" if len(begins) else "no snap"
         says = (
             f"{protocol.name}: {low:g} to {high:g} kPa within {self.limits}, {protocol.duration_s:.1f} s; predicted: "
-            f"{snaps}, then deployed: {_cells(deployed)}"
+            f"{snaps}{'' if deployed is None else f', then deployed: {_cells(deployed)}'}"
         )
         begin = protocol.initial_deployed
         by_hand = not self.args.emulate and (left is None or tuple(sorted(left)) != begin)

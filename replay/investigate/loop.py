@@ -11,7 +11,6 @@ from straw.replay.investigate.budget import Budget
 from straw.replay.investigate.log import Log
 from straw.replay.investigate.state import State
 from straw.replay.investigate.steps import Found, Plan, Proposal, Ran, Steps
-from straw.rig.errors import RigError
 
 #: Reasons to stop that are an answer; all others are the answer "no".
 ANSWERS = ("complete", "within_tolerance", "named")
@@ -120,7 +119,7 @@ class Loop:
                 continue
             try:
                 plan = self.steps.dry_run(one, state.ends)
-            except RigError as error:
+            except USER_ERRORS as error:  # a limit, or a start that the model knows no rest for
                 forbidden = forbidden or str(error)
                 continue
             if self.budget.share(state.spent, plan.minutes, plan.snaps) > 1:
@@ -188,7 +187,7 @@ class Loop:
         found, answered = told.get("diagnosed", {}), told.get("answered", {})
         self._write(
             "round",
-            number=self.state.spent.rounds,
+            round=self.state.spent.rounds,
             key=proposed.get("key"),
             recording=ran.get("recording"),
             sha256=ran.get("sha256"),
@@ -200,7 +199,7 @@ class Loop:
         )
 
     def _write(self, kind: str, **said: object) -> None:
-        self.state.take(self.log.write(kind, round=self.state.number, **said))
+        self.state.take(self.log.write(kind, **{"round": self.state.number, **said}))
 
 
 def certainty_of(found: Found) -> float:

@@ -69,5 +69,7 @@ class State:
 def restored(kind: type[T], line: dict[str, Any]) -> T:
     """One of the loop's things from what JSON left of it; what a newer version added is left out."""
     names = {one.name for one in fields(kind)}
-    given = {key: tuple(value) if isinstance(value, list) else value for key, value in line.items() if key in names}
+    given: dict[str, Any] = {
+        key: tuple(value) if isinstance(value, list) else value for key, value in line.items() if key in names
+    }
     return kind(**given)

@@ -47,13 +47,14 @@ class Proposal:
 @dataclass(frozen=True)
 class Plan:
     """A dry run: what the protocol asks for and what the model says it will do. ``hand`` says what somebody has to do
-    first; empty where nothing has to be done by hand. ``ends`` are the cells that are deployed after it."""
+    first; empty where nothing has to be done by hand. ``ends`` are the cells that are deployed after it, None where
+    that is not known."""
 
     minutes: float
     snaps: int
     says: str
     hand: str = ""
-    ends: tuple[int, ...] = ()
+    ends: tuple[int, ...] | None = None
 
 
 @dataclass(frozen=True)

@@ -128,7 +128,7 @@ def _played(campaign: Campaign, contestant: Contestant, protocol: PressureProtoc
 
 def _snaps(pose: Floats) -> int:
     """How often a tip (3, n) shows a snap."""
-    grid = np.arange(pose.shape[1]) * SIMULATED_EVERY_S
+    grid: Floats = np.arange(pose.shape[1], dtype=np.float64) * SIMULATED_EVERY_S
     return len(crossings(grid, pose[2], levels_of(pose[2]))[::2])
 
 

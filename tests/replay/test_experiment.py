@@ -1,0 +1,105 @@
+"""Designing experiments: what one is expected to tell, protocols within limits, and what the command refuses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from straw.replay.cli import main
+from straw.replay.diagnose.systems.straw.experiment import Rated
+from straw.replay.diagnose.systems.straw.menu import allowed, drawn, menu, varied, written
+from straw.replay.investigate.propose import openings
+from straw.rig.limits import PressureLimits
+from straw.rig.protocol_toml import protocol_from_toml
+
+NARROW = PressureLimits(-18e3, 31e3, 40e3)
+
+
+def told(separation: list[list[float]], probability: list[float]) -> float:
+    protocol = protocol_from_toml(written(menu(9)[0]), "p")
+    return Rated(protocol, np.array(separation), 0).information(probability)
+
+
+def test_what_an_experiment_is_expected_to_tell_lies_between_nothing_and_all_that_is_not_known():
+    even, far = [0.5, 0.5], [[0.0, 50.0], [50.0, 0.0]]
+    assert told(far, even) == pytest.approx(np.log(2))
+    assert told([[0.0, 0.0], [0.0, 0.0]], even) == pytest.approx(0.0)
+    assert told(far, [0.9, 0.1]) == pytest.approx(-0.9 * np.log(0.9) - 0.1 * np.log(0.1))
+    assert told([[0.0, np.nan], [np.nan, 0.0]], even) == pytest.approx(0.0)  # one of them cannot be played
+
+
+def test_what_is_expected_is_never_more_than_what_is_told():
+    """Mutual information of two normal distributions s sigma apart, integrated."""
+    y = np.linspace(-12, 14, 20001)
+    for s in (0.5, 1.0, 2.0, 4.0):
+        a, b = (np.exp(-((y - m) ** 2) / 2) / np.sqrt(2 * np.pi) for m in (0.0, s))
+        mixed = (a + b) / 2
+        entropy = -np.trapezoid(mixed * np.log(np.maximum(mixed, 1e-300)), y)
+        exact = entropy - 0.5 * np.log(2 * np.pi * np.e)
+        bound = told([[0.0, s], [s, 0.0]], [0.5, 0.5])
+        assert 0.3 * exact < bound <= exact + 1e-9
+
+
+def test_designs_and_their_variations_are_within_the_limits_of_pressure_and_rate():
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        choice = drawn(rng, 9, NARROW)
+        for one in (choice, varied(choice, rng, NARROW)):
+            protocol = protocol_from_toml(written(one, NARROW), "designed")
+            protocol.check_limits(NARROW)
+            assert protocol.initial_deployed == one.deployed
+
+
+def test_the_menu_is_cut_to_the_limits_and_ramps_where_a_rate_is_limited():
+    within = [c for c in menu(9) if allowed(c, NARROW)]
+    assert 0 < len(within) < len(menu(9))
+    for choice in within:
+        protocol_from_toml(written(choice, NARROW), choice.name).check_limits(NARROW)
+
+
+def test_before_anything_is_known_one_run_in_each_direction_comes_first_and_none_twice():
+    both = openings(9, PressureLimits(-40e3, 60e3), [])
+    assert [one.why.split()[0] for one in both] == ["deployment", "folding"]
+    again = openings(9, PressureLimits(-40e3, 60e3), [both[0].protocol])
+    assert [one.why.split()[0] for one in again] == ["folding"]
+    assert openings(9, PressureLimits(-5e3, 5e3), []) == []
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--emulate", "--certainty", "2"], "--certainty 2"),
+        (["--emulate", "--rounds", "0"], "--rounds 0"),
+        (["--emulate", "--without", "gremlins"], "no such cause"),
+        (["--emulate", "--tolerance", "y=3"], "tolerance"),
+        (["--port", "/dev/nothing"], "--specimen NAME"),
+        (["--port", "/dev/nothing", "--fast"], "--fast and --twin belong to --emulate"),
+        ([], "no rig"),
+    ],
+)
+def test_what_cannot_be_investigated_is_said_in_one_line_and_nothing_is_left(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], says: str
+) -> None:
+    assert main(["investigate", str(tmp_path), *words]) == 2
+    err = capsys.readouterr().err
+    assert says in err
+    assert err.count("\n") == 1
+    assert not [p for p in tmp_path.iterdir() if p.name != ".straw-runs.json"]
+
+
+def test_where_nobody_can_say_yes_nothing_is_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a real rig, whose straw somebody has to set first: --yes is not enough, and no port is opened."""
+    from straw.replay.investigate import bench
+
+    monkeypatch.setattr(bench, "predict_protocol", lambda *_: (_Still(), 240.0))
+    words = ["investigate", str(tmp_path), "--port", "/dev/nothing", "--specimen", "s", "--yes", "5"]
+    assert main(words) == 1
+    assert '"reason": "refused"' in (tmp_path / "investigate-s.jsonl").read_text().splitlines()[-1]
+
+
+class _Still:
+    """A prediction in which nothing happens."""
+
+    time_s, phi_rad = np.arange(0, 1, 1 / 240), np.zeros(240)
