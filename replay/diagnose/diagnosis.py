@@ -8,7 +8,6 @@ from concurrent.futures import Executor
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.explain import explain
 from straw.replay.diagnose.inquiry import Inquiry, Told, silent
-from straw.replay.diagnose.settings import MOST_WORK
 from straw.replay.diagnose.system import Recording, System
 
 
@@ -23,8 +22,8 @@ def inquire(
 ) -> Inquiry:
     """Fit the base and every cause in the library (all by default), alone and in pairs, until done or stopped.
 
-    Raises ReplayError where a run cannot be simulated at all. A search that takes more than ``MOST_WORK`` steps ends
-    where it is, on every machine at the same place, and then settles nothing.
+    Raises ReplayError where a run cannot be simulated at all. A search that takes more than the system's
+    ``most_work`` steps ends where it is, on every machine at the same place, and then settles nothing.
 
     ``executor`` works out residuals: a `ThreadPoolExecutor` (the compiled model releases the GIL), or a Dask client's
     ``client.get_executor()``. It must outlive what is asked of the inquiry later.
@@ -33,7 +32,7 @@ def inquire(
     system.ready(observations)
     proposal = system.propose(observations, names) if names else None
     campaign = Campaign(observations, system, executor, stop)
-    campaign.stop = lambda: stop() or campaign.tally["work"] > MOST_WORK
+    campaign.stop = lambda: stop() or campaign.tally["work"] > system.most_work
     found = explain(campaign, names, told, proposal)
     campaign.stop = stop  # what is asked of the inquiry later has a budget of its own
     return found

@@ -62,7 +62,7 @@ FAINT = 0.01
 #: nine of ten held-out simulations (`python -m tests.benchmarks.proposal`).
 PROPOSED, PROPOSED_PAIRS = 8, 4
 #: A derivative's cost in plain simulations (`python -m tests.benchmarks.derivatives`: 16 cost 5 to 7), and the work, in
-#: steps of plain simulations, after which a search ends where it is and settles nothing: about 180 s on two idle cores.
+#: steps of plain simulations, after which a straw's search ends where it is and settles nothing: 180 s on two idle cores.
 COLUMN_COSTS, MOST_WORK = 0.35, 12e6
 #: Stages that progress is told in, at most.
 STAGES = 7

@@ -152,6 +152,11 @@ class System(ABC):
         """Names of what may be missing: laws that can be added and faults of instruments."""
 
     @property
+    def most_work(self) -> float:
+        """Steps of plain simulations after which a search ends where it is and settles nothing; by default it goes on."""
+        return float("inf")
+
+    @property
     def faults(self) -> frozenset[str]:
         """Those of the causes that are faults of a recording, not of the model."""
         return frozenset()

@@ -16,6 +16,7 @@ from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Contestant, Fit, evaluated
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
 from straw.replay.diagnose.inquiry import Told
+from straw.replay.diagnose.settings import MOST_WORK
 from straw.replay.diagnose.system import Channel, Differences, Level, Misfit, System
 from straw.replay.diagnose.systems.straw.base import base_fit, telling_runs
 from straw.replay.diagnose.systems.straw.constants import (
@@ -81,6 +82,11 @@ class StrawSystem(System):
     def causes(self) -> tuple[str, ...]:
         """The library's."""
         return tuple(causes(self.straw.cells))
+
+    @property
+    def most_work(self) -> float:
+        """As many steps as take about 180 s on two idle cores."""
+        return MOST_WORK
 
     @property
     def faults(self) -> frozenset[str]:
