@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.model.errors import ModelError
+from straw.model.parameters import StrawParameters
 from straw.model.simulate import simulate
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Contestant
@@ -92,7 +93,8 @@ def rated(campaign: Campaign, survivors: Sequence[Contestant], protocols: Iterab
     None where fewer than two can play it; a pair of which one cannot is NaN sigmas apart.
     """
     read = [protocol_from_toml(text, "an experiment") for text in protocols]
-    jobs = [[campaign.pool.submit(_played, campaign, c, protocol) for c in survivors] for protocol in read]
+    straw = straw_of(campaign)
+    jobs = [[campaign.pool.submit(_played, straw, c, protocol) for c in survivors] for protocol in read]
     out: list[Rated | None] = []
     for protocol, row in zip(read, jobs, strict=True):
         seen = [job.result() for job in row]
@@ -106,9 +108,9 @@ def rated(campaign: Campaign, survivors: Sequence[Contestant], protocols: Iterab
     return out
 
 
-def _played(campaign: Campaign, contestant: Contestant, protocol: PressureProtocol) -> Floats | None:
+def _played(base: StrawParameters, contestant: Contestant, protocol: PressureProtocol) -> Floats | None:
     """Tip (3, n) under a protocol as a hypothesis sees it; None where it cannot be played."""
-    straw, instrument = applied(straw_of(campaign), contestant.fit.unknowns, contestant.fit.u)
+    straw, instrument = applied(base, contestant.fit.unknowns, contestant.fit.u)
     grid = np.arange(0.0, protocol.duration_s, SIMULATED_EVERY_S)
     outlet = Outlet(protocol)
     try:
