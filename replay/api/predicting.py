@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -91,6 +91,24 @@ class _Asked:
     deployed: Collection[int]
 
 
+@overload
+def simulate(
+    straw: GivenStraw,
+    pressure: GivenPressure,
+    time_s: ArrayLike,
+    deployed: Collection[int] | None = None,
+    *,
+    tolerance_m: float = model.TOLERANCE_M,
+) -> Prediction: ...
+@overload
+def simulate(
+    straw: GivenStraw,
+    pressure: GivenPressure,
+    time_s: None = None,
+    deployed: Collection[int] | None = None,
+    *,
+    tolerance_m: float = model.TOLERANCE_M,
+) -> Prediction | LongPrediction: ...
 def simulate(
     straw: GivenStraw,
     pressure: GivenPressure,

@@ -17,4 +17,5 @@ with straw.emulated(deployed=[1, 4], controller="my_controller.py") as there:
 
 # %%
 run.plot().savefig("hold.png")
+assert run.pressure is not None  # it was read
 print(f"{len(run.pressure)} readings by {mine.name}")

@@ -8,7 +8,7 @@ import numpy as np
 import straw
 
 straw.add_laws("hardening.py")  # before anything else: the model is compiled with all its laws in it
-base = straw.StrawParameters(c_zeta_n_s_per_m=20.0)
+base = straw.StrawParameters().replace(c_zeta_n_s_per_m=20.0)
 time_s = np.linspace(0.0, 0.06, 31)
 
 
@@ -31,9 +31,9 @@ k = 1e6
 for _ in range(4):
     here, there = predicted(k).x_m, predicted(1.1 * k).x_m
     slope = (there - here) / (0.1 * k)
-    k += slope @ (seen_m - here) / (slope @ slope)
+    k += float(slope @ (seen_m - here) / (slope @ slope))
 print(f"k = {k:.4g} +- {sigma_m / np.sqrt(slope @ slope):.2g} N/m^3, truth {truth:.4g}")
 
 # %%
-Path("law.toml").write_text(base.with_term("hardening", k_n_per_m3=float(k)).to_toml())  # with the law's SHA-256
+Path("law.toml").write_text(base.with_term("hardening", k_n_per_m3=k).to_toml())  # with the law's SHA-256
 predicted(k).plot().savefig("law.png")
