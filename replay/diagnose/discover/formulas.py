@@ -13,7 +13,7 @@ from straw.replay.diagnose.discover.trial import Trial, tried
 from straw.replay.diagnose.systems.function.kernel import CLOCK
 from straw.replay.diagnose.systems.function.laws import Law
 from straw.replay.diagnose.systems.function.places import Passed, values_over
-from straw.replay.diagnose.systems.function.shapes import CONSTANT, CUBE, LINEAR, POWER, SHAPES, SIGN, STEP
+from straw.replay.diagnose.systems.function.shapes import CONSTANT, CUBE, LINEAR, POWER, SHAPES, SIGN, STEP, TABLE
 
 Floats = NDArray[np.float64]
 
@@ -33,9 +33,13 @@ def formulas(trial: Trial, before: Trial, seen: Sequence[Passed]) -> list[Trial]
     number = len(known)
     n = len(table.unknowns(number))
     base_unknowns, base_u = trial.fit.unknowns[:-n], trial.fit.u[:-n]
-    at, weight = _where(table, seen)
+    if table.shape == TABLE:
+        at, root = np.array(table.at), _seen_by_recordings(trial, len(table.at)) / table.unit
+    else:
+        at, weight = _where(table, seen)
+        root = np.diag(weight)
     curve = table.curve(number, trial.values, at)
-    laid = sorted((_laid(shape, table, at, curve, weight) for shape in _shapes(table)), key=lambda one: one[0])
+    laid = sorted((_laid(shape, table, at, curve, root) for shape in _shapes(table)), key=lambda one: one[0])
     out = []
     for _, law, u in laid[:FITTED]:
         system = replace(trial.system.with_laws(*known, law), sigma=before.system.sigma)
@@ -43,6 +47,20 @@ def formulas(trial: Trial, before: Trial, seen: Sequence[Passed]) -> list[Trial]
         start = np.concatenate([base_u, u])
         out.append(tried(campaign, (*base_unknowns, *law.unknowns(number)), start, trial.unit))
     return sorted(out, key=lambda one: one.predicts)
+
+
+def _seen_by_recordings(trial: Trial, values: int) -> Floats:
+    """A root (values, values) of the information on the last unknowns, a table's values by u, all others free.
+
+    What the base's constants can take over, as a straight line beside a stiffness, costs nothing there.
+    """
+    J = trial.fit.slopes
+    sd = np.array([k.sd for k in trial.fit.unknowns])
+    H = J.T @ J + np.diag(1 / sd**2)
+    own = np.arange(len(sd)) >= len(sd) - values
+    inner = np.linalg.lstsq(H[np.ix_(~own, ~own)], H[np.ix_(~own, own)], rcond=1e-10)[0]
+    size, ways = np.linalg.eigh(H[np.ix_(own, own)] - H[np.ix_(own, ~own)] @ inner)
+    return np.asarray(np.sqrt(np.maximum(size, 0.0))[:, None] * ways.T)
 
 
 def _where(table: Law, seen: Sequence[Passed]) -> tuple[Floats, Floats]:
@@ -67,16 +85,16 @@ def _shapes(table: Law) -> list[int]:
     return [k for k in SHAPES if not (one_sided and k == SIGN)]
 
 
-def _laid(shape: int, table: Law, at: Floats, curve: Floats, weight: Floats) -> tuple[float, Law, Floats]:
-    """A shape laid on a table's curve: what it leaves of it, the law, and u of its unknowns."""
+def _laid(shape: int, table: Law, at: Floats, curve: Floats, root: Floats) -> tuple[float, Law, Floats]:
+    """A shape laid on a curve (n,) in a metric root' root: what it leaves of it, the law, and u of its unknowns."""
     law = replace(table, shape=shape, at=())
     unknowns = law.unknowns(0)
     low, high = (np.array([getattr(k, end) for k in unknowns]) for end in ("low", "high"))
-    size = float(np.linalg.norm(weight * curve)) or 1.0
+    size = float(np.linalg.norm(root @ curve)) or 1.0
 
     def differs(u: Floats) -> Floats:
         values = {k.target: k.value(float(x)) for k, x in zip(unknowns, u, strict=True)}
-        return weight * (law.curve(0, values, at) - curve) / size
+        return np.asarray(root @ (law.curve(0, values, at) - curve) / size)
 
     shapes = [k for k, one in enumerate(unknowns) if not one.target.endswith("strength")]
     best: tuple[float, Floats] | None = None
@@ -84,9 +102,9 @@ def _laid(shape: int, table: Law, at: Floats, curve: Floats, weight: Floats) -> 
         start = law.start(0, 1.0)
         for k in shapes:
             start[k] = low[k] + share * (high[k] - low[k])
-        ones = differs(start) + weight * curve / size
+        ones = differs(start) + root @ curve / size
         power = float(ones @ ones)
-        start[0] = float(ones @ (weight * curve / size)) / power if power > 0 else 0.0
+        start[0] = float(ones @ (root @ curve / size)) / power if power > 0 else 0.0
         end = least_squares(differs, np.clip(start, low + 1e-9, high - 1e-9), bounds=(low, high), max_nfev=60)
         if best is None or end.cost < best[0]:
             best = float(end.cost), end.x
