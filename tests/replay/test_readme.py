@@ -1,4 +1,4 @@
-"""README's commands work as they stand, the demo first; and what they made is what README says."""
+"""The commands of README and of the commands' own guide work as they stand, the demo first, and make what they say."""
 
 from __future__ import annotations
 
@@ -20,10 +20,12 @@ from straw.rig.run_read import read_run
 
 
 def commands(repository: Path) -> list[str]:
-    """Every line of README's sh blocks, without the part that installs (this environment is installed already)."""
-    text = (repository / "README.md").read_text(encoding="utf-8")
+    """Every line of the sh blocks, once, without the part that installs (this environment is installed already)."""
+    texts = [(repository / name).read_text(encoding="utf-8") for name in ("README.md", "replay/README.md")]
+    text = "\n".join(texts)
     lines = "\n".join(re.findall(r"```sh\n(.*?)```", text, flags=re.DOTALL)).splitlines()
-    return [line.rsplit("&& ", 1)[-1].replace(".venv/bin/", "") for line in lines if line.strip()]
+    found = [line.rsplit("&& ", 1)[-1].replace(".venv/bin/", "") for line in lines if line.strip()]
+    return list(dict.fromkeys(found))
 
 
 @pytest.fixture(scope="module")
