@@ -7,52 +7,58 @@ import importlib
 import os
 import sys
 from pathlib import Path
-from typing import NoReturn
 
 from straw.model.plugged import add_laws, laws_named_in, straw_of_rig
+from straw.replay.commands.runs_options import runs_options
 from straw.replay.errors import USER_ERRORS
+from straw.replay.investigate.options import investigate_options
+from straw.replay.options import (
+    Parser,
+    about_options,
+    command,
+    controller_options,
+    identified_options,
+    json_option,
+    port_option,
+    rig_options,
+    straw_options,
+    whole_number,
+)
 from straw.replay.shell.options import design_options, shell_options, solid_options
 from straw.replay.tables.options import export_options, import_options
 
 
-class _Parser(argparse.ArgumentParser):
-    """Says in one line what is wrong with a command line."""
-
-    def error(self, message: str) -> NoReturn:
-        self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
-
-
 def parser() -> argparse.ArgumentParser:
     """Every command and its options."""
-    top = _Parser(prog="straw", description="Drive, film, track and replay inflatable multistable structures.")
+    top = Parser(prog="straw", description="Drive, film, track and replay inflatable multistable structures.")
     commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True)
 
-    p = _command(commands, "demo", "the whole loop without hardware: drive, film, track, replay")
+    p = command(commands, "demo", "the whole loop without hardware: drive, film, track, replay")
     p.add_argument("--out", type=Path, default=Path("demo"), metavar="DIR", help="folder for all it makes (demo)")
     p.add_argument("--measured", action="store_true", help="instead, diagnose what instruments measured")
-    p.add_argument("--seed", type=_seed, default=1, help="seed of the noise, and of what is concealed (1)")
-    _json(p)
+    p.add_argument("--seed", type=whole_number, default=1, help="seed of the noise, and of what is concealed (1)")
+    json_option(p)
 
-    p = _command(commands, "simulate", "predict what a straw does under a protocol")
-    _straw(p)
+    p = command(commands, "simulate", "predict what a straw does under a protocol")
+    straw_options(p)
     p.add_argument("--protocol", type=Path, required=True, metavar="P.toml")
     p.add_argument("-o", "--output", type=Path, required=True, metavar="OUT.mcap", help="the prediction")
     p.add_argument(
         "--from", type=float, dest="start", metavar="S", help="predict only from here, s after the run's zero"
     )
     p.add_argument("--to", type=float, dest="end", metavar="S", help="predict only up to here")
-    _json(p)
+    json_option(p)
 
     rig = commands.add_parser("rig", help="drive a pressure controller, or emulate one")
     rig_commands = rig.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    p = _command(rig_commands, "run", "drive a protocol and record the run", module="rig_run")
+    p = command(rig_commands, "run", "drive a protocol and record the run", module="rig_run")
     p.add_argument("protocol", type=Path, metavar="P.toml")
-    _rig(p)
+    rig_options(p)
     p.add_argument("-o", "--output", type=Path, required=True, metavar="RUN.mcap", help="the recording")
     p.add_argument("--rate", type=float, metavar="HZ", help="samples a second (100)")
     p.add_argument("--specimen", metavar="NAME", help="which straw, over what the protocol says")
-    p.add_argument("--cycle", type=_seed, metavar="N", help="how often it was cycled before, likewise")
-    _about(p)
+    p.add_argument("--cycle", type=whole_number, metavar="N", help="how often it was cycled before, likewise")
+    about_options(p)
     p.add_argument("--led", action="store_true", help="blink a code on the trigger output, for the camera's clock")
     p.add_argument(
         "--live",
@@ -65,9 +71,9 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--fast", action="store_true", help="with --emulate: as fast as the arithmetic, not in real time")
     p.add_argument("--no-film", action="store_true", help="leave the rig's camera alone")
     p.add_argument("--tip", type=Path, metavar="TIP.mcap", help="with --emulate: what a perfect camera would have seen")
-    _straw(p, "the straw behind the emulator")
-    _json(p)
-    p = _command(rig_commands, "emulate", "a controller on the wire with the straw behind it", module="rig_emulate")
+    straw_options(p, "the straw behind the emulator")
+    json_option(p)
+    p = command(rig_commands, "emulate", "a controller on the wire with the straw behind it", module="rig_emulate")
     p.add_argument("--controller", default="ob1-mk4", metavar="NAME", help="kind of controller (ob1-mk4)")
     p.add_argument("--listen", default="127.0.0.1:0", metavar="URL", help="host:port, or pty (127.0.0.1, any port)")
     p.add_argument(
@@ -80,49 +86,47 @@ def parser() -> argparse.ArgumentParser:
     p.set_defaults(limits=None)
     p.add_argument("--deployed", default="", metavar="CELLS", help="cells deployed at the start, as 1,4 (none)")
     p.add_argument("--faults", type=float, default=0.0, metavar="SHARE", help="spoil this share of exchanges (0)")
-    p.add_argument("--seed", type=_seed, default=0, help="seed of the faults (0)")
-    _straw(p)
+    p.add_argument("--seed", type=whole_number, default=0, help="seed of the faults (0)")
+    straw_options(p)
 
-    p = _command(commands, "calibrate", "a lens from videos or stills of a checkerboard")
+    p = command(commands, "calibrate", "a lens from videos or stills of a checkerboard")
     p.add_argument("pictures", type=Path, nargs="+", metavar="VIDEO|IMAGE")
     p.add_argument("-o", "--output", type=Path, required=True, metavar="CAMERA.json")
     p.add_argument("--board", metavar="CxR", help="squares along both sides (not inner corners): other grids are none")
     p.add_argument("--name", default="", help="what to call the lens (the output's name)")
     p.add_argument("--picture", type=Path, metavar="P.png", help="the projection's uncertainty over the picture")
-    _json(p)
+    json_option(p)
 
-    p = _command(
-        rig_commands, "check", "is all well: wiring, readings, the vent without and with pressure", "rig_check"
-    )
-    _rig(p)
+    p = command(rig_commands, "check", "is all well: wiring, readings, the vent without and with pressure", "rig_check")
+    rig_options(p)
     p.add_argument("--pressure", type=float, default=2.0, metavar="KPA", help="to vent from; 0: not at all (2)")
-    _straw(p, "the straw behind the emulator")
-    _json(p)
-    p = _command(rig_commands, "tell", "hold, resume, stop or vent a run that goes on", module="rig_tell")
+    straw_options(p, "the straw behind the emulator")
+    json_option(p)
+    p = command(rig_commands, "tell", "hold, resume, stop or vent a run that goes on", module="rig_tell")
     p.add_argument("order", choices=("hold", "resume", "stop", "vent", "state"))
     p.add_argument("run", nargs="?", type=Path, metavar="RUN.mcap", help="its recording (whatever runs in --dir)")
     p.add_argument("--dir", type=Path, default=Path(), metavar="DIR", help="where the recordings are (.)")
-    p = _command(rig_commands, "show", "draw a protocol, and check it against its limits", module="rig_show")
+    p = command(rig_commands, "show", "draw a protocol, and check it against its limits", module="rig_show")
     p.add_argument("protocol", type=Path, metavar="P.toml")
     p.add_argument("-o", "--output", type=Path, metavar="PICTURE", help="png, svg or pdf (the protocol's name, png)")
-    _json(p)
-    p = _command(
+    json_option(p)
+    p = command(
         rig_commands, "vent", "let the pressure out of one controller, or of all known ones", module="rig_ports"
     )
-    _port(p)
-    p = _command(
+    port_option(p)
+    p = command(
         rig_commands, "read", "what one controller reads, or all known ones; nothing is set", module="rig_ports"
     )
-    _port(p)
-    p = _command(rig_commands, "ports", "serial ports, and those that were driven before", module="rig_ports")
+    port_option(p)
+    p = command(rig_commands, "ports", "serial ports, and those that were driven before", module="rig_ports")
     p.add_argument("--identify", action="store_true", help="ask each which controller it is; nothing is set")
     p.set_defaults(action="ports")
-    _json(p)
-    p = _command(rig_commands, "snap-search", "find the pressure at which a cell snaps", module="rig_snap_search")
+    json_option(p)
+    p = command(rig_commands, "snap-search", "find the pressure at which a cell snaps", module="rig_snap_search")
     where = p.add_mutually_exclusive_group(required=True)
     where.add_argument("--port", metavar="URL", help="serial port, by-id path, or socket://host:port")
     where.add_argument("--emulate", action="store_true", help="no hardware: an emulator with the straw behind it")
-    _controller(p)
+    controller_options(p)
     p.add_argument("--cell", type=int, metavar="N", help="the cell that is to snap, alone in its state")
     p.add_argument("--deployed", metavar="CELLS", help='instead: cells deployed at the start, as 1,4 or ""')
     p.add_argument("--direction", required=True, choices=("fold", "deploy"), help="suction folds, pressure deploys")
@@ -133,19 +137,19 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--repeats", type=int, default=1, metavar="N", help="searches (1)")
     p.add_argument("--ask", action="store_true", help="on a rig without a flow sensor: somebody says what snapped")
     p.add_argument("-o", "--output", type=Path, metavar="RUN.mcap", help="record all of it")
-    _about(p)
-    _straw(p, "the straw behind the emulator")
-    _json(p)
+    about_options(p)
+    straw_options(p, "the straw behind the emulator")
+    json_option(p)
 
-    _runs(commands)
-    p = _command(commands, "import", "recordings of other loggers: tables become a recording", module="import_")
+    runs_options(commands)
+    p = command(commands, "import", "recordings of other loggers: tables become a recording", module="import_")
     import_options(p)
-    _json(p)
-    p = _command(commands, "export", "a recording as a table, which straw import brings back bit for bit")
+    json_option(p)
+    p = command(commands, "export", "a recording as a table, which straw import brings back bit for bit")
     export_options(p)
-    _json(p)
+    json_option(p)
 
-    p = _command(commands, "lab", "catalogue and operator's panel in a local page")
+    p = command(commands, "lab", "catalogue and operator's panel in a local page")
     p.add_argument("folder", nargs="?", metavar="FOLDER", help="where the recordings are (the rig's, else the current)")
     p.add_argument("--rig", type=Path, metavar="rig.toml", help="what stands on the table")
     p.add_argument(
@@ -155,31 +159,16 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--remote", action="store_true", help="--listen may name an address that others can reach")
     p.add_argument("--no-browser", action="store_true", help="print the address, open nothing")
 
-    p = _command(
+    p = command(
         commands, "investigate", "diagnose, run the experiment that tells most, again, until there is an answer"
     )
     p.add_argument("folder", nargs="?", metavar="FOLDER", help="where the recordings are (the rig's, else the current)")
-    _rig(p)
-    p.add_argument("--specimen", metavar="NAME", help="which straw (the only one in the folder)")
-    p.add_argument("--certainty", type=float, default=0.9, metavar="P", help="how probable an answer must be (0.9)")
-    p.add_argument("--tolerance", metavar="x=0.1mm,phi=2mrad", help="a model this good is good enough, as in diagnose")
-    p.add_argument("--rounds", type=int, default=8, metavar="N", help="run at most so many experiments (8)")
-    p.add_argument("--minutes", type=float, metavar="M", help="drive the rig for at most so long")
-    p.add_argument("--snaps", type=int, metavar="N", help="let cells snap at most so often")
-    p.add_argument("--yes", type=_seed, default=0, metavar="N", help="say yes to N rounds that need no hand (0: ask)")
-    p.add_argument("--log", type=Path, metavar="L.jsonl", help="its log, to go on from (investigate-SPECIMEN.jsonl)")
-    p.add_argument("--operator", default="", metavar="NAME", help="who says yes, for the record")
-    p.add_argument("--fast", action="store_true", help="with --emulate: as fast as the arithmetic, not in real time")
-    p.add_argument("--twin", type=Path, metavar="T.toml", help="with --emulate: what is emulated, unlike --straw")
-    p.add_argument(
-        "--without", nargs="+", action="extend", default=[], metavar="CAUSE", help="leave causes out of the library"
-    )
-    p.add_argument("--jobs", type=int, default=2, metavar="N", help="threads (2)")
-    p.add_argument("--dask", metavar="ADDRESS", help="a Dask scheduler to send the work to")
-    _straw(p, "the base model; its own constants are refitted")
-    _json(p)
+    rig_options(p)
+    investigate_options(p)
+    straw_options(p, "the base model; its own constants are refitted")
+    json_option(p)
 
-    p = _command(commands, "track", "from a video to the tip's X, Z and Phi")
+    p = command(commands, "track", "from a video to the tip's X, Z and Phi")
     p.add_argument("videos", type=Path, nargs="+", metavar="VIDEO", help="a file, or the chapters of one recording")
     p.add_argument("--camera", type=Path, required=True, metavar="CAMERA.json", help="lens, and placement if known")
     p.add_argument("-o", "--output", type=Path, required=True, metavar="TIP.mcap")
@@ -202,15 +191,15 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--overlay", type=Path, metavar="O.mp4", help="the video with corners, axes and figures drawn on it")
     p.add_argument("--report", type=Path, metavar="R.html", help="one page on how good the track is")
     p.add_argument("--save-camera", type=Path, metavar="C.json", help="the camera with its place and row time as found")
-    _straw(p, "the straw whose rest pose places the camera")
-    _json(p)
+    straw_options(p, "the straw whose rest pose places the camera")
+    json_option(p)
 
     identify = commands.add_parser("identify", help="constants of a straw from measurements")
     kinds = identify.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    p = _command(kinds, "filling", "the channel's radius from a table of filling tests", module="identify")
+    p = command(kinds, "filling", "the channel's radius from a table of filling tests", module="identify")
     p.add_argument("table", type=Path, metavar="TABLE.csv", help="volume_m3, pressure_difference_pa, filling_time_s")
-    _identified(p)
-    p = _command(kinds, "geometry", "zeta_01, zeta_02, h, E from lengths and snap pressures", module="identify")
+    identified_options(p)
+    p = command(kinds, "geometry", "zeta_01, zeta_02, h, E from lengths and snap pressures", module="identify")
     for name, text in (
         ("folded-length-mm", "length of a folded cell"),
         ("deployed-length-mm", "length of a deployed cell"),
@@ -221,18 +210,18 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--length-resolution-mm", type=float, default=0.01, metavar="MM", help="of the caliper (0.01)")
     p.add_argument("--pressure-step-kpa", type=float, default=0.5, metavar="KPA", help="steps it was raised in (0.5)")
     p.add_argument("--whole-straw", action="store_true", help="let the other cells move with the pressure, too")
-    _identified(p)
+    identified_options(p)
 
-    p = _command(kinds, "runs", "c_zeta, c_phi and r_ch from recordings, all jointly", module="identify")
+    p = command(kinds, "runs", "c_zeta, c_phi and r_ch from recordings, all jointly", module="identify")
     p.add_argument("runs", type=Path, nargs="+", metavar="RUN.mcap", help="runs, and tracks derived from them")
     p.add_argument(
         "--each", action="store_true", help="each run by itself first: constants that differ tell of physics"
     )
-    _identified(p)
+    identified_options(p)
 
-    p = _command(commands, "diagnose", "locate what differs, name what was left out, model it, show the fit improve")
+    p = command(commands, "diagnose", "locate what differs, name what was left out, model it, show the fit improve")
     p.add_argument("runs", type=Path, nargs="+", metavar="RUN.mcap", help="runs of one specimen, and their tracks")
-    _straw(p, "the base model; its own constants are refitted")
+    straw_options(p, "the base model; its own constants are refitted")
     p.add_argument("--system", type=Path, metavar="S.py", help="a system of your own, of tables of readings")
     p.add_argument(
         "--hold-out",
@@ -259,47 +248,47 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--jobs", type=int, default=2, metavar="N", help="threads (2)")
     p.add_argument("--dask", metavar="ADDRESS", help="a Dask scheduler to send the work to")
     p.add_argument("--partial", action="store_true", help="take damaged or cut recordings for what is left of them")
-    _json(p)
+    json_option(p)
 
-    p = _command(commands, "paper", "the paper's numbers beside the model's, and its figures drawn anew")
+    p = command(commands, "paper", "the paper's numbers beside the model's, and its figures drawn anew")
     p.add_argument("--out", type=Path, default=Path("paper"), metavar="DIR", help="folder for the figures (paper)")
     p.add_argument(
         "--shell", action="store_true", help="the paper's finite elements as well (Figs. 4 b, c, S2; minutes)"
     )
     p.add_argument("--filling", type=Path, metavar="TABLE.csv", help="filling tests (the shipped synthetic sample)")
-    _json(p)
+    json_option(p)
 
-    p = _command(commands, "shell", "finite elements of a frustum or a cell beside the reduced energy")
+    p = command(commands, "shell", "finite elements of a frustum or a cell beside the reduced energy")
     shell_options(p)
-    _straw(p)
-    _json(p)
-    p = _command(commands, "design", "geometries for wanted snap pressures, lengths and stable states")
+    straw_options(p)
+    json_option(p)
+    p = command(commands, "design", "geometries for wanted snap pressures, lengths and stable states")
     design_options(p)
-    _straw(p, "what is not varied")
-    _json(p)
-    p = _command(commands, "solid", "the straw as a body for a printer (STL) or a mould (STEP)")
+    straw_options(p, "what is not varied")
+    json_option(p)
+    p = command(commands, "solid", "the straw as a body for a printer (STL) or a mould (STEP)")
     solid_options(p)
-    _straw(p)
+    straw_options(p)
 
-    p = _command(commands, "check", "a law, or another part of your own: does it do what it must, in one line")
+    p = command(commands, "check", "a law, or another part of your own: does it do what it must, in one line")
     p.add_argument("part", type=Path, metavar="PART.py", help="a LAW, a CONTROLLER, or a system")
     p.add_argument("--run", action="store_true", help="run the straw with the law as well: compiles, a minute or two")
-    _json(p)
+    json_option(p)
 
-    p = _command(commands, "terms", "the laws that can be added to a straw, and what each does to the paper's two runs")
-    _json(p)
+    p = command(commands, "terms", "the laws that can be added to a straw, and what each does to the paper's two runs")
+    json_option(p)
 
-    p = _command(commands, "clock", "the camera's clock against the host's, from the LED burst or the motion")
+    p = command(commands, "clock", "the camera's clock against the host's, from the LED burst or the motion")
     p.add_argument("video", type=Path, metavar="VIDEO|TIP.mcap", help="a video with the LED in view, or a track")
     p.add_argument("--run", type=Path, required=True, metavar="RUN.mcap", help="the run it filmed")
     p.add_argument("-o", "--output", type=Path, metavar="CLOCK.json", help="for straw track --clock")
     p.add_argument("--retimed", type=Path, metavar="OUT.mcap", help="the track with its times corrected")
-    _straw(p, "the straw whose motion tells the time")
-    _json(p)
+    straw_options(p, "the straw whose motion tells the time")
+    json_option(p)
 
-    p = _command(commands, "replay", "lay recordings over the model's prediction, with metrics and a page to look at")
+    p = command(commands, "replay", "lay recordings over the model's prediction, with metrics and a page to look at")
     p.add_argument("runs", type=Path, nargs="+", metavar="RUN.mcap", help="runs, and tracks derived from them")
-    _straw(p)
+    straw_options(p)
     p.add_argument("--report", type=Path, default=Path("replay.html"), metavar="R.html", help="the page (replay.html)")
     p.add_argument("--partial", action="store_true", help="take damaged or cut recordings for what is left of them")
     p.add_argument(
@@ -320,127 +309,8 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--video", type=Path, nargs="+", metavar="VIDEO", help="the run's film, to stand beside the straw")
     p.add_argument("--camera", type=Path, metavar="C.json", help="the camera with its place (the track says it)")
     p.add_argument("--predictions", type=Path, metavar="DIR", help="each run's prediction as an MCAP beside it in time")
-    _json(p)
+    json_option(p)
     return top
-
-
-def _runs(commands: argparse._SubParsersAction[_Parser]) -> None:
-    """Every action of ``straw runs``."""
-    runs = commands.add_parser("runs", help="the catalogue of recordings")
-    actions = runs.add_subparsers(title="commands", metavar="COMMAND", required=True)
-
-    def action(name: str, text: str, *, run: bool = True) -> argparse.ArgumentParser:
-        p = _command(actions, name, text, module="runs")
-        p.set_defaults(action=name)
-        p.add_argument("--dir", type=Path, default=Path(), metavar="DIR", help="where the recordings are (.)")
-        if run:
-            p.add_argument("run", metavar="RUN", help="its file, its run id, or the start of its SHA-256")
-        return p
-
-    p = action("list", "what recordings there are", run=False)
-    p.add_argument("--tag", metavar="TAG", help="only with this tag")
-    p.add_argument("--specimen", metavar="NAME", help="only of this specimen")
-    p.add_argument("--where", default="", metavar="FILTER", help="as 'specimen = straw-7 and (cycle > 20 or starred)'")
-    p.add_argument("--sort", metavar="COLUMN", help="a column or key of the metadata; --sort=-start: latest first")
-    p.add_argument("--rebuild", action="store_true", help="read every file anew")
-    _json(p)
-    p = action("show", "all that is known of one recording")
-    p.add_argument("--events", type=int, default=20, metavar="N", help="so many events (20)")
-    _json(p)
-    p = action("tag", "put tags on a recording")
-    p.add_argument("tags", nargs="+", metavar="TAG")
-    p.add_argument("--remove", action="store_true", help="take them off")
-    for name, text in (
-        ("star", "put a star on a recording"),
-        ("archive", "take a recording out of the lab's table; the file stays"),
-        ("lock", "lock a recording against being archived"),
-    ):
-        p = action(name, text)
-        p.add_argument("--remove", action="store_true", help="take that back")
-    p = action("note", "write a note beside a recording")
-    p.add_argument("text", nargs="+", metavar="TEXT")
-    p = action("attach", "enter a run's video and other files into its manifest")
-    p.add_argument("files", nargs="+", type=Path, metavar="FILE")
-    p = action("compare", "two recordings side by side", run=False)
-    p.add_argument("runs", nargs=2, metavar="RUN")
-    _json(p)
-    p = action("verify", "every file against its SHA-256", run=False)
-    p.add_argument("runs", nargs="*", metavar="RUN", help="only these (all)")
-    _json(p)
-    p = action("export", "an RO-Crate with all that belongs to a run")
-    p.add_argument("-o", "--output", type=Path, required=True, metavar="CRATE", help="a new folder, or a .zip")
-    p.add_argument("--licence", default="", metavar="TEXT", help="under which others may use it")
-    p = action("recover", "a readable run out of a .part or a damaged file", run=False)
-    p.add_argument("run", type=Path, metavar="FILE")
-    p.add_argument("-o", "--output", type=Path, metavar="RUN.mcap", help="the recovered run (its name without .part)")
-    _json(p)
-
-
-def _rig(p: argparse.ArgumentParser) -> None:
-    p.add_argument("--rig", type=Path, metavar="rig.toml", help="what stands on the table; flags go before it")
-    where = p.add_mutually_exclusive_group()
-    where.add_argument("--port", metavar="URL", help="serial port, by-id path, or socket://host:port")
-    where.add_argument("--emulate", action="store_true", help="no hardware: an emulator with the straw behind it")
-    _controller(p, None)
-
-
-def _controller(p: argparse.ArgumentParser, default: str | None = "ob1-mk4") -> None:
-    p.add_argument(
-        "--controller", default=default, metavar="NAME", help="ob1-mk4 (default), ob1-sdk, alicat, or a file D.py"
-    )
-    p.add_argument("--limits", metavar="MIN,MAX[,RATE]", help="in kPa, kPa/s, below all else: --limits=-40,60,50")
-    p.add_argument("--setting", action="append", default=[], metavar="KEY=VALUE", help="of the driver, as unit=B")
-
-
-def _port(p: argparse.ArgumentParser) -> None:
-    p.add_argument("--port", metavar="URL", help="serial port, by-id path, or socket://host:port (all that are known)")
-    p.add_argument(
-        "--controller",
-        metavar="NAME",
-        help="ob1-mk4, ob1-sdk, alicat or D.py (what was driven there, or ob1-mk4)",
-    )
-    p.add_argument("--setting", action="append", default=[], metavar="KEY=VALUE", help="of the driver, as unit=B")
-    p.set_defaults(action=p.prog.split()[-1], limits=None)
-    _json(p)
-
-
-def _about(p: argparse.ArgumentParser) -> None:
-    p.add_argument("--operator", default="", metavar="NAME", help="who runs it, for the record")
-    p.add_argument("--note", action="append", default=[], metavar="TEXT", help="what else should be known; may repeat")
-    p.add_argument("--tag", action="append", default=[], metavar="TAG", help="as straw runs tag; may repeat")
-    p.add_argument("--meta", action="append", default=[], metavar="KEY=VALUE", help="any other fact, for the record")
-
-
-def _seed(text: str) -> int:
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"{text}: expected a whole number, zero or above")
-    return int(text)
-
-
-def _command(
-    commands: argparse._SubParsersAction[_Parser], name: str, text: str, module: str | None = None
-) -> argparse.ArgumentParser:
-    made = commands.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
-    made.set_defaults(module=module or name)
-    return made
-
-
-def _straw(p: argparse.ArgumentParser, text: str = "the straw") -> None:
-    p.add_argument("--straw", type=Path, metavar="S.toml", help=f"{text}: constants that differ from the paper's")
-    p.add_argument(
-        "--laws", type=Path, nargs="+", default=[], metavar="L.py", help="laws of your own, beside those it names"
-    )
-
-
-def _identified(p: argparse.ArgumentParser) -> None:
-    p.add_argument("-o", "--output", type=Path, metavar="OUT.toml", help="the straw with what was found")
-    _straw(p, "what is known otherwise")
-    _json(p)
-    p.set_defaults(kind=p.prog.split()[-1])
-
-
-def _json(p: argparse.ArgumentParser) -> None:
-    p.add_argument("--json", type=Path, metavar="FILE", help="the result for machines")
 
 
 def plug(args: argparse.Namespace) -> None:

@@ -29,7 +29,7 @@ class Campaign:
     ) -> None:
         self.observations, self.system, self.pool, self.stop = tuple(observations), system, pool, stop
         self.level = level
-        self.tally = {"played": 0, "failed": 0, "steps": 0, "work": 0.0}  # shared with campaigns made from this one
+        self.tally = {"played": 0, "failed": 0, "work": 0.0}  # shared with campaigns made from this one
         self.random_effects: list[tuple[Floats, Floats]] | None = None
 
     def only(self, names: Sequence[str]) -> Campaign:
@@ -124,7 +124,6 @@ class Campaign:
         found = [[job.result() for job in row] for row in jobs]
         self.tally["played"] += sum(len(row) for row in found)
         steps = sum(one.steps for row in found for one in row if one is not None)
-        self.tally["steps"] += steps
         self.tally["work"] += steps * (1 + COLUMN_COSTS * len(unknowns) * derivatives)
         self.tally["failed"] += sum(one is None for row in found for one in row)
         return found

@@ -2,33 +2,29 @@
 
 Every hypothesis goes the same way. Its starts (the library's, the learned proposal's, and the rivals' constants) are
 looked at in a coarse comparison of the runs that tell most, the base's constants making room; the best are fitted there
-(successive halving: Jamieson and Talwalkar 2016), and what is left of them to all samples of all runs.
+(`straw.replay.diagnose.tournament`), and what is left of them to all samples of all runs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.fit import Contestant, Fit, clipped, cost_at, evaluated, fitted
-from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
+from straw.replay.diagnose.fit import Contestant, Fit, evaluated, fitted
+from straw.replay.diagnose.hypothesis import Hypothesis
 from straw.replay.diagnose.inquiry import Inquiry, Told
 from straw.replay.diagnose.judge import COUNTS_AS_ONE, unexplained
 from straw.replay.diagnose.propose.proposal import Proposal
-from straw.replay.diagnose.robust import weights
+from straw.replay.diagnose.screen import Start, screen
 from straw.replay.diagnose.settings import (
     CLOSE,
     COARSE_ROUNDS,
-    FAINT,
     FAR,
     FINISHED,
     FIRST_ROUNDS,
-    HALVINGS,
-    LONGEST_STEP,
     NOTHING_LEFT,
     PAIRS,
     PROPOSED,
@@ -37,20 +33,11 @@ from straw.replay.diagnose.settings import (
     ROUNDS,
     SCREENED,
     STAGES,
-    STARTS,
 )
 from straw.replay.diagnose.starts import check_simulated
+from straw.replay.diagnose.tournament import finished, fitted_contestant, tournament
 
 Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Start:
-    """A hypothesis and a point u (of the base's unknowns and its own) to look from; what it promises to gain there."""
-
-    hypothesis: Hypothesis
-    u: Floats
-    gain: float = np.inf  # squared sigmas, to first order; not known where nothing says so
 
 
 def explain(campaign: Campaign, names: Sequence[str], told: Told, proposal: Proposal | None = None) -> Inquiry:
@@ -82,6 +69,7 @@ def explain(campaign: Campaign, names: Sequence[str], told: Told, proposal: Prop
         steps("pairs")
         in_pairs(found, _telling(found), names, _starts(campaign, proposal))
         finish(found)
+        nested(found)
     steps("rivals from each other's constants")
     from_each_other(found)
     for hypothesis in hypotheses:
@@ -166,134 +154,6 @@ def random_effects(campaign: Campaign, fit: Fit) -> None:
         campaign.allow(directions)
 
 
-def screen(
-    campaign: Campaign, known: Fit, hypotheses: Sequence[Hypothesis], beside: Hypothesis | None = None
-) -> list[Start]:
-    """Where each hypothesis would be added to a fit, to first order in its strengths, the most promising first.
-
-    One Jacobian by the strengths of all hypotheses at none of them (a score test, profiled over the known unknowns:
-    Rao 1948), once for each set of shapes among their starts.
-    """
-    promised: list[Start] = []
-    for level in range(2):
-        group = [(h, shape) for h in hypotheses for shape in _shapes(h)[level : level + 1]]
-        unknowns = tuple(u for h, _ in group for u in h.unknowns)
-        if not unknowns:
-            continue
-        every = (*known.unknowns, *unknowns)
-        at = evaluated(campaign, every, np.concatenate([known.u, *(shape for _, shape in group)]))
-        first = len(known.unknowns)
-        for h, shape in group:
-            columns = at.slopes[:, first : first + len(h.unknowns)]
-            first += len(h.unknowns)
-            u, gain = _added(replace(known, slopes=at.slopes[:, : len(known.unknowns)]), h, shape, columns)
-            both = h.beside(beside) if beside else h
-            promised.append(Start(both, u, gain))
-    return sorted(promised, key=lambda start: -start.gain)
-
-
-def _shapes(h: Hypothesis) -> list[Floats]:
-    """The different shapes among a hypothesis' starts, with no strength: u (unknowns,)."""
-    strength = np.array([k.kind == "strength" for k in h.unknowns])
-    if not strength.any():
-        return []
-    out: list[Floats] = []
-    for start in h.starts:
-        shape = np.where(strength, FAINT, start)
-        if not any(np.array_equal(shape, other) for other in out):
-            out.append(shape)
-    return out
-
-
-def _added(known: Fit, h: Hypothesis, shape: Floats, columns: Floats) -> tuple[Floats, float]:
-    """u with the hypothesis added as linear least squares wants it, and what that gains; strengths keep their sign."""
-    w = np.sqrt(weights(known.residual))
-    n = len(known.u)
-    unknowns = (*known.unknowns, *h.unknowns)
-    at = np.concatenate([known.u, shape])
-    sd, mean = np.array([k.sd for k in unknowns]), np.array([k.mean for k in unknowns])
-    J = np.hstack([known.slopes, columns]) * w[:, None]
-    H, g = J.T @ J + np.diag(1 / sd**2), J.T @ (w * known.residual) + (at - mean) / sd**2
-    free = [*range(n), *(n + k for k, u in enumerate(h.unknowns) if u.kind == "strength")]
-    step = np.zeros(len(at))
-    for _ in h.unknowns:
-        step[:] = 0.0
-        step[free] = -np.linalg.solve(H[np.ix_(free, free)], g[free])
-        wrong = [k for k in free if k >= n and at[k] + step[k] < unknowns[k].low]
-        if not wrong:
-            break
-        free = [k for k in free if k not in wrong]
-    own = free[:n]
-    alone = -np.linalg.solve(H[np.ix_(own, own)], g[own])
-    gain = float(-g @ step - step @ H @ step / 2 - (-g[own] @ alone - alone @ H[np.ix_(own, own)] @ alone / 2))
-    step *= min(1.0, LONGEST_STEP / max(float(np.max(np.abs(step))), 1e-12))
-    return clipped(unknowns, at + step), 2 * gain
-
-
-def tournament(
-    wide: Campaign,
-    known: Fit,
-    hypotheses: Sequence[Hypothesis],
-    proposed: Sequence[Start],
-) -> list[Contestant]:
-    """Hypotheses fitted coarsely from their best starts, half of them left out after each round; the best first."""
-    begun: list[Contestant] = []
-    for h in hypotheses:
-        if wide.stop():
-            return begun
-        given = [
-            Start(h, clipped((*known.unknowns, *h.unknowns), s.u)) for s in proposed if s.hypothesis.name == h.name
-        ]
-        starts = [*look(wide, known, h)[:STARTS], *given]
-        fits = [fitted_contestant(wide, start, COARSE_ROUNDS[0], known.unknowns) for start in starts]
-        if fits:
-            begun.append(min(fits, key=lambda c: c.cost))
-    going = sorted(begun, key=lambda c: c.cost)
-    for rounds, share in zip(COARSE_ROUNDS[1:], HALVINGS, strict=True):
-        going = going[: max(3, round(share * len(hypotheses)))]
-        going = sorted((finished(wide, one, rounds) for one in going if not wide.stop()), key=lambda c: c.cost)
-    return going
-
-
-def look(wide: Campaign, known: Fit, h: Hypothesis) -> list[Start]:
-    """A hypothesis' starts beside what is known, which makes room for it; those that look best first."""
-    unknowns = (*known.unknowns, *h.unknowns)
-    points = [clipped(unknowns, np.concatenate([known.u, start])) for start in h.starts]
-    residuals = wide.residuals(unknowns, points)
-    costs = [cost_at(unknowns, u, r) for u, r in zip(points, residuals, strict=True)]
-    for _ in range(2):
-        made = [_room(known, unknowns, u, r) for u, r in zip(points, residuals, strict=True)]
-        shown = wide.residuals(unknowns, made)
-        for k, (u, r) in enumerate(zip(made, shown, strict=True)):
-            if (cost := cost_at(unknowns, u, r)) < costs[k]:
-                points[k], residuals[k], costs[k] = u, r, cost
-    return [Start(h, points[k]) for k in np.argsort(costs, kind="stable")]
-
-
-def _room(known: Fit, unknowns: Sequence[Unknown], u: Floats, residual: Floats) -> Floats:
-    """The point with the known unknowns moved as their Jacobian says is best, the new ones held."""
-    n, w = len(known.u), weights(residual)
-    sd, mean = np.array([k.sd for k in known.unknowns]), np.array([k.mean for k in known.unknowns])
-    H = (known.slopes * w[:, None]).T @ known.slopes + np.diag(1 / sd**2)
-    step = -np.linalg.solve(H, known.slopes.T @ (w * residual) + (u[:n] - mean) / sd**2)
-    step *= min(1.0, LONGEST_STEP / max(float(np.max(np.abs(step))), 1e-12))
-    return clipped(unknowns, np.concatenate([u[:n] + step, u[n:]]))
-
-
-def fitted_contestant(
-    campaign: Campaign, start: Start, rounds: int, base: Sequence[Unknown] | None = None
-) -> Contestant:
-    """A hypothesis fitted from a start."""
-    base = campaign.system.base if base is None else base
-    fit = fitted(campaign, (*base, *start.hypothesis.unknowns), start.u, rounds=rounds)
-    return Contestant(start.hypothesis, fit)
-
-
-def finished(campaign: Campaign, one: Contestant, rounds: int) -> Contestant:
-    """A contestant's fit carried on, perhaps in another campaign of the same runs."""
-    return Contestant(one.hypothesis, fitted(campaign, one.fit.unknowns, one.fit.u, rounds=rounds))
-
-
 def finish(found: Inquiry) -> None:
     """Carry the best few to their end, until no other is close."""
     done: set[str] = set()
@@ -327,6 +187,20 @@ def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], proposed: Seq
     for start in two[:PAIRS]:
         coarse = fitted_contestant(wide, start, sum(COARSE_ROUNDS), base)
         found.keep(finished(campaign, coarse, FIRST_ROUNDS))
+
+
+def nested(found: Inquiry) -> None:
+    """Each cause of the best pair alone, from the pair's constants: where the other of the two does nothing, a search
+    for the one alone had only ended in another valley."""
+    best = found.contestants[0]
+    if len(best.hypothesis.causes) == 1:
+        return
+    at = {unknown.target: float(u) for unknown, u in zip(best.fit.unknowns, best.fit.u, strict=True)}
+    for cause in best.hypothesis.causes:
+        alone = found.campaign.hypothesis([cause])
+        unknowns = (*found.null.unknowns, *alone.unknowns)
+        u = np.array([at[unknown.target] for unknown in unknowns])
+        found.keep(Contestant(alone, fitted(found.campaign, unknowns, u, rounds=ROUNDS)))
 
 
 def from_each_other(found: Inquiry) -> None:

@@ -15,11 +15,12 @@ from straw.model.simulate import sampled
 from straw.replay.cli import main
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.diagnosis import inquire
-from straw.replay.diagnose.explain import from_each_other, screen
+from straw.replay.diagnose.explain import from_each_other
 from straw.replay.diagnose.findings import _says, conclude, verdict_of
 from straw.replay.diagnose.fit import Contestant, Fit, evaluated, fitted
 from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.judge import UNKNOWN_AT_MOST, by_cause, surviving, unknown_leaves, weighed
+from straw.replay.diagnose.screen import screen
 from straw.replay.diagnose.settings import COARSE_TOLERANCE_M, TOLERANCE_M
 from straw.replay.diagnose.systems.straw.constants import MEASUREMENT, base_unknowns
 from straw.replay.diagnose.systems.straw.instrument import Instrument

@@ -11,8 +11,12 @@ import numpy as np
 import pytest
 
 import straw.replay.diagnose
+from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.diagnosis import inquire
+from straw.replay.diagnose.explain import absent, nested
 from straw.replay.diagnose.findings import conclude
+from straw.replay.diagnose.fit import Contestant, fitted
+from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.systems.oscillator.system import (
     FINE,
     LIBRARY,
@@ -51,6 +55,22 @@ def test_a_spring_that_stiffens_is_named_and_a_linear_one_is_complete(cubic, ver
         found = findings.parameters["cubic_stiffness"]["k3"]
         assert abs(found["value"] - cubic) < 3 * found["sigma"]
         assert found["unit"] == "N/m^3"
+
+
+def test_a_cause_whose_own_search_was_stuck_is_fitted_from_a_pair_in_which_the_other_does_nothing():
+    with ThreadPoolExecutor() as pool:
+        campaign = Campaign(_records(5e9), OscillatorSystem(), pool)
+        base = campaign.system.base
+        null = fitted(campaign, base, np.zeros(len(base)), rounds=20)
+        alone, other = (campaign.hypothesis([name]) for name in ("cubic_stiffness", "dry_friction"))
+        found = Inquiry(campaign, null)
+        found.keep(absent(null, alone))  # as a search that never got away from nothing leaves it
+        unknowns = (*base, *alone.unknowns, *other.unknowns)
+        u = np.concatenate([null.u, alone.starts[-1], np.zeros(len(other.unknowns))])
+        both = fitted(campaign, unknowns, u, rounds=40)
+        found.keep(Contestant(other.beside(alone), both))
+        nested(found)
+    assert found.singles["cubic_stiffness"].cost < both.cost + 1.0  # friction that is not there gains less than this
 
 
 def test_derivatives_of_the_oscillator_are_those_of_wider_differences():

@@ -1,0 +1,90 @@
+"""Where a fit gains by a hypothesis to first order: a score test over the library (Rao 1948)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.fit import Fit, clipped, evaluated
+from straw.replay.diagnose.hypothesis import Hypothesis
+from straw.replay.diagnose.robust import weights
+from straw.replay.diagnose.settings import FAINT, LONGEST_STEP
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Start:
+    """A hypothesis and a point u (of the base's unknowns and its own) to look from; what it promises to gain there."""
+
+    hypothesis: Hypothesis
+    u: Floats
+    gain: float = np.inf  # squared sigmas, to first order; not known where nothing says so
+
+
+def screen(
+    campaign: Campaign, known: Fit, hypotheses: Sequence[Hypothesis], beside: Hypothesis | None = None
+) -> list[Start]:
+    """Where each hypothesis would be added to a fit, to first order in its strengths, the most promising first.
+
+    One Jacobian by the strengths of all hypotheses at none of them (a score test, profiled over the known unknowns:
+    Rao 1948), once for each set of shapes among their starts.
+    """
+    promised: list[Start] = []
+    for level in range(2):
+        group = [(h, shape) for h in hypotheses for shape in _shapes(h)[level : level + 1]]
+        unknowns = tuple(u for h, _ in group for u in h.unknowns)
+        if not unknowns:
+            continue
+        every = (*known.unknowns, *unknowns)
+        at = evaluated(campaign, every, np.concatenate([known.u, *(shape for _, shape in group)]))
+        first = len(known.unknowns)
+        for h, shape in group:
+            columns = at.slopes[:, first : first + len(h.unknowns)]
+            first += len(h.unknowns)
+            u, gain = _added(replace(known, slopes=at.slopes[:, : len(known.unknowns)]), h, shape, columns)
+            both = h.beside(beside) if beside else h
+            promised.append(Start(both, u, gain))
+    return sorted(promised, key=lambda start: -start.gain)
+
+
+def _shapes(h: Hypothesis) -> list[Floats]:
+    """The different shapes among a hypothesis' starts, with no strength: u (unknowns,)."""
+    strength = np.array([k.kind == "strength" for k in h.unknowns])
+    if not strength.any():
+        return []
+    out: list[Floats] = []
+    for start in h.starts:
+        shape = np.where(strength, FAINT, start)
+        if not any(np.array_equal(shape, other) for other in out):
+            out.append(shape)
+    return out
+
+
+def _added(known: Fit, h: Hypothesis, shape: Floats, columns: Floats) -> tuple[Floats, float]:
+    """u with the hypothesis added as linear least squares wants it, and what that gains; strengths keep their sign."""
+    w = np.sqrt(weights(known.residual))
+    n = len(known.u)
+    unknowns = (*known.unknowns, *h.unknowns)
+    at = np.concatenate([known.u, shape])
+    sd, mean = np.array([k.sd for k in unknowns]), np.array([k.mean for k in unknowns])
+    J = np.hstack([known.slopes, columns]) * w[:, None]
+    H, g = J.T @ J + np.diag(1 / sd**2), J.T @ (w * known.residual) + (at - mean) / sd**2
+    free = [*range(n), *(n + k for k, u in enumerate(h.unknowns) if u.kind == "strength")]
+    step = np.zeros(len(at))
+    for _ in h.unknowns:
+        step[:] = 0.0
+        step[free] = -np.linalg.solve(H[np.ix_(free, free)], g[free])
+        wrong = [k for k in free if k >= n and at[k] + step[k] < unknowns[k].low]
+        if not wrong:
+            break
+        free = [k for k in free if k not in wrong]
+    own = free[:n]
+    alone = -np.linalg.solve(H[np.ix_(own, own)], g[own])
+    gain = float(-g @ step - step @ H @ step / 2 - (-g[own] @ alone - alone @ H[np.ix_(own, own)] @ alone / 2))
+    step *= min(1.0, LONGEST_STEP / max(float(np.max(np.abs(step))), 1e-12))
+    return clipped(unknowns, at + step), 2 * gain

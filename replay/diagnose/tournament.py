@@ -1,0 +1,81 @@
+"""Hypotheses fitted coarsely from many starts by successive halving (Jamieson and Talwalkar 2016)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.fit import Contestant, Fit, clipped, cost_at, fitted
+from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
+from straw.replay.diagnose.robust import weights
+from straw.replay.diagnose.screen import Start
+from straw.replay.diagnose.settings import COARSE_ROUNDS, HALVINGS, LONGEST_STEP, STARTS
+
+Floats = NDArray[np.float64]
+
+
+def tournament(
+    wide: Campaign,
+    known: Fit,
+    hypotheses: Sequence[Hypothesis],
+    proposed: Sequence[Start],
+) -> list[Contestant]:
+    """Hypotheses fitted coarsely from their best starts, half of them left out after each round; the best first."""
+    begun: list[Contestant] = []
+    for h in hypotheses:
+        if wide.stop():
+            return begun
+        given = [
+            Start(h, clipped((*known.unknowns, *h.unknowns), s.u)) for s in proposed if s.hypothesis.name == h.name
+        ]
+        starts = [*look(wide, known, h)[:STARTS], *given]
+        fits = [fitted_contestant(wide, start, COARSE_ROUNDS[0], known.unknowns) for start in starts]
+        if fits:
+            begun.append(min(fits, key=lambda c: c.cost))
+    going = sorted(begun, key=lambda c: c.cost)
+    for rounds, share in zip(COARSE_ROUNDS[1:], HALVINGS, strict=True):
+        going = going[: max(3, round(share * len(hypotheses)))]
+        going = sorted((finished(wide, one, rounds) for one in going if not wide.stop()), key=lambda c: c.cost)
+    return going
+
+
+def look(wide: Campaign, known: Fit, h: Hypothesis) -> list[Start]:
+    """A hypothesis' starts beside what is known, which makes room for it; those that look best first."""
+    unknowns = (*known.unknowns, *h.unknowns)
+    points = [clipped(unknowns, np.concatenate([known.u, start])) for start in h.starts]
+    residuals = wide.residuals(unknowns, points)
+    costs = [cost_at(unknowns, u, r) for u, r in zip(points, residuals, strict=True)]
+    for _ in range(2):
+        made = [_room(known, unknowns, u, r) for u, r in zip(points, residuals, strict=True)]
+        shown = wide.residuals(unknowns, made)
+        for k, (u, r) in enumerate(zip(made, shown, strict=True)):
+            if (cost := cost_at(unknowns, u, r)) < costs[k]:
+                points[k], residuals[k], costs[k] = u, r, cost
+    return [Start(h, points[k]) for k in np.argsort(costs, kind="stable")]
+
+
+def _room(known: Fit, unknowns: Sequence[Unknown], u: Floats, residual: Floats) -> Floats:
+    """The point with the known unknowns moved as their Jacobian says is best, the new ones held."""
+    n, w = len(known.u), weights(residual)
+    sd, mean = np.array([k.sd for k in known.unknowns]), np.array([k.mean for k in known.unknowns])
+    H = (known.slopes * w[:, None]).T @ known.slopes + np.diag(1 / sd**2)
+    step = -np.linalg.solve(H, known.slopes.T @ (w * residual) + (u[:n] - mean) / sd**2)
+    step *= min(1.0, LONGEST_STEP / max(float(np.max(np.abs(step))), 1e-12))
+    return clipped(unknowns, np.concatenate([u[:n] + step, u[n:]]))
+
+
+def fitted_contestant(
+    campaign: Campaign, start: Start, rounds: int, base: Sequence[Unknown] | None = None
+) -> Contestant:
+    """A hypothesis fitted from a start."""
+    base = campaign.system.base if base is None else base
+    fit = fitted(campaign, (*base, *start.hypothesis.unknowns), start.u, rounds=rounds)
+    return Contestant(start.hypothesis, fit)
+
+
+def finished(campaign: Campaign, one: Contestant, rounds: int) -> Contestant:
+    """A contestant's fit carried on, perhaps in another campaign of the same runs."""
+    return Contestant(one.hypothesis, fitted(campaign, one.fit.unknowns, one.fit.u, rounds=rounds))
