@@ -20,12 +20,13 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The longest file first, and beside it what compiles little, or both workers would compile the same at once; then
-    the demo, for which the other worker would have to wait at the end."""
+    """The longest file first, which compiles the derivatives; beside it what does not need them, or both workers would
+    compile the same at once; then the demo, for which the other worker would have to wait at the end."""
 
     def turn(item: pytest.Item) -> int:
-        other = 1 if item.path.parent.name in ("rig", "tracking") else 3
-        return {"test_concealed.py": 0, "test_readme.py": 2}.get(item.path.name, other)
+        turns = {"test_concealed.py": 0, "test_readme.py": 3, "test_derivative.py": 4}
+        rooms = {"rig": 1, "tracking": 1, "model": 2}
+        return turns.get(item.path.name, rooms.get(item.path.parent.name, 4))
 
     items.sort(key=turn)
 
