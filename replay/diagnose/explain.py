@@ -16,7 +16,7 @@ from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Contestant, Fit, evaluated, fitted
 from straw.replay.diagnose.hypothesis import Hypothesis
 from straw.replay.diagnose.inquiry import Inquiry, Told
-from straw.replay.diagnose.judge import COUNTS_AS_ONE, unexplained
+from straw.replay.diagnose.judge import CALIBRATION, decisive, unexplained
 from straw.replay.diagnose.propose.proposal import Proposal
 from straw.replay.diagnose.screen import Start, screen
 from straw.replay.diagnose.settings import (
@@ -60,7 +60,7 @@ def explain(campaign: Campaign, names: Sequence[str], told: Told, proposal: Prop
         steps("causes that are small")
         left = _unexplained(found)
         for start in screen(campaign, found.null, hypotheses)[:SCREENED]:
-            if not campaign.stop() and (left or start.gain > COUNTS_AS_ONE):
+            if not campaign.stop() and (left or start.gain > CALIBRATION.scale):
                 found.keep(fitted_contestant(campaign, start, FIRST_ROUNDS))
         finish(found)
     if not far and _unexplained(found):
@@ -70,6 +70,9 @@ def explain(campaign: Campaign, names: Sequence[str], told: Told, proposal: Prop
         in_pairs(found, _telling(found), names, _starts(campaign, proposal))
         finish(found)
         nested(found)
+    elif not campaign.stop():
+        steps("second causes that are small")
+        seconds(found, names)
     steps("rivals from each other's constants")
     from_each_other(found)
     for hypothesis in hypotheses:
@@ -189,6 +192,21 @@ def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], proposed: Seq
         found.keep(finished(campaign, coarse, FIRST_ROUNDS))
 
 
+def seconds(found: Inquiry, names: Sequence[str]) -> None:
+    """Second causes that stay within the noise of a sample, yet gain over all of them what makes a pair as probable as
+    its first cause alone: promised to first order beside the best single causes, then fitted."""
+    campaign, before = found.campaign, len(found.pairs)
+    for first in found.contestants[:2]:
+        if len(first.hypothesis.causes) > 1 or first.cost > found.null.cost - decisive(CALIBRATION.cause):
+            continue
+        others = [campaign.hypothesis([name]) for name in names if name not in first.hypothesis.causes]
+        for start in screen(campaign, first.fit, others, first.hypothesis)[:PAIRS]:
+            if start.gain > decisive(CALIBRATION.second) and not campaign.stop():
+                found.keep(fitted_contestant(campaign, start, ROUNDS, found.null.unknowns))
+    if len(found.pairs) > before:
+        nested(found)
+
+
 def nested(found: Inquiry) -> None:
     """Each cause of the best pair alone, from the pair's constants: where the other of the two does nothing, a search
     for the one alone had only ended in another valley."""
@@ -208,7 +226,7 @@ def from_each_other(found: Inquiry) -> None:
     another valley is no evidence against a hypothesis."""
     campaign, n = found.campaign, len(found.null.unknowns)
     best = found.contestants[:RIVALS]
-    if not best or found.null.cost < best[0].cost + COUNTS_AS_ONE:
+    if not best or found.null.cost < best[0].cost + CALIBRATION.scale:
         return  # nothing is better than the base
     for one in best:
         if found.null.cost > best[0].cost + FAR and one is not best[0]:

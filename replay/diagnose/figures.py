@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Contestant
 from straw.replay.diagnose.inquiry import Inquiry
-from straw.replay.diagnose.judge import COUNTS_AS_ONE
+from straw.replay.diagnose.judge import CALIBRATION, decisive
 from straw.replay.diagnose.robust import weights
 from straw.replay.diagnose.system import System
 
@@ -70,5 +70,5 @@ def smallest_seen(campaign: Campaign, found: Inquiry) -> dict[str, str]:
         size = float(np.linalg.norm(column - shadow))
         if size > 0:
             _, name, unit = campaign.system.named(unknown)
-            out[c.name] = f"{name} {4 * np.sqrt(COUNTS_AS_ONE) / size:.2g} {unit}"
+            out[c.name] = f"{name} {np.sqrt(decisive(CALIBRATION.cause)) / size:.2g} {unit}"
     return out

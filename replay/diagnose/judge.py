@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import itertools
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,28 +18,37 @@ Floats = NDArray[np.float64]
 
 #: Samples that are looked at together, and how many deviations of their sum of squares are beyond noise.
 BLOCK, BEYOND = 24, 5.0
-#: Differences of misfit up to this count as likelihoods do; beyond it only ratios of what is left unexplained count,
-#: since no law in the library has exactly the form nature gave it.
-LIKELIHOOD_UP_TO = 10.0
-#: Squared sigmas that count as one: searches end, solvers err and runs repeat only to this. With nothing concealed
-#: the best cause was up to 172 sigmas squared below the base, which then still is more probable than not (0.59).
-COUNTS_AS_ONE = 20.0
 #: What noise and forks of repeats leave unexplained even with the right model, sigmas squared.
 NOISE_LEAVES = 300.0
-#: Share of the base's excess misfit that "unknown" is taken to leave, where the best leaves nothing beyond noise and
-#: where it leaves much, and what much is (sigmas squared). Of 306 sealed cases right answers left nothing, at most 348,
-#: or 0.0005 of that excess; what no hypothesis explained left more than 400 (one case 21), and 0.02 of it and more.
-#: The first and the last were set with deck 20261129 opened: with 0.1 and 100 causes that explained all of a small
-#: excess came second to "unknown", which was the truth there once where nothing was left (in the next deck twice).
-UNKNOWN_LEAVES, UNKNOWN_LEAVES_LESS, MUCH = 0.2, 0.005, 30.0
-#: "Unknown" is never surer than this, as the library may hold the cause and its search have ended too early. It was set
-#: with deck 20261129 opened, 3 of whose misses were mended; said 34 times in that deck and the next, it was right 24
-#: times, so this is still too sure. What is over goes to those that come nearest.
-UNKNOWN_AT_MOST = 0.85
-#: Logarithms of prior probabilities: one cause, a second one beside it, each constant beyond a cause's first, unknown.
-LOG_PRIOR_CAUSE, LOG_PRIOR_SECOND, LOG_PRIOR_CONSTANT, LOG_PRIOR_UNKNOWN = -4.0, -4.0, -0.5, -4.0
+#: Constants of one hypothesis that are counted: those that have more are tables, with priors of their own.
+MOST_COUNTED = 4
 #: What survives is together as probable as this.
 COVERED = 0.95
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Constants of `weighed`, by maximum likelihood on campaigns whose causes are known.
+
+    `python -m tests.benchmarks.calibrating` finds them and writes `calibration.toml`.
+    """
+
+    tail: float  # degrees of freedom of the t-like likelihood: no law of the library has exactly nature's form
+    scale: float  # squared sigmas that count as one: searches end, solvers err and runs repeat only to this
+    cause: float  # what a cause, a second one beside it, each constant beyond a cause's first, and one that the library
+    second: float  # does not hold cost in logarithms of prior probability, "complete" costing nothing
+    constant: float
+    unknown: float
+    imitated: float  # an unknown cause is taken to leave sqrt(imitated * base's excess), sigmas squared
+    missed: float  # probability that the search missed the truth, or that it is none of the hypotheses
+
+
+def _calibration() -> Calibration:
+    with Path(__file__).with_name("calibration.toml").open("rb") as file:
+        return Calibration(**tomllib.load(file)["calibration"])
+
+
+CALIBRATION = _calibration()
 
 
 @dataclass(frozen=True)
@@ -86,41 +97,45 @@ def judge(campaign: Campaign, null: Fit, contestants: Sequence[Contestant]) -> J
     left_over = max(0.0, unexplained(campaign, best) - NOISE_LEAVES)
     excess = {name: left_over + max(0.0, fit.cost - best.cost) for name, fit in fits.items()}
     constants = {c.name: len(c.hypothesis.unknowns) for c in contestants}
-    return Judgement(weighed(excess, left_over, constants), excess, left_over)
+    return Judgement(weighed(excess, constants), excess, left_over)
 
 
-def weighed(excess: Mapping[str, float], left_over: float, constants: Mapping[str, int]) -> dict[str, float]:
+def weighed(
+    excess: Mapping[str, float], constants: Mapping[str, int], by: Calibration = CALIBRATION
+) -> dict[str, float]:
     """Probabilities, largest first, of hypotheses that leave ``excess`` and have so many ``constants``, of "complete"
-    (in ``excess``) and "unknown"."""
-    log_p = {"complete": _log_likelihood(excess["complete"])}
+    (in ``excess``) and "unknown".
+
+    Prior times (1 + excess / (tail scale))^(-tail / 2), normalised, mixed with an even distribution for what the search
+    missed.
+    """
+    log_p = {"complete": _log_likelihood(excess["complete"], by)}
     for name, count in constants.items():
         together = name.count("+") + 1
-        prior = LOG_PRIOR_CAUSE + LOG_PRIOR_SECOND * (together - 1)
-        prior += LOG_PRIOR_CONSTANT * (min(count, 4) - together)
-        log_p[name] = prior + _log_likelihood(excess[name])
-    log_p["unknown"] = LOG_PRIOR_UNKNOWN + _log_likelihood(unknown_leaves(excess["complete"], left_over))
+        prior = by.cause + by.second * (together - 1) + by.constant * (min(count, MOST_COUNTED) - together)
+        log_p[name] = _log_likelihood(excess[name], by) - prior
+    log_p["unknown"] = _log_likelihood(unknown_leaves(excess["complete"], by), by) - by.unknown
     top = max(log_p.values())
     total = sum(np.exp(v - top) for v in log_p.values())
-    probability = {k: float(np.exp(v - top) / total) for k, v in log_p.items()}
-    over = probability["unknown"] - UNKNOWN_AT_MOST
-    if over > 0 and constants:
-        near = {name: 1 / (1 + excess[name]) for name in constants}
-        whole = sum(near.values())
-        for name, weight in near.items():
-            probability[name] += over * weight / whole
-        probability["unknown"] = UNKNOWN_AT_MOST
+    even = by.missed / len(log_p)
+    probability = {k: float((1 - by.missed) * np.exp(v - top) / total + even) for k, v in log_p.items()}
     return dict(sorted(probability.items(), key=lambda kv: -kv[1]))
 
 
-def unknown_leaves(base: float, left_over: float) -> float:
-    """Excess misfit that a cause nobody has thought of is taken to leave, where base and best leave these."""
-    share = (UNKNOWN_LEAVES * MUCH + UNKNOWN_LEAVES_LESS * left_over) / (MUCH + left_over)
-    return share * base + (1 - share) * min(left_over, 1.0)
+def unknown_leaves(base: float, by: Calibration = CALIBRATION) -> float:
+    """Excess misfit that the library's best is taken to leave of a cause it does not hold, where the base leaves this:
+    the larger the cause, the better (in share) something else imitates it."""
+    return float(min(base, np.sqrt(by.imitated * base)))
 
 
-def _log_likelihood(excess: float) -> float:
-    """Likelihood of what is left unexplained: exp(-excess / 2) while it is small, a power of it when it is large."""
-    return float(-LIKELIHOOD_UP_TO / 2 * np.log1p(excess / COUNTS_AS_ONE / LIKELIHOOD_UP_TO))
+def decisive(log_prior: float, by: Calibration = CALIBRATION) -> float:
+    """Squared sigmas by which a hypothesis that costs so much prior must be better, from nothing left, to be as
+    probable."""
+    return float(by.tail * by.scale * np.expm1(2 * log_prior / by.tail))
+
+
+def _log_likelihood(excess: float, by: Calibration) -> float:
+    return float(-by.tail / 2 * np.log1p(excess / (by.tail * by.scale)))
 
 
 def by_cause(probability: Mapping[str, float]) -> dict[str, float]:

@@ -19,7 +19,7 @@ from straw.replay.diagnose.explain import from_each_other
 from straw.replay.diagnose.findings import _says, conclude, verdict_of
 from straw.replay.diagnose.fit import Contestant, Fit, evaluated, fitted
 from straw.replay.diagnose.inquiry import Inquiry
-from straw.replay.diagnose.judge import UNKNOWN_AT_MOST, by_cause, surviving, unknown_leaves, weighed
+from straw.replay.diagnose.judge import CALIBRATION, by_cause, decisive, surviving, unknown_leaves, weighed
 from straw.replay.diagnose.screen import screen
 from straw.replay.diagnose.settings import COARSE_TOLERANCE_M, TOLERANCE_M
 from straw.replay.diagnose.systems.straw.constants import MEASUREMENT, base_unknowns
@@ -194,24 +194,26 @@ def test_an_inquiry_that_is_stopped_settles_nothing_and_holds_nothing_out(plain)
     assert "Stopped before every cause was looked at" in findings.says
 
 
-def test_what_the_best_leaves_speaks_for_a_cause_nobody_thought_of_where_it_is_no_small_share():
-    # sealed cases, sigmas squared: a right law of another form; imposters, the right cause taken out of the library
-    assert unknown_leaves(1_274_498, 454) > 20 * 454
-    assert unknown_leaves(100_573, 2_848) < 2_848
-    assert unknown_leaves(64_486, 16_712) < 16_712 / 8
-    # who explains everything need not fear it, unless little was to be explained
-    assert unknown_leaves(2_000, 0) == pytest.approx(400)
+def test_the_larger_a_cause_the_smaller_the_share_by_which_another_imitates_it():
+    assert unknown_leaves(100.0) == pytest.approx(min(100.0, np.sqrt(100.0 * CALIBRATION.imitated)))
+    assert unknown_leaves(1e6) / 1e6 == pytest.approx(unknown_leaves(1e4) / 1e4 / 10)
+    assert unknown_leaves(0.5) <= 0.5
 
 
-def test_unknown_is_never_certain_and_leaves_the_rest_to_the_causes_that_come_nearest():
+def test_where_no_hypothesis_explains_much_it_is_unknown_but_never_more_surely_than_the_search_is():
     excess = {"complete": 40_000.0, "cohesion": 5_000.0, "asymmetry": 4_000.0, "gauge_gain": 39_000.0}
-    probability = weighed(excess, 4_000.0, {"cohesion": 6, "asymmetry": 9, "gauge_gain": 1})
-    assert list(probability)[:3] == ["unknown", "asymmetry", "cohesion"]
-    assert probability["unknown"] == pytest.approx(UNKNOWN_AT_MOST)
+    probability = weighed(excess, {"cohesion": 6, "asymmetry": 9, "gauge_gain": 1})
+    assert probability["unknown"] == pytest.approx(1 - CALIBRATION.missed + CALIBRATION.missed / 5, abs=1e-3)
     assert sum(probability.values()) == pytest.approx(1.0)
-    assert probability["gauge_gain"] < 0.02
-    assert probability["complete"] < 1e-3
     assert verdict_of(probability, MEASUREMENT) == ("unknown_physics", ["unknown"])
+
+
+def test_a_second_cause_that_gains_what_is_decisive_is_as_probable_as_none():
+    gain = decisive(CALIBRATION.second)
+    probability = weighed(
+        {"complete": 1e6, "cohesion": gain, "cohesion+line_lag": 0.0}, {"cohesion": 1, "cohesion+line_lag": 2}
+    )
+    assert probability["cohesion+line_lag"] == pytest.approx(probability["cohesion"])
 
 
 def test_a_cause_that_is_not_there_promises_nothing_and_one_that_is_promises_most(plain):

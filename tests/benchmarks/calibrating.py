@@ -1,0 +1,133 @@
+"""Calibrates the judge: the constants under which the causes of known campaigns were most probable.
+
+    python -m tests.benchmarks.calibrating 20261129=tests/benchmarks/decks/20261129-ef3c4eb.jsonl --write
+    python -m tests.benchmarks.calibrating 20261130=FILE --tell
+
+Rows are those of `python -m tests.benchmarks.concealed`, each file with its deck's seed. Campaigns in which the base
+leaves less than noise may (`--limit`) hold nothing to be seen and are left out, but for those with nothing concealed.
+`--tell` fits nothing: it says how well the present constants do on a deck that they were not found with.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import itertools
+import json
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+import straw.replay.diagnose.judge
+from straw.replay.diagnose.judge import CALIBRATION, Calibration, weighed
+from straw.replay.diagnose.systems.straw.library import causes
+from tests.apparatus.cases import Case, deck
+
+Rows = Sequence[tuple[Case, Mapping[str, Any]]]
+#: What one would guess before any deck, and how many factors of e (of log priors: how many units) it may be off.
+GUESS = Calibration(tail=10, scale=20, cause=4, second=4, constant=0.5, unknown=4, imitated=25, missed=0.05)
+OFF = Calibration(tail=1, scale=1, cause=3, second=3, constant=1, unknown=3, imitated=1.5, missed=1.5)
+LOGARITHMIC = ("tail", "scale", "imitated", "missed")
+
+
+def main() -> None:
+    """Fit or tell."""
+    ask = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    ask.add_argument("decks", nargs="+", metavar="SEED=FILE")
+    ask.add_argument("--limit", type=float, default=150.0, help="what noise leaves of the base, sigmas squared")
+    ask.add_argument("--tell", action="store_true", help="fit nothing")
+    ask.add_argument("--write", action="store_true", help="into the package")
+    args = ask.parse_args()
+    rows = [row for name in args.decks for row in read(*name.split("=", 1), args.limit)]
+    print("present constants:", told(rows, CALIBRATION), sep="\n")
+    if args.tell:
+        return
+    found = calibrated(rows)
+    print(toml(found), "calibrated:", told(rows, found), sep="\n")
+    halves = [[row for k, row in enumerate(rows) if k % 2 == half] for half in (0, 1)]
+    across = [told(halves[1 - half], calibrated(halves[half])) for half in (0, 1)]
+    print("calibrated on one half, told of the other:", *across, sep="\n")
+    if args.write:
+        path = Path(str(straw.replay.diagnose.judge.__file__)).with_name("calibration.toml")
+        path.write_text(f"# Written by python -m tests.benchmarks.calibrating {' '.join(args.decks)}\n{toml(found)}")
+        assert Calibration(**tomllib.loads(path.read_text())["calibration"]) == found
+
+
+def read(seed: str, path: str, limit: float) -> list[tuple[Case, Mapping[str, Any]]]:
+    """Cases of a deck with what was found of them."""
+    every = {row["name"]: row for row in map(json.loads, Path(path).read_text().splitlines())}
+    cases = [case for case in deck("final", int(seed)) if case.name in every]
+    return [
+        (case, every[case.name])
+        for case in cases
+        if case.kind == "null" or every[case.name]["excess"]["complete"] > limit
+    ]
+
+
+def probability(row: Mapping[str, Any], by: Calibration) -> dict[str, float]:
+    """Probabilities by what each hypothesis left."""
+    own = {name: len(unknowns) for name, (unknowns, _) in causes(9).items()}
+    counts = {name: sum(own[part] for part in name.split("+")) for name in row["excess"] if name != "complete"}
+    return weighed(row["excess"], counts, by)
+
+
+def of_truth(case: Case, p: Mapping[str, float], by: Calibration) -> float:
+    """Probability given to what is true; where no search looked at it, that of what was missed."""
+    true = "+".join(case.label) or "complete"
+    return next((v for name, v in p.items() if "+".join(sorted(name.split("+"))) == true), by.missed / len(p))
+
+
+def calibrated(rows: Rows) -> Calibration:
+    """The most probable constants under priors about the guess."""
+    x = minimize(lambda x: loss(rows, x), np.zeros(len(dataclasses.fields(GUESS))), method="Powell", tol=1e-3).x
+    return rounded(at(x))
+
+
+def at(x: NDArray[np.float64]) -> Calibration:
+    """The guess, off by x in units of OFF."""
+    values = {}
+    for field, step in zip(dataclasses.fields(GUESS), x, strict=True):
+        guess, off = getattr(GUESS, field.name), getattr(OFF, field.name) * step
+        values[field.name] = float(guess * np.exp(off)) if field.name in LOGARITHMIC else float(guess + off)
+    return Calibration(**{**values, "missed": min(values["missed"], 0.5)})
+
+
+def loss(rows: Rows, x: NDArray[np.float64]) -> float:
+    """Minus the logarithm of the posterior of x."""
+    by = at(x)
+    return float(0.5 * np.sum(x**2) - sum(np.log(of_truth(c, probability(row, by), by)) for c, row in rows))
+
+
+def rounded(found: Calibration) -> Calibration:
+    """Three figures each: more are not known."""
+    return Calibration(**{name: float(f"{value:.3g}") for name, value in dataclasses.asdict(found).items()})
+
+
+def toml(found: Calibration) -> str:
+    """As the package keeps it."""
+    return "[calibration]\n" + "".join(f"{name} = {value}\n" for name, value in dataclasses.asdict(found).items())
+
+
+def told(rows: Rows, by: Calibration) -> str:
+    """Mean logarithm of what the truth was given, and how often what was said was right."""
+    p = [probability(row, by) for _, row in rows]
+    log = np.mean([np.log(of_truth(case, one, by)) for (case, _), one in zip(rows, p, strict=True)])
+    top = np.array([next(iter(one.values())) for one in p])
+    true = ["+".join(case.label) or "complete" for case, _ in rows]
+    right = np.array(["+".join(sorted(next(iter(q)).split("+"))) == t for q, t in zip(p, true, strict=True)])
+    lines = [f"  {len(rows)} campaigns: truth first in {right.sum()}, mean log probability of the truth {log:.3f}"]
+    for low, high in itertools.pairwise((0.0, 0.5, 0.8, 0.95, 1.0001)):
+        here = (top >= low) & (top < high)
+        if here.any():
+            said = f"{np.mean(top[here]):.2f} said, {np.mean(right[here]):.2f} right of {here.sum()}"
+            lines.append(f"  {low:.2f} to {min(high, 1):.2f}: {said}")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    main()
