@@ -23,6 +23,7 @@ from straw.replay.options import (
     rig_options,
     straw_options,
     whole_number,
+    workers_options,
 )
 from straw.replay.shell.options import design_options, shell_options, solid_options
 from straw.replay.tables.options import export_options, import_options
@@ -217,6 +218,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--each", action="store_true", help="each run by itself first: constants that differ tell of physics"
     )
+    workers_options(p)
     identified_options(p)
 
     p = command(commands, "diagnose", "locate what differs, name what was left out, model it, show the fit improve")
@@ -245,8 +247,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--without", nargs="+", action="extend", default=[], metavar="CAUSE", help="leave causes out of the library"
     )
-    p.add_argument("--jobs", type=int, default=2, metavar="N", help="threads (2)")
-    p.add_argument("--dask", metavar="ADDRESS", help="a Dask scheduler to send the work to")
+    workers_options(p)
     p.add_argument("--partial", action="store_true", help="take damaged or cut recordings for what is left of them")
     json_option(p)
 

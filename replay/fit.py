@@ -10,22 +10,18 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import least_squares
 
-from straw.model.derivative import Derivatives, differentiate
-from straw.model.direction import Direction
-from straw.model.errors import ModelError
 from straw.model.parameters import StrawParameters
-from straw.model.simulate import Prediction
-from straw.replay.compare import CHANNELS, predict, setting
-from straw.replay.driving import driving_pressure
+from straw.replay.compare import CHANNELS
 from straw.replay.errors import ReplayError
-from straw.rig.run import PressureLog, Run
+from straw.replay.fit_difference import GAUGE_DRAWS, Difference, sigmas, with_values
+from straw.rig.run import Run
 
 Floats = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -36,14 +32,8 @@ FINISH = (0.02, 0.0)
 #: Starts that are followed down, and runs they are followed on.
 FOLLOWED_STARTS, SEARCHED_RUNS = 2, 3
 MOST_EVALUATIONS = 15
-#: Accuracy of simulations while searching; what it leaves in the tip is below a camera's noise.
-SEARCH_TOLERANCE_M = 2e-6
 #: Residuals within this long count as one piece of evidence.
 BLOCK_S = 0.5
-#: Draws of the gauge's noise.
-GAUGE_DRAWS = 12
-#: Noise where a recording does not state it: m, m, rad.
-UNSTATED = {"x_m": 30e-6, "z_m": 30e-6, "phi_rad": 2e-3}
 #: Differences beyond this many sigmas count with their size, not their square.
 ROBUST_SIGMAS = 5.0
 #: Simulations that fail count as this many sigmas everywhere.
@@ -70,11 +60,6 @@ class Fitted:
         return np.stack([self.value * np.exp(-half), self.value * np.exp(half)], axis=1)
 
 
-def with_values(straw: StrawParameters, names: Sequence[str], values: Floats) -> StrawParameters:
-    """The straw with constants set, the same in every cell."""
-    return straw.replace(**{name: float(value) for name, value in zip(names, values, strict=True)})
-
-
 def value_of(straw: StrawParameters, name: str) -> float:
     """The even frusta's mean of a constant of the straw."""
     value = np.asarray(getattr(straw, name), dtype=np.float64)
@@ -85,52 +70,12 @@ class _Problem:
     """Weighted differences of all runs as a function of the constants' logarithms."""
 
     def __init__(self, runs: Sequence[Run], straw: StrawParameters, names: Sequence[str], pool: Executor) -> None:
-        self.runs, self.straw, self.names, self.pool = list(runs), straw, tuple(names), pool
+        self.runs, self.pool, self.difference = list(runs), pool, Difference(straw, tuple(names))
         self.failures = 0
-
-    def one(self, run: Run, log_values: Floats) -> Floats | None:
-        """Differences in sigmas, (channels, n), without blur; None where the model cannot follow."""
-        assert run.tip is not None
-        try:
-            seen = predict(run, self._straw(log_values), tolerance_m=SEARCH_TOLERANCE_M)
-        except ModelError:
-            return None
-        valid = run.tip.valid
-        measured = np.array([getattr(run.tip, channel)[valid] for channel in CHANNELS])
-        return np.asarray((_of_tip(run, seen) - measured) / _sigmas(run))
-
-    def slope(self, run: Run, log_values: Floats) -> Floats | None:
-        """Derivatives of `one` by the logarithms, (channels, n, constants); None where the model cannot follow."""
-        try:
-            straw, pressure, time_s, deployed = setting(run, self._straw(log_values))
-            along = [
-                float(np.exp(x)) * Direction.of(straw, name) for x, name in zip(log_values, self.names, strict=True)
-            ]
-            by = differentiate(straw, pressure, time_s, deployed, along, tolerance_m=SEARCH_TOLERANCE_M)
-        except ModelError:
-            return None
-        return np.asarray(_of_tip(run, by) / _sigmas(run)[..., np.newaxis])
-
-    def gauge(self, run: Run, log_values: Floats) -> Floats | None:
-        """How `one` changes when the gauge's noise is added to its readings once more, (channels, n, draws)."""
-        assert run.pressure is not None
-        try:
-            straw, pressure, time_s, deployed = setting(run, self._straw(log_values))
-            along = []
-            for seed in range(GAUGE_DRAWS):
-                noisy = driving_pressure(_reread(run.pressure, seed), run.command)
-                along.append(Direction.driven(straw, noisy) + -1.0 * Direction.driven(straw, pressure))
-            by = differentiate(straw, pressure, time_s, deployed, along, tolerance_m=SEARCH_TOLERANCE_M)
-        except ModelError:
-            return None
-        return np.asarray(_of_tip(run, by) / _sigmas(run)[..., np.newaxis])
-
-    def _straw(self, log_values: Floats) -> StrawParameters:
-        return with_values(self.straw, self.names, np.exp(log_values))
 
     def many(self, points: Sequence[Floats]) -> list[list[Floats]]:
         """Differences of every run at every point, spread over the pool."""
-        jobs = [[self.pool.submit(self.one, run, point) for run in self.runs] for point in points]
+        jobs = [[self.pool.submit(self.difference.at, run, point) for run in self.runs] for point in points]
         out = []
         for row in jobs:
             found = [job.result() for job in row]
@@ -145,7 +90,7 @@ class _Problem:
 
     def slopes(self, at: Floats, blur_s: float) -> Floats:
         """Derivatives of the blurred differences by the logarithms, (all samples, constants)."""
-        jobs = [self.pool.submit(self.slope, run, at) for run in self.runs]
+        jobs = [self.pool.submit(self.difference.slope, run, at) for run in self.runs]
         found = [job.result() for job in jobs]
         self.failures += sum(one is None for one in found)
         rows = [
@@ -162,19 +107,6 @@ class _Problem:
             step_s = float(np.median(np.diff(run.tip.time_s)))
             parts.append((gaussian_filter1d(row, blur_s / step_s, axis=1) if blur_s else row).ravel())
         return np.concatenate(parts)
-
-
-def _of_tip(run: Run, of: Prediction | Derivatives) -> Floats:
-    """Channels at the tip's valid samples, (channels, n, ..)."""
-    assert run.tip is not None
-    return np.array([getattr(of, channel)[-len(run.tip) :][run.tip.valid] for channel in CHANNELS])
-
-
-def _sigmas(run: Run) -> Floats:
-    """Noise of the tip's valid samples, (channels, n)."""
-    assert run.tip is not None
-    stated = [getattr(run.tip, f"sigma_{channel}")[run.tip.valid] for channel in CHANNELS]
-    return np.array([np.where(np.isfinite(s), s, UNSTATED[c]) for s, c in zip(stated, CHANNELS, strict=True)])
 
 
 def _samples(run: Run) -> int:
@@ -306,7 +238,7 @@ def _rms(runs: Sequence[Run], left: list[Floats]) -> dict[str, float]:
 
 def _plain(run: Run, row: Floats, channel: int) -> Floats:
     """Differences of a channel in its unit."""
-    return np.asarray(row[channel] * _sigmas(run)[channel])
+    return np.asarray(row[channel] * sigmas(run)[channel])
 
 
 def _covariance(problem: _Problem, left: list[Floats], slopes: Floats) -> Floats:
@@ -332,7 +264,7 @@ def _covariance(problem: _Problem, left: list[Floats], slopes: Floats) -> Floats
 
 def _from_gauge(problem: _Problem, best: Floats, slopes: Floats) -> Floats:
     """Covariance from the gauge's noise: how the optimum moves, to first order, when readings are noisy once more."""
-    jobs = [problem.pool.submit(problem.gauge, run, best) for run in problem.runs]
+    jobs = [problem.pool.submit(problem.difference.gauge, run, best) for run in problem.runs]
     bread, changes = np.linalg.pinv(slopes.T @ slopes), []
     for run, job in zip(problem.runs, jobs, strict=True):
         found = job.result()
@@ -341,12 +273,3 @@ def _from_gauge(problem: _Problem, best: Floats, slopes: Floats) -> Floats:
         changes.append(change.reshape(-1, GAUGE_DRAWS))
     moves = bread @ slopes.T @ np.concatenate(changes)
     return np.asarray(moves @ moves.T / GAUGE_DRAWS)
-
-
-def _reread(log: PressureLog, seed: int) -> PressureLog:
-    """The readings with the gauge's noise added once more; the scatter of the readings where it does not state one."""
-    # second differences see white noise, sigma^2 (1 + 4 + 1), and hardly the pressure
-    scatter = 1.4826 * np.median(np.abs(np.diff(log.pressure_pa, 2))) / np.sqrt(6) if len(log) > 2 else 0.0
-    sigma = np.where(np.isfinite(log.sigma_pa), log.sigma_pa, scatter)
-    noise = np.random.default_rng([seed, len(log)]).normal(0, 1, len(log)) * sigma
-    return replace(log, pressure_pa=log.pressure_pa + noise)

@@ -86,6 +86,12 @@ def identified_options(p: argparse.ArgumentParser) -> None:
     p.set_defaults(kind=p.prog.split()[-1])
 
 
+def workers_options(p: argparse.ArgumentParser, kind: str = "threads") -> None:
+    """Where the work is done."""
+    p.add_argument("--jobs", type=int, default=2, metavar="N", help=f"{kind} (2)")
+    p.add_argument("--dask", metavar="ADDRESS", help="a Dask scheduler to send the work to")
+
+
 def json_option(p: argparse.ArgumentParser) -> None:
     """The result for machines."""
     p.add_argument("--json", type=Path, metavar="FILE", help="the result for machines")

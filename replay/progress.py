@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import NoReturn
 
 from tqdm import tqdm
 
@@ -18,21 +19,42 @@ Progress = Callable[[int, int], None]
 @contextmanager
 def progress_bar(title: str, unit: str = "it") -> Iterator[Progress]:
     """A bar to be called with (done, total); it closes with the block, also on an error."""
-    room = shutil.get_terminal_size()  # tqdm draws nothing on a terminal that does not tell its size
-    with tqdm(
-        desc=title,
-        unit=f" {unit}",
-        disable=not sys.stderr.isatty(),
-        smoothing=0.1,
-        ncols=min(room.columns, 100),
-        nrows=room.lines,
-    ) as bar:
+    with _bar(title, unit) as bar:
 
         def update(done: int, total: int) -> None:
             bar.total = total
             bar.update(done - bar.n)
 
         yield update
+
+
+@contextmanager
+def stage_bar(title: str) -> Iterator[Callable[[str, int, int], None]]:
+    """A bar to be called with (what is being done, stages done, stages in all)."""
+    with _bar(title, "stage", "{n_fmt} of {total_fmt} stages, {elapsed}: {desc}") as bar:
+
+        def update(what: str, done: int, total: int) -> None:
+            bar.total = total
+            bar.set_description_str(what, refresh=False)
+            bar.update(done - bar.n)
+            bar.refresh()
+
+        yield update
+
+
+@contextmanager
+def _bar(title: str, unit: str, form: str | None = None) -> Iterator[tqdm[NoReturn]]:
+    room = shutil.get_terminal_size()  # tqdm draws nothing on a terminal that does not tell its size
+    with tqdm(
+        desc=title,
+        unit=f" {unit}",
+        disable=not sys.stderr.isatty(),
+        smoothing=0.1,
+        ncols=room.columns if form else min(room.columns, 100),
+        nrows=room.lines,
+        bar_format=form,
+    ) as bar:
+        yield bar
 
 
 def say(text: str) -> None:

@@ -24,7 +24,7 @@ from straw.replay.diagnose.systems.straw.system import StrawSystem
 from straw.replay.errors import ReplayError
 from straw.replay.gather import gather
 from straw.replay.output import write_json, write_text
-from straw.replay.progress import compiling_meanwhile, prepare, progress_bar, say
+from straw.replay.progress import compiling_meanwhile, prepare, progress_bar, say, stage_bar
 from straw.replay.report.page import page
 from straw.replay.report.proxy import film as film_proxy
 from straw.rig.run import Run
@@ -100,12 +100,12 @@ def run(args: argparse.Namespace) -> int:
 def diagnosed(runs: list[Run]) -> tuple[Findings, str]:
     """What the runs say, from their recordings and the base straw alone, and the page that shows why."""
     until_s = time.monotonic() + PATIENCE_S
-    with ThreadPoolExecutor() as pool, progress_bar("diagnose", "step") as progress:
+    with ThreadPoolExecutor() as pool, stage_bar("diagnose") as told:
         found = inquire(
             [observe(one) for one in runs],
             StrawSystem(BASE),
             executor=pool,
-            told=lambda _what, done, total: progress(done, total),
+            told=told,
             stop=lambda: time.monotonic() > until_s,
         )
         findings = conclude(found)

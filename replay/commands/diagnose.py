@@ -17,7 +17,7 @@ from straw.replay.diagnose.tolerance import parse_tolerance
 from straw.replay.errors import ReplayError
 from straw.replay.gather import gather
 from straw.replay.output import check_new, write_json, write_text
-from straw.replay.progress import prepare, progress_bar, say
+from straw.replay.progress import prepare, say, stage_bar
 from straw.replay.workers import threads
 from straw.rig.interrupts import Interrupts
 from straw.rig.run import Run
@@ -45,13 +45,9 @@ def run(args: argparse.Namespace) -> int:
     prepare(derivatives=True)
     with (
         threads(args.jobs, args.dask) as pool,
-        progress_bar("diagnose", "step") as update,
+        stage_bar("diagnose") as told,
         Interrupts() as interrupts,
     ):
-
-        def told(_what: str, done: int, total: int) -> None:
-            update(done, total)
-
         found = inquire(
             observations,
             system,

@@ -13,7 +13,7 @@ from straw.replay.diagnose.systems.function.recording import read_recordings
 from straw.replay.diagnose.systems.function.system import FunctionSystem
 from straw.replay.errors import ReplayError
 from straw.replay.output import write_json, write_text
-from straw.replay.progress import progress_bar
+from straw.replay.progress import stage_bar
 from straw.replay.workers import threads
 from straw.rig.interrupts import Interrupts
 
@@ -25,14 +25,14 @@ def run(args: argparse.Namespace) -> int:
     tolerance = dict(_tolerance(part, [y.name for y in model.channels]) for part in _parts(args.tolerance))
     with (
         threads(args.jobs, args.dask) as pool,
-        progress_bar("diagnose", "step") as update,
+        stage_bar("diagnose") as told,
         Interrupts() as interrupts,
     ):
         found = discover(
             FunctionSystem(model),
             recordings,
             executor=pool,
-            told=lambda _what, done, total: update(done, total),
+            told=told,
             stop=lambda: interrupts.pending is not None,
         )
     findings = SystemFindings(found, tuple(recordings), tolerance)

@@ -14,6 +14,7 @@ from straw.model.geometry import Readings, identify_geometry
 from straw.model.parameters import StrawParameters, load_straw
 from straw.replay.output import check_new, write_json, write_text
 from straw.replay.progress import prepare, progress_bar
+from straw.replay.workers import threads
 
 #: Where the search of damping and channel radius starts: all combinations; the paper's span 0.1 to 620, 0.7 to 3e-3,
 #: 0.315 to 0.43 mm.
@@ -88,8 +89,8 @@ def _runs(args: argparse.Namespace, known: StrawParameters) -> tuple[StrawParame
     found = []
     for group in [*groups, runs]:
         label = f"all {len(runs)} jointly" if len(group) > 1 else group[0].run_id
-        with progress_bar(label, "stage") as update:
-            found.append(fit(group, known, names, starts=starts, progress=update))
+        with threads(args.jobs, args.dask) as pool, progress_bar(label, "stage") as update:
+            found.append(fit(group, known, names, starts=starts, executor=pool, progress=update))
         low, high = found[-1].interval.T
         cells = (
             f"{v * scale:.{digits}f} ({a * scale:.{digits}f} to {b * scale:.{digits}f})"

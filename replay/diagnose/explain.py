@@ -7,6 +7,7 @@ looked at in a coarse comparison of the runs that tell most, the base's constant
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 
 import numpy as np
@@ -46,7 +47,7 @@ def explain(campaign: Campaign, names: Sequence[str], told: Told, proposal: Prop
     A ``proposal`` adds starts, and says which causes come first: where they explain the runs the others are left out,
     but not where it has seen nothing like these runs.
     """
-    steps = _Steps(told)
+    steps = _Steps(told, campaign)
     steps("base model")
     null, wide_known = campaign.system.fit_base(campaign, _base_start(proposal))
     check_simulated(campaign, null)
@@ -57,7 +58,7 @@ def explain(campaign: Campaign, names: Sequence[str], told: Told, proposal: Prop
     if far:  # to first order around a fit that is far off nothing is told
         _large(found, hypotheses, wide_known, proposal, steps)
     if not found.contestants or not far or _unexplained(found):
-        steps("causes that are small")
+        steps("causes that are small", found)
         left = _unexplained(found)
         for start in screen(campaign, found.null, hypotheses)[:SCREENED]:
             if not campaign.stop() and (left or start.gain > CALIBRATION.scale):
@@ -66,14 +67,14 @@ def explain(campaign: Campaign, names: Sequence[str], told: Told, proposal: Prop
     if not far and _unexplained(found):
         _large(found, hypotheses, wide_known, proposal, steps)
     if _unexplained(found):
-        steps("pairs")
+        steps("pairs", found)
         in_pairs(found, _telling(found), names, _starts(campaign, proposal))
         finish(found)
         nested(found)
     elif not campaign.stop():
-        steps("second causes that are small")
+        steps("second causes that are small", found)
         seconds(found, names)
-    steps("rivals from each other's constants")
+    steps("rivals from each other's constants", found)
     from_each_other(found)
     for hypothesis in hypotheses:
         if hypothesis.name not in found.singles:
@@ -100,7 +101,7 @@ def _large(
         return
     given = _starts(found.campaign, proposal)
     for group in _in_turn(hypotheses, proposal):
-        steps("causes that are large")
+        steps("causes that are large", found)
         for one in tournament(wide, known, group, given):
             found.keep(finished(found.campaign, one, FIRST_ROUNDS))
         finish(found)
@@ -109,13 +110,19 @@ def _large(
 
 
 class _Steps:
-    """Counts what is said to be done."""
+    """Says what is being done, what leads, and how long it may take at most."""
 
-    def __init__(self, told: Told) -> None:
-        self.told, self.done = told, 0
+    def __init__(self, told: Told, campaign: Campaign) -> None:
+        self.told, self.campaign, self.done, self.began_s = told, campaign, 0, time.monotonic()
 
-    def __call__(self, what: str) -> None:
-        self.told(what, self.done, STAGES)
+    def __call__(self, what: str, found: Inquiry | None = None) -> None:
+        text = what
+        work, most = self.campaign.tally["work"], self.campaign.system.most_work
+        if work and np.isfinite(most):
+            text += f", at most {max((time.monotonic() - self.began_s) * (most / work - 1), 0.0):.0f} s more"
+        if found and found.contestants and found.best.cost < found.null.cost - CALIBRATION.scale:
+            text += f"; {found.contestants[0].name} leads, {100 * found.best.cost / found.null.cost:.2g} % left"
+        self.told(text, self.done, STAGES)
         self.done += 1
 
 

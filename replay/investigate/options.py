@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from straw.replay.options import whole_number
+from straw.replay.options import whole_number, workers_options
 
 
 def investigate_options(p: argparse.ArgumentParser) -> None:
@@ -24,5 +24,4 @@ def investigate_options(p: argparse.ArgumentParser) -> None:
     p.add_argument(
         "--without", nargs="+", action="extend", default=[], metavar="CAUSE", help="leave causes out of the library"
     )
-    p.add_argument("--jobs", type=int, default=2, metavar="N", help="threads (2)")
-    p.add_argument("--dask", metavar="ADDRESS", help="a Dask scheduler to send the work to")
+    workers_options(p)

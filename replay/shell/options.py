@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from straw.replay.options import workers_options
+
 
 def shell_options(p: argparse.ArgumentParser) -> None:
     """What `straw shell` takes beside --straw and --json."""
@@ -45,8 +47,7 @@ def shell_options(p: argparse.ArgumentParser) -> None:
 
 def jobs_options(p: argparse.ArgumentParser) -> None:
     """Where many jobs run."""
-    p.add_argument("--jobs", type=int, default=2, metavar="N", help="processes (2)")
-    p.add_argument("--dask", metavar="ADDRESS", help="a Dask scheduler to send the work to")
+    workers_options(p, "processes")
 
 
 def design_options(p: argparse.ArgumentParser) -> None:

@@ -15,7 +15,7 @@ import argparse
 import json
 import time
 import traceback
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,8 @@ from straw.replay.diagnose.findings import conclude
 from straw.replay.diagnose.systems.straw.library import causes
 from straw.replay.diagnose.systems.straw.observation import observe
 from straw.replay.diagnose.systems.straw.system import StrawSystem
+from straw.replay.options import workers_options
+from straw.replay.workers import workers
 from tests.apparatus.cases import RUN_IDS, Case, deck, generate, opened, recorded, seal
 from tests.benchmarks.concealed_film import filmed
 from tests.benchmarks.concealed_score import ablated, judged_again, score
@@ -75,6 +77,7 @@ def main() -> None:
     ask.add_argument("--again", action="store_true", help="rows of an older version are weighed by today's judge")
     ask.add_argument("--ablate", action="store_true", help="single causes only, each taken out of the library")
     ask.add_argument("--camera", action="store_true", help="painted, filmed and tracked")
+    workers_options(ask, "processes")
     args = ask.parse_args()
     ways = [way for way in ("ablate", "camera") if getattr(args, way)]
     # cases of every seed have the same names: in one file they would pass for each other
@@ -89,7 +92,8 @@ def main() -> None:
     if path.exists():
         told = {row["name"]: row for row in map(json.loads, path.read_text().splitlines())}
     todo = [] if args.score else [case for case in cases if case.name not in told]
-    with ProcessPoolExecutor(2) as pool, path.open("a") as out:
+    with workers(max(2, args.jobs), args.dask) as pool, path.open("a") as out:
+        assert pool is not None
         jobs = {pool.submit(diagnosed, case, args.ablate, args.camera): case.name for case in todo}
         for job in as_completed(jobs):
             try:

@@ -8,13 +8,19 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
+import pytest
 
 from straw.model.parameters import StrawParameters
 from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.diagnosis import inquire
+from straw.replay.diagnose.findings import conclude
+from straw.replay.diagnose.systems.oscillator.system import OscillatorSystem
 from straw.replay.diagnose.systems.straw.constants import base_unknowns
 from straw.replay.diagnose.systems.straw.observation import observe
 from straw.replay.diagnose.systems.straw.system import StrawSystem
+from straw.replay.workers import threads
 from tests.apparatus.campaign import NONE, campaign
+from tests.replay.test_system import stiffening
 
 
 class Elsewhere(Executor):
@@ -37,3 +43,15 @@ def test_a_run_played_in_another_process_differs_from_the_recording_as_it_does_h
         )
     # the second starts from where the first has found the straw at rest, to the accuracy of that search
     np.testing.assert_allclose(there, here, atol=1e-4)
+
+
+def test_a_dask_cluster_of_processes_finds_what_threads_find() -> None:
+    distributed = pytest.importorskip("distributed", reason="dask's workers are not installed")
+    records, found = stiffening(5e9), []
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        for dask in (None, cluster.scheduler_address):
+            with threads(2, dask) as pool:
+                findings = conclude(inquire(records, OscillatorSystem(), executor=pool), brief=True)
+            found.append(findings.as_json())
+    assert found[0]["causes"] == ["cubic_stiffness"]
+    assert found[0] == found[1]

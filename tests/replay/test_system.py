@@ -30,7 +30,7 @@ from straw.replay.diagnose.systems.oscillator.system import (
 SAMPLES = 600
 
 
-def _records(cubic_n_per_m3: float) -> list[Record]:
+def stiffening(cubic_n_per_m3: float) -> list[Record]:
     """Two levels of band-limited noise on an oscillator of 10 N s/m and 100 kN/m with a cubic spring."""
     rng, out = np.random.default_rng(5), []
     for level in (20.0, 50.0):
@@ -49,7 +49,7 @@ def _records(cubic_n_per_m3: float) -> list[Record]:
 )
 def test_a_spring_that_stiffens_is_named_and_a_linear_one_is_complete(cubic, verdict, causes):
     with ThreadPoolExecutor() as pool:
-        findings = conclude(inquire(_records(cubic), OscillatorSystem(), executor=pool), brief=True)
+        findings = conclude(inquire(stiffening(cubic), OscillatorSystem(), executor=pool), brief=True)
     assert (findings.verdict, findings.causes) == (verdict, causes)
     if cubic:
         found = findings.parameters["cubic_stiffness"]["k3"]
@@ -59,7 +59,7 @@ def test_a_spring_that_stiffens_is_named_and_a_linear_one_is_complete(cubic, ver
 
 def test_a_cause_whose_own_search_was_stuck_is_fitted_from_a_pair_in_which_the_other_does_nothing():
     with ThreadPoolExecutor() as pool:
-        campaign = Campaign(_records(5e9), OscillatorSystem(), pool)
+        campaign = Campaign(stiffening(5e9), OscillatorSystem(), pool)
         base = campaign.system.base
         null = fitted(campaign, base, np.zeros(len(base)), rounds=20)
         alone, other = (campaign.hypothesis([name]) for name in ("cubic_stiffness", "dry_friction"))
@@ -74,7 +74,7 @@ def test_a_cause_whose_own_search_was_stuck_is_fitted_from_a_pair_in_which_the_o
 
 
 def test_derivatives_of_the_oscillator_are_those_of_wider_differences():
-    system, (record, _) = OscillatorSystem(), _records(5e9)
+    system, (record, _) = OscillatorSystem(), stiffening(5e9)
     unknowns = (*system.base, *LIBRARY["cubic_stiffness"][0], *LIBRARY["dry_friction"][0])
     u = np.array([0.1, 0.1, 0.5, 0.0])
     one = system.misfit(record, unknowns, u, derivatives=True)

@@ -22,7 +22,7 @@ from straw.replay.diagnose.systems.straw.gauge import quieted
 from straw.replay.diagnose.systems.straw.snaps import Levels, crossings, levels_of, stretches
 from straw.replay.driving import driving_pressure
 from straw.replay.errors import ReplayError
-from straw.replay.fit import UNSTATED
+from straw.replay.fit_difference import UNSTATED
 from straw.rig.run import Run
 
 Floats = NDArray[np.float64]
