@@ -21,24 +21,22 @@ from straw.replay.diagnose.judge import CALIBRATION, decisive, unexplained
 from straw.replay.diagnose.propose.proposal import Proposal
 from straw.replay.diagnose.screen import Start, screen
 from straw.replay.diagnose.settings import (
-    CLOSE,
     COARSE_ROUNDS,
     FAR,
-    FINISHED,
     FIRST_ROUNDS,
-    NOTHING_LEFT,
-    PAIRS,
+    FOLLOWED,
+    NOISE_LEAVES,
     PROPOSED,
-    PROPOSED_PAIRS,
-    RIVALS,
     ROUNDS,
     SCREENED,
-    STAGES,
 )
 from straw.replay.diagnose.starts import check_simulated
 from straw.replay.diagnose.tournament import finished, fitted_contestant, tournament
 
 Floats = NDArray[np.float64]
+
+#: Stages that progress is told in, at most.
+STAGES = 7
 
 
 def explain(campaign: Campaign, names: Sequence[str], told: Told, proposal: Proposal | None = None) -> Inquiry:
@@ -128,7 +126,7 @@ class _Steps:
 
 def _unexplained(found: Inquiry) -> bool:
     """Whether the best so far leaves more than noise, and nobody asked to stop."""
-    return not found.campaign.stop() and unexplained(found.campaign, found.best) > NOTHING_LEFT
+    return not found.campaign.stop() and unexplained(found.campaign, found.best) > NOISE_LEAVES
 
 
 def _base_start(proposal: Proposal | None) -> list[Floats]:
@@ -140,7 +138,7 @@ def _starts(campaign: Campaign, proposal: Proposal | None) -> list[Start]:
     out: list[Start] = []
     names = [(name,) for name in proposal.scores] if proposal else []
     pairs = [names for names, _ in proposal.hypotheses if len(names) == 2] if proposal else []
-    for hypothesis in (*names, *pairs[:PROPOSED_PAIRS]):
+    for hypothesis in (*names, *pairs[:FOLLOWED]):
         assert proposal is not None
         for way in proposal.start(hypothesis):
             out.append(Start(campaign.hypothesis(hypothesis), np.array([s.u for s in way])))
@@ -167,7 +165,7 @@ def random_effects(campaign: Campaign, fit: Fit) -> None:
 def finish(found: Inquiry) -> None:
     """Carry the best few to their end, until no other is close."""
     done: set[str] = set()
-    while not found.campaign.stop() and len(done) < FINISHED:
+    while not found.campaign.stop() and len(done) < FOLLOWED:
         waiting = [c for c in found.contestants if c.name not in done]
         if not waiting or (done and waiting[0].cost > _best_cost(found, done) + reach(found)):
             return
@@ -181,7 +179,7 @@ def _best_cost(found: Inquiry, done: set[str]) -> float:
 
 def reach(found: Inquiry) -> float:
     """How much more than the best a hypothesis may cost that is still carried on."""
-    return max(CLOSE, unexplained(found.campaign, found.best))
+    return max(NOISE_LEAVES, unexplained(found.campaign, found.best))
 
 
 def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], proposed: Sequence[Start]) -> None:
@@ -189,12 +187,12 @@ def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], proposed: Seq
     campaign = found.campaign
     for first in found.contestants[:2]:
         others = [campaign.hypothesis([name]) for name in names if name not in first.hypothesis.causes]
-        for start in screen(campaign, first.fit, others, first.hypothesis)[:PAIRS]:
+        for start in screen(campaign, first.fit, others, first.hypothesis)[:FOLLOWED]:
             unknowns = (*first.fit.unknowns, *start.hypothesis.unknowns[len(first.hypothesis.unknowns) :])
             found.keep(Contestant(start.hypothesis, fitted(campaign, unknowns, start.u, rounds=FIRST_ROUNDS)))
     two = [s for s in proposed if len(s.hypothesis.causes) == 2]
     base = found.null.unknowns
-    for start in two[:PAIRS]:
+    for start in two[:FOLLOWED]:
         coarse = fitted_contestant(wide, start, sum(COARSE_ROUNDS), base)
         found.keep(finished(campaign, coarse, FIRST_ROUNDS))
 
@@ -207,7 +205,7 @@ def seconds(found: Inquiry, names: Sequence[str]) -> None:
         if len(first.hypothesis.causes) > 1 or first.cost > found.null.cost - decisive(CALIBRATION.cause):
             continue
         others = [campaign.hypothesis([name]) for name in names if name not in first.hypothesis.causes]
-        for start in screen(campaign, first.fit, others, first.hypothesis)[:PAIRS]:
+        for start in screen(campaign, first.fit, others, first.hypothesis)[:FOLLOWED]:
             if start.gain > decisive(CALIBRATION.second) and not campaign.stop():
                 found.keep(fitted_contestant(campaign, start, ROUNDS, found.null.unknowns))
     if len(found.pairs) > before:
@@ -232,7 +230,7 @@ def from_each_other(found: Inquiry) -> None:
     """The base, and the best rivals, once more from the constants that the best of all leaves: that a search ended in
     another valley is no evidence against a hypothesis."""
     campaign, n = found.campaign, len(found.null.unknowns)
-    best = found.contestants[:RIVALS]
+    best = found.contestants[:FOLLOWED]
     if not best or found.null.cost < best[0].cost + CALIBRATION.scale:
         return  # nothing is better than the base
     for one in best:

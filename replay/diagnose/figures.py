@@ -12,12 +12,10 @@ from straw.replay.diagnose.fit import Contestant
 from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.judge import CALIBRATION, decisive
 from straw.replay.diagnose.robust import weights
+from straw.replay.diagnose.settings import ONE_DEVIATION
 from straw.replay.diagnose.system import System
 
 Floats = NDArray[np.float64]
-
-#: Squared sigmas that are one deviation of a constant: six instruments' constants were 0.04 to 2.2 of these off.
-ONE_DEVIATION = 20.0
 
 
 def constants_of(system: System, best: Contestant) -> dict[str, dict[str, dict[str, Any]]]:

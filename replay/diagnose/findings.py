@@ -14,16 +14,12 @@ from straw.replay.diagnose.figures import constants_of, smallest_seen
 from straw.replay.diagnose.fit import Contestant, Fit
 from straw.replay.diagnose.heldout import Held, hold_out, moves, noise_floor, plain_rms
 from straw.replay.diagnose.inquiry import Inquiry, Told, silent
-from straw.replay.diagnose.judge import COVERED, Judgement, by_cause, surviving
+from straw.replay.diagnose.judge import Judgement, by_cause, surviving
 from straw.replay.diagnose.locate import Located, Wandering, locate, sentence, wandering
+from straw.replay.diagnose.settings import COVERED, MORE_THAN_NOT, NAMED_ALONE
 from straw.replay.diagnose.tolerance import Tolerance
 
 Floats = NDArray[np.float64]
-
-#: A hypothesis this probable is named alone; less, and the set that survives is named.
-NAMED_ALONE = 0.8
-#: Nothing is called missing, or the cause unknown, when that is more probable than not.
-MORE_THAN_NOT = 0.5
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,8 @@ from scipy.optimize import least_squares
 
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
-from straw.replay.diagnose.robust import ROBUST_SIGMAS, robust_cost
+from straw.replay.diagnose.robust import robust_cost
+from straw.replay.diagnose.settings import ROBUST_SIGMAS
 
 Floats = NDArray[np.float64]
 

@@ -13,14 +13,9 @@ from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Fit, fitted
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.locate import Located
+from straw.replay.diagnose.settings import FIRST_ROUNDS, WORSE
 
 Floats = NDArray[np.float64]
-
-#: Rounds in which a fit to all runs is fitted again to those not held out: it is already near.
-ROUNDS = 3
-#: An RMS is worse when it is larger by this factor: noise that lasts 50 ms leaves some 60 independent samples in a run
-#: of a few seconds, so an RMS has a standard deviation of 1 / sqrt(120) = 9 %, and this is three of them.
-WORSE = 1.27
 
 
 @dataclass(frozen=True)
@@ -99,12 +94,12 @@ def hold_out(
         return None
     out = _chosen(campaign, located)
     train, rest = campaign.only([n for n in names if n not in out]), campaign.only(out)
-    base = fitted(train, null.unknowns, null.u, rounds=ROUNDS)
+    base = fitted(train, null.unknowns, null.u, rounds=FIRST_ROUNDS)
     before = plain_rms(rest, null.unknowns, base.u)
     last, after = base, before
     steps = []
     for cause, fit in added or ([] if better is null else [("", better)]):
-        last = fitted(train, fit.unknowns, fit.u, rounds=ROUNDS)
+        last = fitted(train, fit.unknowns, fit.u, rounds=FIRST_ROUNDS)
         after = plain_rms(rest, fit.unknowns, last.u)
         steps.append((cause, after))
     return Held(

@@ -13,17 +13,9 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Contestant, Fit
+from straw.replay.diagnose.settings import BEYOND, BLOCK, COVERED, MOST_COUNTED, NOISE_LEAVES
 
 Floats = NDArray[np.float64]
-
-#: Samples that are looked at together, and how many deviations of their sum of squares are beyond noise.
-BLOCK, BEYOND = 24, 5.0
-#: What noise and forks of repeats leave unexplained even with the right model, sigmas squared.
-NOISE_LEAVES = 300.0
-#: Constants of one hypothesis that are counted: those that have more are tables, with priors of their own.
-MOST_COUNTED = 4
-#: What survives is together as probable as this.
-COVERED = 0.95
 
 
 @dataclass(frozen=True)
@@ -149,6 +141,6 @@ def by_cause(probability: Mapping[str, float]) -> dict[str, float]:
 
 
 def surviving(probability: Mapping[str, float], covers: float = COVERED) -> list[str]:
-    """The fewest hypotheses that together are as probable as ``covers``."""
+    """The fewest hypotheses that together are as probable as ``covers``, what the search missed being any of them."""
     total = list(itertools.accumulate(probability.values()))
-    return list(probability)[: int(np.searchsorted(total, covers)) + 1]
+    return list(probability)[: int(np.searchsorted(total, covers * (1 - CALIBRATION.missed))) + 1]

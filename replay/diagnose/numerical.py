@@ -8,12 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.settings import STEP_U
 
 Floats = NDArray[np.float64]
-
-#: Step in u, a unit of which is well seen or a factor e: the cube root of a simulation's accuracy of some 1e-10, where
-#: truncation and rounding of a central difference are alike (Press et al., Numerical Recipes, section 5.7).
-STEP_U = 4e-4
 
 
 def jacobian(

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from straw.replay.diagnose.settings import ROBUST_SIGMAS
 
-#: Differences beyond this many sigmas count with their size.
-ROBUST_SIGMAS = 5.0
+Floats = NDArray[np.float64]
 
 
 def robust_cost(residual: Floats) -> float:

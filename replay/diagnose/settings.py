@@ -1,4 +1,8 @@
-"""All settings of the search and of what is compared, each with its reason."""
+"""All settings of the engine, each with its reason: of what is compared, of the search, of what is told.
+
+`python -m tests.benchmarks.settings` says what the answers do when one is halved or doubled. What decides between two
+causes is calibrated, not set: `calibration.toml`.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +15,9 @@ TOLERANCE_M = 5e-7
 FINER_M = {"trapped_gas": 1e-7, "fluid_inertia": 1e-7}
 #: Output step, s: a sixth of the period of the fastest ringing that the camera resolves at 240 Hz.
 SIMULATED_EVERY_S = 2e-3
-#: Steps a second a simulation may take, 1.6 times what the livelier run of the paper takes, and how that grows with
-#: accuracy for a method of fourth order. A straw that nothing damps takes as long as many runs.
-LIVELIEST_PER_S, STEPS_GROW = 1850.0 * (2e-7 / 5e-7) ** 0.25, 1 / 4
+#: Steps a second a simulation may take to `TOLERANCE_M`, 1.6 times what the livelier run of the paper takes. A straw
+#: that nothing damps takes as long as many runs.
+LIVELIEST_PER_S = 1470.0
 #: Where the recording shows more snaps than the prediction, it gets this much longer to snap, s: the latest snaps by a
 #: cause of ten times the plausible size come 1.2 s late.
 EXTRA_TIME_S = 1.5
@@ -37,33 +41,59 @@ MISSING_EVENT_SIGMAS = 3.0
 #: A run that cannot be simulated counts as this many sigmas everywhere: farther than any that can.
 FAILED_SIGMAS = 300.0
 
+#: Differences beyond this many sigmas count with their size, not their square.
+ROBUST_SIGMAS = 5.0
+
 # -- search ----------------------------------------------------------------------------------------------------------
 
 #: Evaluations of a first and of a last fit: Gauss-Newton on exact derivatives converges in 4 to 8 where it does.
 FIRST_ROUNDS, ROUNDS = 5, 20
 #: Evaluations in each round of the coarse tournament, and what share of the library goes on after each but the last.
 COARSE_ROUNDS, HALVINGS = (3, 6, 15), (0.5, 0.25)
-#: Starts of a hypothesis that are followed; hypotheses fitted from where first order puts them; second causes tried.
-STARTS, SCREENED, PAIRS = 2, 8, 4
+#: Starts of a hypothesis that are followed down; hypotheses fitted from where first order puts them.
+STARTS, SCREENED = 2, 8
+#: What is followed of any list of the most promising: second causes, proposed pairs, hypotheses carried to their end,
+#: rivals fitted from each other's constants, starts of the base. Fewer miss the truth, more cost a fit each.
+FOLLOWED = 4
 #: Squared sigmas beyond noise from which on a fit is far off: first order around it tells nothing.
 FAR = 3000.0
-#: Hypotheses carried to their end at a time, and fitted from each other's constants.
-FINISHED, RIVALS = 4, 3
+#: What noise and forks of repeats leave unexplained even with the right model, sigmas squared: below it a fit explains
+#: the runs, a run is not worth a look, and a hypothesis so near to the best may still win.
+NOISE_LEAVES = 300.0
 #: Longest step of a linear prediction in u, a unit of which is a factor e in what is searched by its logarithm.
 LONGEST_STEP = 3.0
-#: Squared sigmas beyond noise below which a fit explains the runs, and what a run may leave that is not worth a look.
-NOTHING_LEFT, FAR_OFF = 300.0, 300.0
-#: Hypotheses within this of the best (squared sigmas) are carried to their end: what a fit may still gain there.
-CLOSE = 300.0
 #: Strength in units of a law's scale at which laws are looked at to first order: next to nothing, and not nothing, as
 #: gas of no volume has no spring and a line without delay no state.
 FAINT = 0.01
-#: Causes that are tried first of those a proposal puts in order, and pairs: it had the truth among the first eight in
-#: nine of ten held-out simulations (`python -m tests.benchmarks.proposal`).
-PROPOSED, PROPOSED_PAIRS = 8, 4
+#: Causes that are tried first of those a proposal puts in order: it had the truth among the first eight in nine of ten
+#: held-out simulations (`python -m tests.benchmarks.proposing`).
+PROPOSED = 8
+#: Points drawn from the priors of a base (a Sobol set covers them evenly with a power of two).
+DRAWN = 32
+#: Step of a numerical derivative in u, a unit of which is well seen or a factor e: the cube root of a simulation's
+#: accuracy of some 1e-10, where truncation and rounding of a central difference are alike (Press et al., Numerical
+#: Recipes, section 5.7).
+STEP_U = 4e-4
 #: A derivative's cost in plain simulations (`python -m tests.benchmarks.derivatives`: 16 cost 4 to 5), and the work, in
 #: steps of plain simulations, after which a straw's search ends where it is and settles nothing. Two idle cores did
 #: 40,000 to 59,000 a second on the four campaigns of `../shared/recordings`: 130 to 190 s, where 180 are asked.
 COLUMN_COSTS, MOST_WORK = 0.25, 7.5e6
-#: Stages that progress is told in, at most.
-STAGES = 7
+
+# -- what is told ----------------------------------------------------------------------------------------------------
+
+#: Samples that are looked at together for differences beyond noise, and how many deviations of their sum of squares
+#: are beyond it: one in three million by chance.
+BLOCK, BEYOND = 24, 5.0
+#: Constants of a hypothesis that count against it: those that have more are tables with priors of their own.
+MOST_COUNTED = 4
+#: Hypotheses survive that are together as probable as this, of what the search can be sure of.
+COVERED = 0.95
+#: A hypothesis this probable is named alone; less, and the set that survives is named.
+NAMED_ALONE = 0.8
+#: Nothing is called missing, or the cause unknown, when that is more probable than not.
+MORE_THAN_NOT = 0.5
+#: Squared sigmas that are one deviation of a constant: six instruments' constants were 0.04 to 2.2 of these off.
+ONE_DEVIATION = 20.0
+#: An RMS is worse when it is larger by this factor: noise that lasts 50 ms leaves some 60 independent samples in a run
+#: of a few seconds, so an RMS has a standard deviation of 1 / sqrt(120) = 9 %, and this is three of them.
+WORSE = 1.27

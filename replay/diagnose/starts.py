@@ -10,13 +10,10 @@ from numpy.typing import NDArray
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Fit, clipped, cost_at, fitted
 from straw.replay.diagnose.hypothesis import Unknown
-from straw.replay.diagnose.settings import FIRST_ROUNDS, ROUNDS
+from straw.replay.diagnose.settings import DRAWN, FIRST_ROUNDS, FOLLOWED, ROUNDS
 from straw.replay.errors import ReplayError
 
 Floats = NDArray[np.float64]
-
-#: Points drawn from the priors (a Sobol set covers them evenly with a power of two), and how many are followed.
-DRAWN, FOLLOWED = 32, 3
 
 
 def fit_from_priors(campaign: Campaign, proposed: Sequence[Floats] = ()) -> tuple[Fit, Fit]:

@@ -11,7 +11,7 @@ import pytest
 
 from straw.model.parameters import StrawParameters
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.settings import FAR_OFF
+from straw.replay.diagnose.settings import NOISE_LEAVES
 from straw.replay.diagnose.systems.straw import base
 from straw.replay.diagnose.systems.straw.base import base_fit, telling_runs
 from straw.replay.diagnose.systems.straw.observation import observe
@@ -44,9 +44,9 @@ def test_the_most_telling_runs_of_different_starts_and_one_without_a_snap_are_lo
 
 
 def test_a_start_that_only_shows_what_is_unexplained_is_looked_at_too_and_no_second_repeat(monkeypatch) -> None:
-    left = {"deploy-2": 9 * FAR_OFF, "deploy-with-6": 2 * FAR_OFF, "deploy-with-7": 3 * FAR_OFF}
+    left = {"deploy-2": 9 * NOISE_LEAVES, "deploy-with-6": 2 * NOISE_LEAVES, "deploy-with-7": 3 * NOISE_LEAVES}
     assert _told(monkeypatch, left)[4:] == ["deploy-with-7"]
-    assert _told(monkeypatch, left | {"deploy-with-6": FAR_OFF / 2, "deploy-with-7": FAR_OFF / 3})[4:] == []
+    assert _told(monkeypatch, left | {"deploy-with-6": NOISE_LEAVES / 2, "deploy-with-7": NOISE_LEAVES / 3})[4:] == []
 
 
 def test_damping_and_channel_are_found_from_a_straw_whose_constants_are_far_off() -> None:

@@ -15,7 +15,8 @@ from straw.replay.diagnose.diagnosis import inquire
 from straw.replay.diagnose.explain import random_effects
 from straw.replay.diagnose.findings import Findings, conclude
 from straw.replay.diagnose.fit import fitted
-from straw.replay.diagnose.judge import NOISE_LEAVES, unexplained
+from straw.replay.diagnose.judge import unexplained
+from straw.replay.diagnose.settings import NOISE_LEAVES
 from straw.replay.diagnose.systems.straw.constants import base_unknowns
 from straw.replay.diagnose.systems.straw.library import hypothesis
 from straw.replay.diagnose.systems.straw.observation import observe

@@ -7,7 +7,7 @@ import pytest
 
 from straw.replay.diagnose.fit import cost_at, fitted
 from straw.replay.diagnose.hypothesis import Unknown
-from straw.replay.diagnose.robust import ROBUST_SIGMAS
+from straw.replay.diagnose.settings import ROBUST_SIGMAS
 
 OFFSET, LENGTH = (Unknown(name, 1.0, sd=10.0, low=-8.0, high=8.0) for name in ("offset", "length"))
 FIRST, SECOND = (Unknown(name, 1.0, kind="linear", sd=10.0) for name in ("first", "second"))

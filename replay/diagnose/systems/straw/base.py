@@ -11,7 +11,7 @@ from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Fit, cost_at, fitted
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.judge import run_by_run
-from straw.replay.diagnose.settings import FAR_OFF, FIRST_ROUNDS, ROUNDS
+from straw.replay.diagnose.settings import FIRST_ROUNDS, FOLLOWED, NOISE_LEAVES, ROUNDS
 from straw.replay.diagnose.system import Recording
 from straw.replay.diagnose.systems.straw.constants import base_unknowns
 from straw.replay.diagnose.systems.straw.of import straw_of
@@ -24,7 +24,7 @@ R_CH = tuple(0.28e-3 * 1.06**k for k in range(12))
 C_ZETA = (1.0, 4.0, 8.0, 16.0, 32.0, 64.0, 150.0, 600.0)
 C_PHI = (0.4e-3, 0.8e-3, 1.6e-3, 3.2e-3, 6.4e-3, 12.8e-3)
 #: Runs looked at, and starts followed.
-LOOKED_AT, FOLLOWED = 3, 4
+LOOKED_AT = 3
 
 
 def base_fit(campaign: Campaign, proposed: Sequence[Floats] = ()) -> tuple[Fit, Fit]:
@@ -60,7 +60,7 @@ def telling_runs(campaign: Campaign, fit: Fit) -> list[str]:
     few = different_runs(observations)
     seen = {o.kind for o in observations if o.name in few}
     others = [(-x, o.name) for o, x in zip(observations, left, strict=True) if o.kind not in seen]
-    return few + [name for x, name in sorted(others) if -x > FAR_OFF][:1]
+    return few + [name for x, name in sorted(others) if -x > NOISE_LEAVES][:1]
 
 
 def different_runs(observations: Sequence[Recording]) -> list[str]:

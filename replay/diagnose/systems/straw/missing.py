@@ -17,8 +17,9 @@ from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Fit, evaluated, fitted
 from straw.replay.diagnose.formula import Formula, formula, tangent
 from straw.replay.diagnose.inquiry import Told, silent
-from straw.replay.diagnose.judge import NOISE_LEAVES, unexplained
+from straw.replay.diagnose.judge import unexplained
 from straw.replay.diagnose.robust import weights
+from straw.replay.diagnose.settings import NOISE_LEAVES
 from straw.replay.diagnose.systems.straw.base import telling_runs
 from straw.replay.diagnose.systems.straw.constants import applied
 from straw.replay.diagnose.systems.straw.dictionary import atoms

@@ -22,7 +22,6 @@ from straw.replay.diagnose.settings import (
     LIVELIEST_PER_S,
     SECANT,
     SIMULATED_EVERY_S,
-    STEPS_GROW,
     TOLERANCE_M,
 )
 from straw.replay.diagnose.systems.straw.constants import applied
@@ -88,7 +87,7 @@ def simulated(
 
 def most_steps_per_s(tolerance_m: float) -> float:
     """Steps a second that a simulation of this accuracy may take."""
-    return float(LIVELIEST_PER_S * (TOLERANCE_M / tolerance_m) ** STEPS_GROW)
+    return float(LIVELIEST_PER_S * (TOLERANCE_M / tolerance_m) ** 0.25)  # a method of fourth order
 
 
 def _until_it_snaps(
