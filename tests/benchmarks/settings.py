@@ -4,8 +4,8 @@
     python -m tests.benchmarks.settings FOLLOWED FAR --cases develop-003 develop-017
 
 One line per setting and factor: verdicts that change, and the largest change of the probability of what is true. Of
-probabilities the odds are halved and doubled. A case takes one to three minutes of a core, so all settings take a night; lines
-are kept in a file (`--out`), and an interrupted run goes on.
+probabilities the odds are halved and doubled. A case takes one to three minutes of a core, all settings a night;
+lines are kept in a file (`--out`), and an interrupted run goes on.
 """
 
 from __future__ import annotations
