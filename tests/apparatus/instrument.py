@@ -11,6 +11,7 @@ from .straw import Motion
 FRAME_S, GAUGE_S = 1.0 / 240.0, 1.0 / 200.0
 SIGMA = np.array([25e-6, 25e-6, 1.5e-3])
 SIGMA_PA = 30.0
+REST_LENGTHS = np.array([10e-3, 10e-3, 0.3])  # m, m, rad: over which a rest changes
 SLOW_SHARE, SLOW_FRAMES = 0.45, 15.0  # of the noise's variance, and its memory: light and pixels drift together
 
 
@@ -30,6 +31,8 @@ class Instrument:
     gauge_play_pa: float = 0.0
     hiccup_at_s: float = 0.0
     hiccup_s: float = 0.0
+    rest_sigmas: float = 0.0  # what remains of a lens, a board and a straw that no model has: smooth over the pose
+    rest_draw: int = 0
 
     def true_time(self, stamp_s: np.ndarray) -> np.ndarray:
         t = (stamp_s - self.clock_offset_s) / (1.0 + self.clock_drift)
@@ -41,7 +44,15 @@ class Instrument:
         x, z = x + self.tip_offset_m * np.sin(phi), z + self.tip_offset_m * np.cos(phi)
         x, z = x * (1.0 + self.length_scale), z * (1.0 + self.length_scale)
         s, c = np.sin(self.camera_roll_rad), np.cos(self.camera_roll_rad)
-        return np.column_stack([c * x + s * z, c * z - s * x, phi + self.camera_roll_rad])
+        seen = np.column_stack([c * x + s * z, c * z - s * x, phi + self.camera_roll_rad])
+        return seen + self._rest(seen) if self.rest_sigmas else seen
+
+    def _rest(self, seen: np.ndarray) -> np.ndarray:
+        """Two waves over the pose for each channel, of the rms that is stated where all phases occur."""
+        rng = np.random.default_rng(self.rest_draw)
+        waves = rng.normal(size=(3, 2, 3)) / REST_LENGTHS
+        angle = np.einsum("nk,cwk->ncw", seen, waves) + rng.uniform(0, 2 * np.pi, size=(3, 2))
+        return self.rest_sigmas * SIGMA * np.sum(np.sin(angle), axis=2)
 
     def gauge(self, pressure_pa: np.ndarray) -> np.ndarray:
         """Readings without noise of a true pressure that changes slowly from sample to sample."""

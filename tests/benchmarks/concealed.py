@@ -18,7 +18,7 @@ import traceback
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from straw.model.parameters import StrawParameters
 from straw.replay.diagnose.diagnosis import inquire
@@ -28,7 +28,7 @@ from straw.replay.diagnose.systems.straw.observation import observe
 from straw.replay.diagnose.systems.straw.system import StrawSystem
 from straw.replay.options import workers_options
 from straw.replay.workers import workers
-from tests.apparatus.cases import RUN_IDS, Case, deck, generate, opened, recorded, seal
+from tests.apparatus.cases import RUN_IDS, Case, Split, deck, generate, opened, recorded, seal
 from tests.benchmarks.concealed_film import filmed
 from tests.benchmarks.concealed_score import ablated, judged_again, score
 
@@ -61,13 +61,14 @@ def diagnosed(case: Case, ablate: bool = False, camera: bool = False) -> dict[st
         "effect_sigma": made.effect_sigma,
         "cpu_s": time.process_time() - start,
         "failures": found.campaign.tally["failed"],
+        "ended_early": not found.whole,
     }
 
 
 def main() -> None:
     """Seal, diagnose, open, score."""
     ask = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    ask.add_argument("--split", choices=("develop", "final"), default="develop")
+    ask.add_argument("--split", choices=get_args(Split), default="develop")
     ask.add_argument("--seed", type=int, default=1)
     ask.add_argument("--cases", type=int, default=10**6)
     ask.add_argument("--only", nargs="+", metavar="NAME", help="these cases, as final-006")
