@@ -32,6 +32,7 @@ from straw.replay.diagnose.settings import (
 from straw.replay.diagnose.systems.straw.matching import matched, without_odd
 from straw.replay.diagnose.systems.straw.observation import REPEATABILITY_S, Observation
 from straw.replay.diagnose.systems.straw.simulated import Simulated, simulated
+from straw.replay.diagnose.systems.straw.vented import vent_residual
 
 Floats = NDArray[np.float64]
 
@@ -40,10 +41,11 @@ Floats = NDArray[np.float64]
 class Misfit:
     """Differences between prediction and observation in sigmas: shape (3, n), white for a right model; timing (k,).
 
-    ``timing`` has an entry for each of the observation's snap times (begin, end, begin, ...), and one for all that
-    the prediction shows beside them; ``late_s`` (k - 1,) are the same in seconds, NaN where the prediction has none.
-    ``plain`` (3, n) is what differs without registration, m and rad. ``jacobian`` (3 n + k, unknowns) has no columns
-    where no derivatives were asked for. ``steps`` is how many the simulation took.
+    ``timing`` has an entry for each of the observation's snap times (begin, end, begin, ...), one for all that the
+    prediction shows beside them, and one for what the gauge reads on a vented line; ``late_s`` (k - 2,) are the first
+    of them in seconds, NaN where the prediction has none. ``plain`` (3, n) is what differs without registration, m and
+    rad. ``jacobian`` (3 n + k, unknowns) has no columns where no derivatives were asked for. ``steps`` is how many the
+    simulation took.
     """
 
     shape: Floats
@@ -73,11 +75,19 @@ def misfit(
     curve = _Curve(seen)
     plain = curve.at(observed.time_s) - observed.tip
     sigma = observed.sigma()
+    vent, d_vent = vent_residual(observed.vent_pa, observed.start_s, straw, unknowns, at)
 
     def told(way: Registration) -> Misfit:
         look_s = way.bent(observed.time_s)
         shape = whitened((curve.at(look_s) - observed.tip) / sigma, observed.time_s)
-        return Misfit(shape, way.timing(REPEATABILITY_S), way.late_s, plain, np.empty((0, 0)), seen.prediction.steps)
+        return Misfit(
+            shape,
+            np.append(way.timing(REPEATABILITY_S), vent),
+            way.late_s,
+            plain,
+            np.empty((0, 0)),
+            seen.prediction.steps,
+        )
 
     ways = registrations(observed, seen)
     costs = [robust_cost(told(way).vector) for way in ways]
@@ -86,7 +96,9 @@ def misfit(
     if derivatives:
         moved = curve.tangent(observed.time_s, way) / sigma[:, :, None]
         white = whitened(moved, observed.time_s)
-        jacobian = np.concatenate([white.reshape(-1, white.shape[-1]), way.timing_tangent(REPEATABILITY_S)])
+        jacobian = np.concatenate(
+            [white.reshape(-1, white.shape[-1]), way.timing_tangent(REPEATABILITY_S), d_vent[None]]
+        )
         one = Misfit(one.shape, one.timing, one.late_s, one.plain, jacobian, one.steps)
     return one
 
@@ -103,9 +115,11 @@ def coarse_misfit(
     snap times: what leads from afar to a good fit."""
     seen = simulated(observed, straw, unknowns, at, derivatives=derivatives, tolerance_m=COARSE_TOLERANCE_M)
     curve, envelope = _Curve(seen), observed.envelope
+    vent, d_vent = vent_residual(observed.vent_pa, observed.start_s, straw, unknowns, at)
 
     def told(way: Registration) -> Floats:
-        return np.concatenate([envelope.differs(curve.at(way.bent(envelope.time_s))), way.timing(ROUGH_TIMING_S)])
+        slow = envelope.differs(curve.at(way.bent(envelope.time_s)))
+        return np.concatenate([slow, way.timing(ROUGH_TIMING_S), [vent]])
 
     ways = registrations(observed, seen)
     vectors = [told(way) for way in ways]
@@ -114,7 +128,7 @@ def coarse_misfit(
     if derivatives:
         look_s = way.bent(envelope.time_s)
         moved = envelope.tangent(curve.at(look_s), curve.tangent(envelope.time_s, way))
-        jacobian = np.concatenate([moved, way.timing_tangent(ROUGH_TIMING_S)])
+        jacobian = np.concatenate([moved, way.timing_tangent(ROUGH_TIMING_S), d_vent[None]])
     return vectors[best], jacobian, seen.prediction.steps
 
 

@@ -20,6 +20,7 @@ from straw.replay.diagnose.system import Stretch
 from straw.replay.diagnose.systems.straw.envelope import Envelope, envelope_of
 from straw.replay.diagnose.systems.straw.gauge import quieted
 from straw.replay.diagnose.systems.straw.snaps import Levels, crossings, levels_of, stretches
+from straw.replay.diagnose.systems.straw.vented import vented
 from straw.replay.driving import driving_pressure
 from straw.replay.errors import ReplayError
 from straw.replay.fit_difference import UNSTATED
@@ -52,6 +53,7 @@ class Observation:
     pressure: Table  # as the gauge showed it, without what is its noise
     start_s: float
     end_s: float
+    vent_pa: float | None = None  # what the gauge reads before anything is commanded, where it is not nothing
     rests: dict[str, Floats] = field(default_factory=dict)  # by form of the equations: where a straw like it rests
 
     @property
@@ -150,4 +152,5 @@ def observe(run: Run) -> Observation:
         sampled(curve, np.array([start_s, max(float(pressure.time_s[-1]), start_s + step_s)])),
         start_s,
         float(time_s[-1]),
+        vented(pressure, run.command),
     )

@@ -116,9 +116,9 @@ class StrawSystem(System):
         return Differences(vector, jacobian, np.empty((len(CHANNELS), 0)), steps)
 
     def size(self, recording: Observation, level: Level) -> int:
-        """Shape, or slow part and envelope; each snap time, and one for what is beside them."""
+        """Shape, or slow part and envelope; each snap time, one for what is beside them, one for the vented gauge."""
         shaped = recording.envelope.size if level is Level.COARSE else recording.tip.size
-        return int(shaped + len(recording.snaps_s) + 1)
+        return int(shaped + len(recording.snaps_s) + 2)
 
     def ready(self, recordings: Sequence[Observation]) -> None:
         """Find where the straw rests before each run."""

@@ -1,0 +1,58 @@
+"""What the gauge reads before anything is commanded: a sound one reads nothing on a vented line."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from straw.model.parameters import StrawParameters
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.settings import SECANT
+from straw.replay.diagnose.systems.straw.constants import applied
+from straw.rig.run import PressureLog
+
+Floats = NDArray[np.float64]
+
+#: How far from ambient a line is that a controller holds at nothing, Pa: a tenth of a percent of an OB1's 100 kPa.
+VENTED_PA = 100.0
+#: Readings that are needed to tell an offset, and standard errors by which it must differ from nothing: a regulator
+#: that trusts the same gauge makes it read nothing whatever its offset, so that is no evidence of a sound one.
+FEWEST, APART = 10, 5.0
+
+
+def vented(measured: PressureLog, command: PressureLog | None) -> float | None:
+    """Mean reading (Pa) before the first pressure is commanded; None where noise may account for it, where it still
+    changes, or where nothing is known of what was commanded."""
+    if command is None:
+        return None
+    told = np.flatnonzero(command.pressure_pa != 0)
+    until_s = command.time_s[told[0]] if len(told) else np.inf
+    readings = measured.pressure_pa[measured.time_s < until_s]
+    if len(readings) < FEWEST:
+        return None
+    halves = np.array_split(readings, 2)
+    error = np.std(readings) / np.sqrt(len(readings))
+    drift = abs(float(np.mean(halves[1]) - np.mean(halves[0])))
+    mean = float(np.mean(readings))
+    return mean if abs(mean) > APART * error and drift < APART * 2 * error else None
+
+
+def vent_residual(
+    vent_pa: float | None, start_s: float, straw: StrawParameters, unknowns: Sequence[Unknown], at: Floats
+) -> tuple[float, Floats]:
+    """What a gauge, its faults taken off, says is in the vented line, in sigmas, and its derivatives by u."""
+    slopes = np.zeros(len(unknowns))
+    if vent_pa is None:
+        return 0.0, slopes
+
+    def left(u: Floats) -> float:
+        true_pa = applied(straw, unknowns, u)[1].true_pressure(np.array([vent_pa]), np.array([start_s]))
+        return float(true_pa[0]) / VENTED_PA
+
+    for k, unknown in enumerate(unknowns):
+        if unknown.target.startswith("instrument.gauge"):
+            step = SECANT * np.eye(len(unknowns))[k]
+            slopes[k] = (left(at + step) - left(at - step)) / (2 * SECANT)
+    return left(at), slopes
