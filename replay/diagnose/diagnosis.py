@@ -23,7 +23,7 @@ def inquire(
     """Fit the base and every cause in the library (all by default), alone and in pairs, until done or stopped.
 
     Raises ReplayError where a run cannot be simulated at all. A search that takes more than the system's
-    ``most_work`` steps ends where it is, on every machine at the same place, and then settles nothing.
+    ``most_work`` steps ends where it is, on every machine at the same place, and says so.
 
     ``executor`` works out residuals: a `ThreadPoolExecutor` (the compiled model releases the GIL), or a Dask client's
     ``client.get_executor()``. It must outlive what is asked of the inquiry later.
@@ -34,5 +34,6 @@ def inquire(
     campaign = Campaign(observations, system, executor, stop)
     campaign.stop = lambda: stop() or campaign.tally["work"] > system.most_work
     found = explain(campaign, names, told, proposal)
+    found.whole, found.spent = not stop(), campaign.tally["work"] > system.most_work
     campaign.stop = stop  # what is asked of the inquiry later has a budget of its own
     return found

@@ -77,7 +77,6 @@ def explain(campaign: Campaign, names: Sequence[str], told: Told, proposal: Prop
     for hypothesis in hypotheses:
         if hypothesis.name not in found.singles:
             found.keep(absent(found.null, hypothesis))
-    found.whole = not campaign.stop()
     return found
 
 

@@ -240,6 +240,8 @@ def _doubts(found: Inquiry) -> list[str]:
     out = []
     if not found.whole:
         out.append("the search was cut short: causes not looked at yet count as impossible here")
+    if found.spent:
+        out.append("the search spent its budget of steps: what it had not fitted by then counts as not there")
     if len(runs) < 3:
         out.append(
             f"{len(runs)} run{'s' if len(runs) > 1 else ''}: nothing could be held out, and repeats are not known"

@@ -25,7 +25,8 @@ class Inquiry:
     null: Fit
     singles: dict[str, Contestant] = field(default_factory=dict)
     pairs: dict[str, Contestant] = field(default_factory=dict)
-    whole: bool = False  # whether every cause was looked at and the best were carried to their end
+    whole: bool = False  # whether the search ended by itself; one that somebody stopped settles nothing
+    spent: bool = False  # whether it ended as its budget was spent, with what it had found
 
     @property
     def contestants(self) -> list[Contestant]:

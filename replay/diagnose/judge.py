@@ -32,6 +32,7 @@ class Calibration:
     constant: float
     unknown: float
     imitated: float  # an unknown cause is taken to leave sqrt(imitated * base's excess), sigmas squared
+    form: float  # share of the base's excess that a right law of another form may leave, as laws have it and nature not
     missed: float  # probability that the search missed the truth, or that it is none of the hypotheses
 
 
@@ -98,15 +99,16 @@ def weighed(
     """Probabilities, largest first, of hypotheses that leave ``excess`` and have so many ``constants``, of "complete"
     (in ``excess``) and "unknown".
 
-    Prior times (1 + excess / (tail scale))^(-tail / 2), normalised, mixed with an even distribution for what the search
-    missed.
+    Prior times (1 + excess / (tail scale + form base))^(-tail / 2), normalised, mixed with an even distribution for
+    what the search missed.
     """
-    log_p = {"complete": _log_likelihood(excess["complete"], by)}
+    base = excess["complete"]
+    log_p = {"complete": _log_likelihood(base, base, by)}
     for name, count in constants.items():
         together = name.count("+") + 1
         prior = by.cause + by.second * (together - 1) + by.constant * (min(count, MOST_COUNTED) - together)
-        log_p[name] = _log_likelihood(excess[name], by) - prior
-    log_p["unknown"] = _log_likelihood(unknown_leaves(excess["complete"], by), by) - by.unknown
+        log_p[name] = _log_likelihood(excess[name], base, by) - prior
+    log_p["unknown"] = _log_likelihood(unknown_leaves(base, by), base, by) - by.unknown
     top = max(log_p.values())
     total = sum(np.exp(v - top) for v in log_p.values())
     even = by.missed / len(log_p)
@@ -126,8 +128,8 @@ def decisive(log_prior: float, by: Calibration = CALIBRATION) -> float:
     return float(by.tail * by.scale * np.expm1(2 * log_prior / by.tail))
 
 
-def _log_likelihood(excess: float, by: Calibration) -> float:
-    return float(-by.tail / 2 * np.log1p(excess / (by.tail * by.scale)))
+def _log_likelihood(excess: float, base: float, by: Calibration) -> float:
+    return float(-by.tail / 2 * np.log1p(excess / (by.tail * by.scale + by.form * base)))
 
 
 def by_cause(probability: Mapping[str, float]) -> dict[str, float]:

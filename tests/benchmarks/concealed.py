@@ -61,7 +61,7 @@ def diagnosed(case: Case, ablate: bool = False, camera: bool = False) -> dict[st
         "effect_sigma": made.effect_sigma,
         "cpu_s": time.process_time() - start,
         "failures": found.campaign.tally["failed"],
-        "ended_early": not found.whole,
+        "spent": found.spent,
     }
 
 
