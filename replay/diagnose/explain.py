@@ -19,6 +19,7 @@ from straw.replay.diagnose.hypothesis import Hypothesis
 from straw.replay.diagnose.inquiry import Inquiry, Told
 from straw.replay.diagnose.judge import CALIBRATION, decisive, unexplained
 from straw.replay.diagnose.propose.proposal import Proposal
+from straw.replay.diagnose.refine import refined
 from straw.replay.diagnose.screen import Start, screen
 from straw.replay.diagnose.settings import (
     COARSE_ROUNDS,
@@ -26,9 +27,8 @@ from straw.replay.diagnose.settings import (
     FIRST_ROUNDS,
     FOLLOWED,
     NOISE_LEAVES,
-    PROPOSED,
     ROUNDS,
-    SCREENED,
+    SHORTLIST,
 )
 from straw.replay.diagnose.starts import check_simulated
 from straw.replay.diagnose.tournament import finished, fitted_contestant, tournament
@@ -58,7 +58,7 @@ def explain(campaign: Campaign, names: Sequence[str], told: Told, proposal: Prop
     if not found.contestants or not far or _unexplained(found):
         steps("causes that are small", found)
         left = _unexplained(found)
-        for start in screen(campaign, found.null, hypotheses)[:SCREENED]:
+        for start in screen(campaign, found.null, hypotheses)[:SHORTLIST]:
             if not campaign.stop() and (left or start.gain > CALIBRATION.scale):
                 found.keep(fitted_contestant(campaign, start, FIRST_ROUNDS))
         finish(found)
@@ -100,7 +100,7 @@ def _large(
     for group in _in_turn(hypotheses, proposal):
         steps("causes that are large", found)
         for one in tournament(wide, known, group, given):
-            found.keep(finished(found.campaign, one, FIRST_ROUNDS))
+            found.keep(Contestant(one.hypothesis, refined(found.campaign, one.fit, FIRST_ROUNDS)))
         finish(found)
         if not _unexplained(found):
             return
@@ -148,7 +148,7 @@ def _in_turn(hypotheses: Sequence[Hypothesis], proposal: Proposal | None) -> lis
     """The hypotheses that the proposal puts first, and the others."""
     if proposal is None or not proposal.familiar:
         return [list(hypotheses)]
-    first = list(proposal.scores)[:PROPOSED]
+    first = list(proposal.scores)[:SHORTLIST]
     groups = [[h for h in hypotheses if (h.name in first) is one] for one in (True, False)]
     return [group for group in groups if group]
 
@@ -193,7 +193,7 @@ def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], proposed: Seq
     base = found.null.unknowns
     for start in two[:FOLLOWED]:
         coarse = fitted_contestant(wide, start, sum(COARSE_ROUNDS), base)
-        found.keep(finished(campaign, coarse, FIRST_ROUNDS))
+        found.keep(Contestant(coarse.hypothesis, refined(campaign, coarse.fit, FIRST_ROUNDS)))
 
 
 def seconds(found: Inquiry, names: Sequence[str]) -> None:

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.fit import Fit, cost_at, fitted
+from straw.replay.diagnose.fit import Fit, fitted
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.judge import run_by_run
+from straw.replay.diagnose.refine import refined
 from straw.replay.diagnose.settings import FIRST_ROUNDS, FOLLOWED, NOISE_LEAVES, ROUNDS
 from straw.replay.diagnose.system import Recording
 from straw.replay.diagnose.systems.straw.constants import base_unknowns
@@ -43,9 +44,7 @@ def base_fit(campaign: Campaign, proposed: Sequence[Floats] = ()) -> tuple[Fit, 
     best = np.argsort(logarithmic(few, unknowns, points), kind="stable")[:FOLLOWED]
     ends = [fitted(few, unknowns, points[k], rounds=FIRST_ROUNDS) for k in best]
     coarse = fitted(campaign.coarse(), unknowns, min(ends, key=lambda fit: fit.cost).u, rounds=ROUNDS)
-    rivals = [coarse.u, own]
-    costs = [cost_at(unknowns, u, r) for u, r in zip(rivals, campaign.residuals(unknowns, rivals), strict=True)]
-    return fitted(campaign, unknowns, rivals[int(np.argmin(costs))], rounds=ROUNDS), coarse
+    return refined(campaign, coarse, ROUNDS), coarse
 
 
 def logarithmic(campaign: Campaign, unknowns: Sequence[Unknown], points: list[Floats]) -> list[float]:

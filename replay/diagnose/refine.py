@@ -1,0 +1,50 @@
+"""From a coarse fit to all samples: multi-start over the coarse posterior.
+
+Point by point, a tip that rings agrees only with one that rings in phase, so the fit to all samples has a minimum for
+every swing that may be missed. All of them lie where the coarse comparison, which has no phase, is nearly as good as at
+its best: there starts are drawn, and the best are followed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm, qmc
+
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.fit import Fit, clipped, cost_at, fitted
+from straw.replay.diagnose.judge import unexplained
+from straw.replay.diagnose.robust import weights
+from straw.replay.diagnose.settings import DRAWN, FIRST_ROUNDS, FOLLOWED, NOISE_LEAVES, WIDENED
+
+Floats = NDArray[np.float64]
+
+
+def refined(campaign: Campaign, coarse: Fit, rounds: int) -> Fit:
+    """The fit to all samples from a coarse one, and from draws about it where it leaves more than noise."""
+    plain = fitted(campaign, coarse.unknowns, coarse.u, rounds=rounds)
+    if campaign.stop() or unexplained(campaign, plain) <= NOISE_LEAVES:
+        return plain
+    points = drawn(coarse, len(campaign.system.base))
+    residuals = campaign.residuals(coarse.unknowns, points)
+    costs = [cost_at(coarse.unknowns, u, r) for u, r in zip(points, residuals, strict=True)]
+    best = [points[k] for k in np.argsort(costs, kind="stable")[:FOLLOWED]]
+    ends = [fitted(campaign, coarse.unknowns, u, rounds=FIRST_ROUNDS) for u in best]
+    end = min(ends, key=lambda fit: fit.cost)
+    if rounds > FIRST_ROUNDS:
+        end = fitted(campaign, coarse.unknowns, end.u, rounds=rounds)
+    return min(plain, end, key=lambda fit: fit.cost)
+
+
+def drawn(fit: Fit, known: int) -> list[Floats]:
+    """Points u about a fit: the first ``known`` unknowns, which say how fast it rings, drawn evenly from their
+    posterior, ``WIDENED`` times as wide; the others at their mean given those."""
+    if not known:
+        return []
+    w, sd = weights(fit.residual), np.array([k.sd for k in fit.unknowns])
+    information = (fit.slopes * w[:, None]).T @ fit.slopes / WIDENED**2 + np.diag(1 / sd**2)
+    covariance = np.linalg.inv(information)
+    own = covariance[:known, :known]
+    follow = np.linalg.solve(own, covariance[:known]).T  # (unknowns, known), the identity first
+    even = norm.ppf(qmc.Sobol(known, scramble=True, rng=np.random.default_rng(0)).random(DRAWN))
+    return [clipped(fit.unknowns, fit.u + follow @ step) for step in even @ np.linalg.cholesky(own).T]
