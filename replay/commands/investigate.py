@@ -18,7 +18,7 @@ from straw.replay.investigate.ask import answer, at_terminal, from_elsewhere
 from straw.replay.investigate.bench import Bench, check_place
 from straw.replay.investigate.budget import Budget
 from straw.replay.investigate.campaign import Folder, specimen_of
-from straw.replay.investigate.log import Log
+from straw.replay.investigate.log import Log, log_of
 from straw.replay.investigate.loop import Loop
 from straw.replay.investigate.pulse import Pulse
 from straw.replay.output import write_json
@@ -84,11 +84,6 @@ def command(words: Sequence[str]) -> int:
     return int(importlib.import_module(f"straw.replay.commands.{given.module}").run(given))
 
 
-def log_of(folder: Path, specimen: str) -> Path:
-    """Where the log of a specimen is unless another is named."""
-    return folder / f"investigate-{_plain(specimen)}.jsonl"
-
-
 def _answered(args: argparse.Namespace) -> int:
     """Say yes or no to the one that waits."""
     path = Path(args.folder or (load_rig(args.rig).folder if args.rig else Path())).resolve()
@@ -104,7 +99,3 @@ def _make_folder(path: Path) -> None:
         raise ReplayError(f"{path} is not a folder; name the one that holds the recordings, or a new one") from None
     except OSError as error:
         raise ReplayError(f"{path}: cannot be made: {error.strerror}; choose another place") from None
-
-
-def _plain(name: str) -> str:
-    return "".join(c if c.isalnum() or c in "-_." else "-" for c in name)

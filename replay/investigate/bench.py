@@ -40,8 +40,8 @@ Command = Callable[[Sequence[str]], int]
 
 
 class Bench:
-    """`Steps` of one specimen on one rig. ``place`` is the folder for protocols and findings of the rounds; ``asks`` says
-    who says yes, ``told`` is told how far it is."""
+    """`Steps` of one specimen on one rig. ``place`` is the folder for protocols and findings of the rounds; ``asks`` is
+    asked for a yes, ``told`` is told how far it is."""
 
     def __init__(
         self,
