@@ -27,8 +27,11 @@ class Pulse:
 
     def tell(self, doing: str, done: int = 0, total: int = 0, **more: Any) -> None:
         """What goes on, and how far it is; ``asked`` with it is a question that waits for an answer."""
-        kept = {key: self._said[key] for key in ("pid", "since_ns")}
+        before = self._said
+        kept = {key: before[key] for key in ("pid", "since_ns")}
         self._said = {**kept, "doing": doing, "done": done, "total": total, **more}
+        if self._said.get("asked") != before.get("asked"):
+            self._beat()  # at once: nobody may answer a question that is over
 
     def __enter__(self) -> Self:
         self._beat()
@@ -48,7 +51,7 @@ class Pulse:
 
     def _beat(self) -> None:
         part = self.path.with_suffix(".part")
-        with suppress(OSError):  # a full disk is said by what has something to keep
+        with self._lock, suppress(OSError):  # a full disk is said by what has something to keep
             part.write_text(json.dumps(self._said), encoding="utf-8")
             part.replace(self.path)
 

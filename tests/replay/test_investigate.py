@@ -13,9 +13,9 @@ from straw.replay.errors import ReplayError
 from straw.replay.investigate.budget import Budget, Spent
 from straw.replay.investigate.log import Log
 from straw.replay.investigate.loop import Loop
-from straw.replay.investigate.stop import REASONS, Stop, certainty_of
 from straw.replay.investigate.state import State
 from straw.replay.investigate.steps import Ahead, Found, Plan, Proposal, Ran
+from straw.replay.investigate.stop import REASONS, Stop, certainty_of
 from straw.rig.errors import RigError
 
 UNSURE = {"cohesion": 0.5, "squeeze_film": 0.4, "complete": 0.1}
