@@ -179,7 +179,7 @@ def test_the_page_shows_the_posterior_and_the_prediction_takes_a_yes_and_fits_a_
         assert "0.50" in tab.js("document.querySelector('.bar').textContent")
         assert tab.js("document.documentElement.scrollWidth <= innerWidth")
         tab.js("document.getElementById('yes').click()")
-        tab.until("loop.stopped && document.getElementById('now').textContent.includes('named')")
+        tab.until("loop.stopped && document.getElementById('doing').textContent.includes('named')")
         assert tab.js("document.getElementById('nextCard').hidden")
         assert tab.errors == []
     going.thread.join(10)

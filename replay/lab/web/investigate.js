@@ -27,7 +27,7 @@ function doing() {
 }
 function show() {
   const n = loop.next, p = loop.pulse;
-  $("#now").innerHTML = doing();
+  $("#doing").innerHTML = doing();
   $("#complaint").textContent = loop.complaint;
   $("#begin").textContent = loop.rounds.length || loop.stopped ? "go on" : "investigate";
   $("#begin").hidden = Boolean(p);
@@ -102,7 +102,7 @@ $("#logs").addEventListener("change", (e) => {
   loop = null;
   drawn = listed = "";
   for (const id of ["known", "log"]) $("#" + id).innerHTML = "";
-  $("#now").textContent = $("#complaint").textContent = "";
+  $("#doing").textContent = $("#complaint").textContent = "";
   $("#nextCard").hidden = $("#end").hidden = true;
   $("#begin").hidden = false;
   $("#begin").textContent = "investigate";
