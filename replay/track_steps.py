@@ -26,26 +26,27 @@ _HALF_PX = 260  # of the picture that is shown, round the board
 
 
 def frames_to_show(track: Track, text: str) -> list[int]:
-    """The frames of ``A-B``; for "doubtful" those that are not valid and some around them, the first ``MOST``."""
+    """The frames of ``A-B`` that the film has; for "doubtful" those that are not valid and some around them, the first
+    ``MOST``."""
     n = len(track.trace)
     if text == "doubtful":
         bad = np.flatnonzero(~track.trace.valid)
         near = np.unique(np.clip(bad[:, None] + np.arange(-_AROUND, _AROUND + 1), 0, n - 1))
         return [int(k) for k in near[:MOST]] or list(range(min(n, MOST)))
-    first, last = stretch_of(text)
-    if not first <= last < n:
-        raise ReplayError(f"--step-frames {text}: the film has frames 0 to {n - 1}")
+    first, last = stretch_of(text, n)  # again: a damaged film has fewer than it declares
     return list(range(first, last + 1))
 
 
-def stretch_of(text: str) -> tuple[int, int]:
-    """The two numbers of ``A-B``; ReplayError for anything else, or more than a page holds."""
+def stretch_of(text: str, frames: int) -> tuple[int, int]:
+    """The two numbers of ``A-B``; ReplayError for anything else, more than a page holds, or than the film has."""
     match = re.fullmatch(r"(\d+)-(\d+)", text)
     if not match:
         raise ReplayError(f"--step-frames {text}: expected the first and the last frame, as 100-160, or doubtful")
     first, last = int(match[1]), int(match[2])
     if last - first >= MOST:
         raise ReplayError(f"--step-frames {text}: a page holds {MOST} frames; take a part")
+    if not first <= last < frames:
+        raise ReplayError(f"--step-frames {text}: the film has frames 0 to {frames - 1}")
     return first, last
 
 

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from straw.rig.controller import Controller
-from straw.rig.errors import LimitError, LinkLostError, NoAnswerError, RigError
+from straw.rig.errors import RigError
 from straw.rig.interrupts import Interrupts
 from straw.rig.led import BURST_S, blink
 from straw.rig.operator import Operator, StoppedError
+from straw.rig.patience import Patience
 from straw.rig.protocol import PressureProtocol
 from straw.rig.run import CELLS
 from straw.rig.run_write import RunWriter
 
 ARM_S = 0.2  # between writing the file's head, which names the run's zero, and the start
-MISSES = 3  # readings in a row that may be refused, or not be believed, before the run is given up
-#: Without an answer for so long the run is given up: two answers in a row that come 2 s late, and catching up after
-#: each. Meanwhile nothing is set.
-PATIENCE_S = 5.0
 BEAT_S = 0.5  # a long wait between two samples is no silence
 Progress = Callable[[float, float, float], None]  # (time s, duration s, measured Pa)
 
@@ -102,7 +98,7 @@ class _Session:
         self.told_pa: dict[int, float] = {}  # by channel, as acknowledged
         self.measured_pa = 0.0
         self.steps_s = {part.channel: list(part.steps_s) for part in protocol.parts}
-        self.cycles = self.missed = 0
+        self.cycles, self.patience = 0, Patience()
         self.run_s = 0.0
         self.start_ns = controller.clock.monotonic_ns() + round((ARM_S + BURST_S * led) * 1e9)
         wall_start_ns = controller.clock.wall_ns(self.start_ns)
@@ -148,12 +144,12 @@ class _Session:
         finally:
             self.vent_and_finish(status, reason)
         rate_hz = self.cycles / self.run_s if self.run_s else 0.0
-        return Outcome(self.writer.path, self.cycles, rate_hz, self.missed, self.stopped)
+        return Outcome(self.writer.path, self.cycles, rate_hz, self.patience.missed, self.stopped)
 
     def loop(self) -> None:
         """Command when the table changes, read and log every cycle, until the protocol's end."""
         duration_s = self.protocol.duration_s
-        misses, answered_s = 0, time.monotonic()
+        self.patience.answered()
         self.wait_until(0.0)
         self.event("start", self.protocol.name)
         now_s = due_s = self.now_s()
@@ -164,17 +160,12 @@ class _Session:
             try:
                 self.command(protocol_s)
                 self.listen()
-                misses, answered_s = 0, time.monotonic()
-            except (LinkLostError, LimitError):
-                raise
-            except RigError as error:  # one garbled answer is no reason to end a run, but it is on record
+                self.patience.answered()
+            except RigError as error:
                 if self.writer.failed:
                     raise
-                misses += not isinstance(error, NoAnswerError)
-                self.missed += 1
-                self.event("fault", str(error))
-                if misses >= MISSES or time.monotonic() - answered_s > PATIENCE_S:
-                    raise
+                self.patience.failed(error)
+                self.event("fault", str(error))  # on record, though no reason to end the run
             self.cycles += 1
             self.run_s = self.now_s()
             if self.progress:
@@ -228,7 +219,7 @@ class _Session:
                 "exit_reason": reason,
                 "vent": "not confirmed" if vent_error else "confirmed",
                 "cycles": str(self.cycles),
-                "missed_readings": str(self.missed),
+                "missed_readings": str(self.patience.missed),
             }
             try:
                 self.writer.finish(closing)

@@ -11,10 +11,12 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from statistics import fmean, pstdev
+from typing import TypeVar
 
 from straw.rig.controller import Controller
 from straw.rig.errors import RigError
 from straw.rig.interrupts import Interrupts
+from straw.rig.patience import Patience
 from straw.rig.reading import Reading
 from straw.rig.run_write import RunWriter
 from straw.rig.watch import QUIET_S, Watcher
@@ -22,6 +24,7 @@ from straw.rig.watch import QUIET_S, Watcher
 POLL_S = 0.02
 APPROACH_S = 0.15  # a hold on the way back to a pressure that is known to hold
 Reset = Callable[[], None]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -130,6 +133,7 @@ class _Search:
         self.controller, self.plan, self.watcher, self.reset = controller, plan, watcher, reset
         self.writer, self.progress, self.interrupts = writer, progress, interrupts
         self.sign = math.copysign(1.0, plan.end_pa - plan.start_pa)
+        self.patience = Patience()
 
     def run(self) -> Iterator[Bracket]:
         for repeat in range(self.plan.repeats):
@@ -190,7 +194,7 @@ class _Search:
     def hold(self, told_pa: float, at_most_s: float | None = None) -> Held:
         """Set, and watch until nothing moves; what was read at the end, and whether something snapped."""
         clock = self.controller.clock
-        command = self.controller.set_pressure(self.plan.channel, told_pa)
+        command = self.answered(lambda: self.controller.set_pressure(self.plan.channel, told_pa))
         start_s = clock.monotonic_s()
         self.watcher.hold(command.pressure_pa)
         if self.writer:
@@ -198,8 +202,8 @@ class _Search:
         readings: list[Reading] = []
         limit_s = at_most_s or self.plan.longest_hold_s
         while True:
-            self.interrupts.check()
-            reading = next(r for r in self.controller.read() if r.channel == self.plan.channel)
+            readings_now = self.answered(self.controller.read)
+            reading = next(r for r in readings_now if r.channel == self.plan.channel)
             readings.append(reading)
             self.watcher.look(reading)
             if self.writer:
@@ -222,6 +226,18 @@ class _Search:
         if self.progress:
             self.progress(told_pa, "snap" if snapped else "holds")
         return held
+
+    def answered(self, ask: Callable[[], T]) -> T:
+        """What the controller answers; asked again where an answer is missing or spoiled, as in a run."""
+        self.patience.answered()
+        while True:
+            self.interrupts.check()
+            try:
+                return ask()
+            except RigError as error:
+                self.patience.failed(error)
+                self.event("fault", str(error))
+            self.controller.clock.sleep(POLL_S)
 
     def event(self, kind: str, text: str) -> None:
         if self.writer:

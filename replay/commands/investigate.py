@@ -14,15 +14,18 @@ from straw.replay.commands.rig_of import settings_of, take_rig
 from straw.replay.diagnose.systems.straw.system import StrawSystem
 from straw.replay.diagnose.tolerance import parse_tolerance
 from straw.replay.errors import ReplayError
+from straw.replay.investigate.ask import answer, at_terminal, from_elsewhere
 from straw.replay.investigate.bench import Bench, check_place
 from straw.replay.investigate.budget import Budget
 from straw.replay.investigate.campaign import Folder, specimen_of
-from straw.replay.investigate.log import Log
+from straw.replay.investigate.log import Log, log_of
 from straw.replay.investigate.loop import Loop
+from straw.replay.investigate.pulse import Pulse
 from straw.replay.output import write_json
 from straw.replay.progress import prepare, say
 from straw.replay.workers import threads
 from straw.rig.limits import STRAW_LIMITS
+from straw.rig.rig_file import load_rig
 
 
 def run(args: argparse.Namespace) -> int:
@@ -32,6 +35,8 @@ def run(args: argparse.Namespace) -> int:
     for name in ("rounds", "minutes", "snaps"):
         if (value := getattr(args, name)) is not None and value <= 0:
             raise ReplayError(f"--{name} {value:g}: expected a number above 0, or leave it out")
+    if args.answer:
+        return _answered(args)
     rig = take_rig(args)
     if (args.fast or args.twin) and not args.emulate:
         raise ReplayError("--fast and --twin belong to --emulate: a real rig runs in real time, with a real straw")
@@ -43,22 +48,26 @@ def run(args: argparse.Namespace) -> int:
     if args.twin:
         load_straw(args.twin)
     path = Path(args.folder or (rig.folder if rig else Path())).resolve()
-    if not path.is_dir():
-        raise ReplayError(f"{path} is not a folder; name the one that holds the recordings")
     folder = Folder(path, specimen_of(path, args.specimen, args.emulate))
-    log = (args.log or path / f"investigate-{_plain(folder.specimen)}.jsonl").resolve()
+    log = (args.log or log_of(path, folder.specimen)).resolve()
     limits = settings_of(args).get("limits", STRAW_LIMITS).and_also(STRAW_LIMITS)
+    place = log.with_suffix("")
+    _make_folder(path)
     prepare()
     with Log(log) as lines, threads(args.jobs, args.dask) as pool:
         if lines.torn:
             say(f"{log}: {lines.torn} lines that were cut are left out")
         if lines.lines:
             say(f"{log}: goes on from its {len(lines.lines)} lines")
-        check_place(log.with_suffix(""))
-        bench = Bench(args, straw, limits, rig, folder, log.with_suffix(""), pool, command)
+        check_place(place)
         budget = Budget(args.rounds, args.minutes, args.snaps)
-        loop = Loop(lines, bench, budget, args.certainty, args.yes, say)
-        stop = loop.run()
+        asked = {"certainty": args.certainty, **asdict(budget), "tolerance": args.tolerance, "yes": args.yes}
+        lines.write("began", specimen=folder.specimen, emulated=bool(args.emulate), **asked)
+        with Pulse(place) as pulse:
+            asks = from_elsewhere(place, pulse, args.emulate) if args.wait else at_terminal(args.operator, args.emulate)
+            bench = Bench(args, straw, limits, rig, folder, place, pool, command, asks, pulse.tell)
+            loop = Loop(lines, bench, budget, args.certainty, args.yes, say)
+            stop = loop.run()
     spent = loop.state.spent
     if args.json:
         write_json(args.json, {**asdict(stop), "code": stop.code, "spent": asdict(spent), "log": str(log)})
@@ -75,5 +84,18 @@ def command(words: Sequence[str]) -> int:
     return int(importlib.import_module(f"straw.replay.commands.{given.module}").run(given))
 
 
-def _plain(name: str) -> str:
-    return "".join(c if c.isalnum() or c in "-_." else "-" for c in name)
+def _answered(args: argparse.Namespace) -> int:
+    """Say yes or no to the one that waits."""
+    path = Path(args.folder or (load_rig(args.rig).folder if args.rig else Path())).resolve()
+    log = (args.log or log_of(path, specimen_of(path, args.specimen, emulated=True))).resolve()
+    print(answer(log.with_suffix(""), args.answer == "yes", args.operator))
+    return 0
+
+
+def _make_folder(path: Path) -> None:
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise ReplayError(f"{path} is not a folder; name the one that holds the recordings, or a new one") from None
+    except OSError as error:
+        raise ReplayError(f"{path}: cannot be made: {error.strerror}; choose another place") from None

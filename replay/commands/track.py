@@ -24,7 +24,7 @@ from straw.rig.camera_clock import load_clock
 from straw.rig.run import Run
 from straw.tracking.board import Board
 from straw.tracking.camera import Camera, load_camera, save_camera
-from straw.tracking.chapters import in_order
+from straw.tracking.chapters import Timeline, in_order
 from straw.tracking.follow import Rest
 from straw.tracking.reference import place_by_reference
 from straw.tracking.task import Track
@@ -46,7 +46,9 @@ def run(args: argparse.Namespace) -> int:
     task |= {name: value for name in ("from_s", "to_s") if (value := getattr(args, name)) is not None}
     outputs = [path for path in (args.csv, args.overlay, args.report, args.step, args.save_camera) if path]
     if args.step_frames != "doubtful":
-        stretch_of(args.step_frames)
+        part = {name: task[name] for name in ("fps", "from_s", "to_s") if name in task}
+        with Timeline(args.videos, **part) as film:  # refused before the work, not after it
+            stretch_of(args.step_frames, film.expected)
     for path in outputs:
         check_folder(path)
     tracked = track_to_file(args.videos, camera, rest, args.output, filmed, args.start, board=board, **task)

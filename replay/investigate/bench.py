@@ -4,32 +4,29 @@ from __future__ import annotations
 
 import argparse
 import getpass
-import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 
-import numpy as np
-
 from straw.model.parameters import StrawParameters
-from straw.model.simulate import Prediction
 from straw.replay.commands.diagnose import check_campaign, chosen
 from straw.replay.diagnose.diagnosis import inquire
-from straw.replay.diagnose.findings import conclude
-from straw.replay.diagnose.inquiry import Inquiry
+from straw.replay.diagnose.findings import Findings, conclude
+from straw.replay.diagnose.inquiry import Inquiry, Told, silent
 from straw.replay.diagnose.report import report
 from straw.replay.diagnose.systems.straw.observation import observe
 from straw.replay.diagnose.systems.straw.snaps import crossings, levels_of
 from straw.replay.diagnose.systems.straw.system import StrawSystem
-from straw.replay.diagnose.tolerance import parse_tolerance
+from straw.replay.diagnose.tolerance import Tolerance, parse_tolerance
 from straw.replay.errors import USER_ERRORS, ReplayError
 from straw.replay.gather import gather
+from straw.replay.investigate.ask import Ask
 from straw.replay.investigate.campaign import Folder
+from straw.replay.investigate.dry_run import planned
 from straw.replay.investigate.propose import openings, proposals
-from straw.replay.investigate.steps import Found, Plan, Proposal, Ran
+from straw.replay.investigate.steps import Ahead, Found, Plan, Proposal, Ran
 from straw.replay.output import write_json, write_text
 from straw.replay.progress import progress_bar, say
-from straw.replay.protocol_prediction import predict_protocol
 from straw.rig.interrupts import Interrupts
 from straw.rig.limits import PressureLimits
 from straw.rig.protocol_toml import protocol_from_toml
@@ -43,7 +40,8 @@ Command = Callable[[Sequence[str]], int]
 
 
 class Bench:
-    """`Steps` of one specimen on one rig. ``place`` is the folder for protocols and findings of the rounds."""
+    """`Steps` of one specimen on one rig. ``place`` is the folder for protocols and findings of the rounds; ``asks`` is
+    asked for a yes, ``told`` is told how far it is."""
 
     def __init__(
         self,
@@ -55,9 +53,12 @@ class Bench:
         place: Path,
         pool: Executor,
         command: Command,
+        asks: Ask,
+        told: Told = silent,
     ) -> None:
         self.args, self.straw, self.limits, self.rig = args, straw, limits, rig
         self.folder, self.place, self.pool, self.command = folder, place, pool, command
+        self.asks, self.told = asks, told
         self.model = straw  # as the last diagnosis improved it
         self._inquiry: Inquiry | None = None
         self._known: list[str] = []
@@ -67,7 +68,7 @@ class Bench:
         return self.folder.sums()
 
     def diagnose(self) -> Found:
-        """As `straw diagnose` does, but without a search for an unknown law, which takes minutes and ends a day."""
+        """As `straw diagnose` does, but without a search for an unknown law, which takes minutes: see `unknown`."""
         sums, paths = self.folder.sums(), self.folder.paths()
         runs = gather(paths) if paths else []
         self._known = [text for run in runs if (text := run.attachments.get("protocol.toml", b"").decode())]
@@ -76,26 +77,56 @@ class Bench:
             return Found("too_few", says=f"{len(runs)} runs of {self.folder.specimen} so far", recordings=sums)
         check_campaign(runs, self.straw.cells)
         system = StrawSystem(self.straw)
-        given = self.args.tolerance
-        tolerance = parse_tolerance(given, system.channels) if given else None
         with progress_bar("diagnose", "step") as update, Interrupts() as interrupts:
             found = inquire(
                 [observe(run) for run in runs],
                 system,
                 library=chosen(system, self.args.without),
                 executor=self.pool,
-                told=lambda _what, done, total: update(done, total),
+                told=lambda what, done, total: self._tell(update, what, done, total),
                 stop=lambda: interrupts.pending is not None,
             )
             interrupts.check()
-            findings = conclude(found, brief=True, tolerance=tolerance)
+            findings = conclude(found, brief=True, tolerance=self._tolerance())
         self._inquiry, self.model = found, findings.model
-        name = self.place / f"after-{len(runs):02d}-runs"
-        write_json(name.with_suffix(".json"), findings.as_json())
-        write_text(name.with_suffix(".html"), report(findings, found))
+        self._keep(findings)
         return Found(
             findings.verdict, tuple(findings.causes), dict(findings.judgement.probability), findings.says, sums
         )
+
+    def unknown(self, found: Found) -> str:
+        """As `straw diagnose` ends: a curve of what is missing, over the state it depends on, and a formula if any."""
+        assert self._inquiry is not None
+        say("look for what no hypothesis explains: some minutes")
+        with progress_bar("look for a law", "step") as update:
+            findings = conclude(
+                self._inquiry,
+                told=lambda what, done, total: self._tell(update, what, done, total),
+                tolerance=self._tolerance(),
+            )
+        self.model = findings.model
+        name = self._keep(findings)
+        if findings.discovered:
+            seen = f"what is missing acts at {findings.discovered['place']}: {findings.discovered['formula']}"
+        else:
+            seen = f"where it shows: {findings.where}" if findings.where else "no law was found for it"
+        return f"{seen}; look at {name.with_suffix('.html').name}"
+
+    def _tolerance(self) -> Tolerance | None:
+        given = self.args.tolerance
+        return parse_tolerance(given, StrawSystem(self.straw).channels) if given else None
+
+    def _tell(self, update: Callable[[int, int], None], what: str, done: int, total: int) -> None:
+        update(done, total)
+        self.told(what, done, total)
+
+    def _keep(self, findings: Findings) -> Path:
+        """Write what a diagnosis found beside the log; the name without its ending."""
+        assert self._inquiry is not None
+        name = self.place / f"after-{len(self._inquiry.campaign.observations):02d}-runs"
+        write_json(name.with_suffix(".json"), findings.as_json())
+        write_text(name.with_suffix(".html"), report(findings, self._inquiry))
+        return name
 
     def propose(self, found: Found) -> Sequence[Proposal]:
         """The menu, free designs and repeats, as the hypotheses of the last diagnosis see them."""
@@ -103,48 +134,20 @@ class Bench:
             return openings(self.straw.cells, self.limits, self._known)
         assert self._inquiry is not None
         say("design the next experiment")
-        return proposals(self._inquiry, self.limits, self._known)
+        self.told("design the next experiment", 0, 0)
+        return proposals(self._inquiry, self.limits, self._known, self.args.certainty)
 
     def dry_run(self, proposal: Proposal, left: Sequence[int] | None) -> Plan:
         """Checked against the limits, and predicted by the model as improved so far."""
         protocol = protocol_from_toml(proposal.protocol, "the proposed protocol")
         for part in protocol.parts:
             part.check_limits(self.limits)
-        seen, _ = predict_protocol(self.model, protocol)
-        deployed = None
-        if isinstance(seen, Prediction):  # one of hours leaves out what happens inside
-            deployed = tuple(int(c) + 1 for c in np.flatnonzero(seen.zeta_m[-1, :, 1] > 0))
-        begins = crossings(seen.time_s, seen.phi_rad, levels_of(seen.phi_rad))[::2] - protocol.zero_s
-        low, high = protocol.pressure_pa.min() / 1e3, protocol.pressure_pa.max() / 1e3
-        snaps = f"{len(begins)} snaps, the first at {begins[0]:.2f} s" if len(begins) else "no snap"
-        says = (
-            f"{protocol.name}: {low:g} to {high:g} kPa within {self.limits}, {protocol.duration_s:.1f} s; predicted: "
-            f"{snaps}{'' if deployed is None else f', then deployed: {_cells(deployed)}'}"
-        )
-        begin = protocol.initial_deployed
-        by_hand = not self.args.emulate and (left is None or tuple(sorted(left)) != begin)
-        hand = f"set the straw so that these cells are deployed, and no others: {_cells(begin)}" if by_hand else ""
-        return Plan(protocol.duration_s / 60, len(begins), says, hand, deployed)
+        set_before = self.args.emulate or (left is not None and tuple(sorted(left)) == protocol.initial_deployed)
+        return planned(protocol, self.model, self.limits, by_hand=not set_before)
 
-    def ask(self, proposal: Proposal, plan: Plan, repeat: int) -> str:
-        """A person at the terminal; where there is none, nobody says yes."""
-        again = f"\n  run {repeat} times before; a repeat tells most" if repeat else ""
-        expected = (
-            ""
-            if proposal.opening
-            else f"\n  {proposal.information_nats:.2f} nats, {proposal.separation_sigma:.0f} sigma"
-        )
-        say(f"\nnext: {proposal.why}{again}{expected}\n  {plan.says}")
-        say(f"  {plan.hand}" if plan.hand else "  the emulator sets the cells by itself" if self.args.emulate else "")
-        if not sys.stdin or not sys.stdin.isatty():
-            say("nobody is at the terminal to say yes; --yes N says it for N rounds that need no hand")
-            return ""
-        say("run it? [y/N] ")
-        try:
-            answer = sys.stdin.readline().strip().lower()
-        except ValueError:
-            answer = ""
-        return (self.args.operator or getpass.getuser()) if answer in ("y", "yes") else ""
+    def ask(self, proposal: Proposal, plan: Plan, ahead: Ahead) -> str:
+        """Whoever is to be asked."""
+        return self.asks(proposal, plan, ahead)
 
     def recording_of(self, proposal: Proposal, number: int) -> str:
         """A name that no file has yet."""
@@ -169,6 +172,9 @@ class Bench:
             words += ["--emulate", "--tip", str(self.folder.tip_of(recording)), "--no-film", *(["--fast"] * args.fast)]
         elif args.port:
             words += [f"--port={args.port}"]
+        if args.wait and not args.fast:  # so that the lab's panel shows it and vents it
+            words += ["--live", "127.0.0.1:0", "--watched"]
+        self.told(f"run {protocol.stem}", 0, 0)
         self.command(words)
 
     def after(self, recording: str) -> Ran:
@@ -217,10 +223,6 @@ class Bench:
 def check_place(place: Path) -> None:
     """Make the folder for a loop's protocols and findings; ReplayError where it cannot be."""
     try:
-        place.mkdir(exist_ok=True)
+        place.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ReplayError(f"{place}: cannot be made: {error.strerror}; choose another --log") from None
-
-
-def _cells(cells: Sequence[int]) -> str:
-    return ", ".join(map(str, cells)) or "none"

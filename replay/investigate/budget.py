@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+#: Shares are worked out from sums of minutes; this much is the machine's rounding.
+ROUNDED = 1e-9
+
 
 @dataclass(frozen=True)
 class Spent:
@@ -39,6 +42,18 @@ class Budget:
         )
         shares = [_share(most, before, then) for most, before, then in parts if most is not None]
         return max(shares, default=1.0)
+
+    def pays(self, spent: Spent, minutes: float, snaps: int) -> bool:
+        """Whether what is left pays for an experiment."""
+        return self.share(spent, minutes, snaps) <= 1 + ROUNDED
+
+    def affords(self, spent: Spent, minutes: float, snaps: int, most: int) -> int:
+        """For how many runs alike what is left pays, ``most`` at the most."""
+        for runs in range(most):
+            if not self.pays(spent, minutes, snaps):
+                return runs
+            spent = spent.and_also(minutes, snaps)
+        return most
 
     def why_over(self, spent: Spent) -> str:
         """What is spent, in words; empty while something is left of everything."""

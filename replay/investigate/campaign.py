@@ -78,7 +78,8 @@ def specimen_of(folder: Path, given: str | None, emulated: bool) -> str:
     """The specimen that is meant: as named, else the only one there; ReplayError where that is not clear."""
     if given:
         return given
-    names = sorted({e.specimen for e in catalogue(folder) if e.kind == "run" and e.specimen})
+    entries = catalogue(folder) if folder.exists() else []
+    names = sorted({e.specimen for e in entries if e.kind == "run" and e.specimen})
     if len(names) == 1:
         return names[0]
     if not names and emulated:

@@ -42,14 +42,7 @@ class Log:
         except ReplayError:
             self.__exit__(None, None, None)
             raise
-        for row in text.splitlines():
-            try:
-                line = json.loads(row)
-                if not isinstance(line["kind"], str):
-                    raise TypeError
-                self.lines.append(line)
-            except (ValueError, TypeError, KeyError):
-                self.torn += 1
+        self.lines, self.torn = parsed(text)
         if self.torn and not self.lines:
             self.__exit__(None, None, None)
             raise ReplayError(f"{self.path}: is no log of straw investigate; choose another --log")
@@ -75,6 +68,35 @@ class Log:
         self._stream.write(data)
         self._stream.flush()
         os.fsync(self._stream.fileno())
+
+
+def parsed(text: bytes) -> tuple[list[Line], int]:
+    """The lines of a log, and how many were cut."""
+    lines: list[Line] = []
+    torn = 0
+    for row in text.splitlines():
+        try:
+            line = json.loads(row)
+            if not isinstance(line["kind"], str):
+                raise TypeError
+            lines.append(line)
+        except (ValueError, TypeError, KeyError):
+            torn += 1
+    return lines, torn
+
+
+def read_lines(path: Path) -> tuple[list[Line], int]:
+    """As `parsed`, of a file that somebody else may be writing; nothing where it cannot be read."""
+    try:
+        return parsed(path.read_bytes())
+    except OSError:
+        return [], 0
+
+
+def log_of(folder: Path, specimen: str) -> Path:
+    """Where the log of a specimen is unless another is named."""
+    plain = "".join(c if c.isalnum() or c in "-_." else "-" for c in specimen)
+    return folder / f"investigate-{plain}.jsonl"
 
 
 def _lock(stream: BinaryIO, path: Path) -> None:

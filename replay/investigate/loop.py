@@ -2,31 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 
-from straw.replay.errors import USER_ERRORS
+from straw.replay.errors import USER_ERRORS, ReplayError
 from straw.replay.investigate.budget import Budget
+from straw.replay.investigate.choose import Chooser
 from straw.replay.investigate.log import Log
 from straw.replay.investigate.state import State
 from straw.replay.investigate.steps import Found, Plan, Proposal, Ran, Steps
-
-#: Reasons to stop that are an answer; all others are the answer "no".
-ANSWERS = ("complete", "within_tolerance", "named")
-
-
-@dataclass(frozen=True)
-class Stop:
-    """Why the loop ended: complete, within_tolerance, named, nothing_left, budget, refused, aborted, untracked."""
-
-    reason: str
-    says: str
-
-    @property
-    def code(self) -> int:
-        """The command's exit code."""
-        return 0 if self.reason in ANSWERS else 1
+from straw.replay.investigate.stop import IDLE_RUNS, Stop, idle, reached
 
 
 @dataclass
@@ -48,9 +34,17 @@ class Loop:
         if self.state.recording:
             self.yes = 0
             self._write("ran", **asdict(self.steps.after(self.state.recording)))
-        while (stop := self._round()) is None:
-            pass
-        self._write("stopped", reason=stop.reason, says=stop.says, spent=asdict(self.state.spent))
+        try:
+            while (stop := self._round()) is None:
+                pass
+        except (KeyboardInterrupt, SystemExit) as error:
+            self._stopped(Stop("interrupted", type(error).__name__))
+            raise
+        except USER_ERRORS as error:
+            with suppress(ReplayError):  # it may be the log that cannot be written
+                self._stopped(Stop("error", " ".join(str(error).split())))
+            raise
+        self._stopped(stop)
         return stop
 
     def _round(self) -> Stop | None:
@@ -63,16 +57,19 @@ class Loop:
                 )
             self._close()
         found = self._diagnosed()
-        if stop := self._reached(found):
+        if stop := reached(found, self.certainty):
             return stop
         if over := self.budget.why_over(state.spent):
             return Stop("budget", f"{over}; {found.says}")
         if state.proposal is None:
             chosen = self._choose(found)
             if isinstance(chosen, Stop):
+                if chosen.reason == "unknown":
+                    return Stop("unknown", f"{chosen.says} {self.steps.unknown(found)}".rstrip())
                 return chosen
             proposal, plan = chosen
-            self._write("proposed", proposal=asdict(proposal), plan=asdict(plan), key=proposal.key)
+            runs = self._chooser().ahead(proposal).runs
+            self._write("proposed", proposal=asdict(proposal), plan=asdict(plan), key=proposal.key, runs=runs)
         proposal, plan = self._pending()
         who = self._yes(proposal, plan)
         self._write("answered", yes=bool(who), who=who)
@@ -92,66 +89,30 @@ class Loop:
         """What is known: from the log, where it is of the recordings that there are, and still needed for nothing."""
         found = self.state.found
         fresh = found is not None and found.recordings == self.steps.recordings()
-        if found is not None and fresh and (self.state.proposal is not None or self._reached(found)):
+        if found is not None and fresh and (self.state.proposal is not None or reached(found, self.certainty)):
             return found
         found = self.steps.diagnose()
         self._write("diagnosed", **asdict(found))
         self.say(f"round {self.state.number}: {found.says}")
         return found
 
-    def _reached(self, found: Found) -> Stop | None:
-        if found.verdict == "within_tolerance":
-            return Stop("within_tolerance", found.says)
-        p = certainty_of(found)
-        if p < self.certainty:
-            return None
-        return Stop("complete" if found.verdict == "complete" else "named", f"{found.says} (p = {p:.2f})")
-
     def _choose(self, found: Found) -> tuple[Proposal, Plan] | Stop:
-        """The experiment that is expected to tell most for what it costs, that limits and budget allow."""
-        state = self.state
-        offered = [one for one in self.steps.propose(found) if self._could_tell(one)]
-        offered.sort(key=lambda one: -self._worth(one))
-        dear, forbidden = 0, ""
-        for one in offered:
-            if self.budget.share(state.spent, one.minutes, one.snaps) > 1:
-                dear += 1
-                continue
-            try:
-                plan = self.steps.dry_run(one, state.ends)
-            except USER_ERRORS as error:  # a limit, or a start that the model knows no rest for
-                forbidden = forbidden or str(error)
-                continue
-            if self.budget.share(state.spent, plan.minutes, plan.snaps) > 1:
-                dear += 1
-                continue
-            return one, plan
-        if dear:
-            return Stop("budget", f"what is left of the budget pays for none of {dear} experiments; {found.says}")
-        no = f"; the first that would is forbidden: {forbidden}" if forbidden else ""
-        return Stop("nothing_left", f"no experiment is expected to tell more{no}; {found.says}")
+        """What is run next, or why nothing is."""
+        if idle(self.state.history, self.certainty):
+            reason = "unknown" if found.verdict == "unknown_physics" else "nothing_left"
+            return Stop(reason, f"the last {IDLE_RUNS} runs changed nothing; {found.says}")
+        return self._chooser().choose(
+            found, self.steps.propose(found), lambda one: self.steps.dry_run(one, self.state.ends)
+        )
 
-    def _repeats(self, one: Proposal) -> int:
-        return max(one.run_before, self.state.run_before.get(one.key, 0))
-
-    def _worth(self, one: Proposal) -> float:
-        """Expected nats for the share of the budget that it takes. What n runs alike have not told, one more tells the
-        less: it adds 1 / (n + 1) of the precision of their mean."""
-        share = self.budget.share(self.state.spent, one.minutes, one.snaps)
-        return one.information_nats / (1 + self._repeats(one)) / max(share, 1e-9)
-
-    def _could_tell(self, one: Proposal) -> bool:
-        """Whether it can bring even odds to the certainty: s sigma apart are s^2 / 2 nats of evidence on average."""
-        if one.opening:
-            return True
-        needed = math.log(self.certainty / (1 - self.certainty))
-        return one.separation_sigma**2 / 2 / (1 + self._repeats(one)) >= needed
+    def _chooser(self) -> Chooser:
+        return Chooser(self.state, self.budget, self.certainty)
 
     def _yes(self, proposal: Proposal, plan: Plan) -> str:
         if self.yes > 0 and not plan.hand:
             self.yes -= 1
             return "--yes"
-        who = self.steps.ask(proposal, plan, self._repeats(proposal))
+        who = self.steps.ask(proposal, plan, self._chooser().ahead(proposal))
         if who and self.yes > 0:
             self.yes -= 1
         return who
@@ -166,7 +127,6 @@ class Loop:
             failed = " ".join(str(error).split())
         except BaseException as error:  # Ctrl-C: it has vented
             self._write("ran", **asdict(self._ended(recording, type(error).__name__)))
-            self._write("stopped", reason="interrupted", says=type(error).__name__, spent=asdict(self.state.spent))
             raise
         ran = self._ended(recording, failed)
         self._write("ran", **asdict(ran))
@@ -198,16 +158,8 @@ class Loop:
             spent=asdict(self.state.spent),
         )
 
+    def _stopped(self, stop: Stop) -> None:
+        self._write("stopped", reason=stop.reason, says=stop.says, spent=asdict(self.state.spent))
+
     def _write(self, kind: str, **said: object) -> None:
         self.state.take(self.log.write(kind, **{"round": self.state.number, **said}))
-
-
-def certainty_of(found: Found) -> float:
-    """How probable what a diagnosis says is: that nothing is missing, or that each named cause takes part; else 0."""
-    probability = found.probability or {}
-    if found.verdict == "complete":
-        return probability.get("complete", 0.0)
-    if found.verdict not in ("missing_physics", "measurement_fault") or not found.causes:
-        return 0.0
-    parts = [sum(p for name, p in probability.items() if cause in name.split("+")) for cause in found.causes]
-    return min(parts)

@@ -17,6 +17,8 @@ def investigate_options(p: argparse.ArgumentParser) -> None:
     p.add_argument("--minutes", type=float, metavar="M", help="drive the rig for at most so long")
     p.add_argument("--snaps", type=int, metavar="N", help="let cells snap at most so often")
     p.add_argument("--yes", type=whole_number, default=0, metavar="N", help="say yes to N rounds that need no hand (0)")
+    p.add_argument("--wait", action="store_true", help="wait for a yes from the lab's page, or by --answer")
+    p.add_argument("--answer", choices=("yes", "no"), help="answer the one that waits in this folder, and end")
     p.add_argument("--log", type=Path, metavar="L.jsonl", help="its log, to go on from (investigate-SPECIMEN.jsonl)")
     p.add_argument("--operator", default="", metavar="NAME", help="who says yes, for the record")
     p.add_argument("--fast", action="store_true", help="with --emulate: as fast as the arithmetic, not in real time")

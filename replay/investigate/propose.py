@@ -14,6 +14,7 @@ from straw.replay.diagnose.judge import surviving
 from straw.replay.diagnose.systems.straw.experiment import Rated, rated
 from straw.replay.diagnose.systems.straw.menu import Choice, allowed, drawn, menu, varied, written
 from straw.replay.diagnose.systems.straw.of import straw_of
+from straw.replay.investigate.foresee import Foreseen, foreseen
 from straw.replay.investigate.steps import Proposal
 from straw.rig.limits import PressureLimits
 from straw.rig.protocol import PressureProtocol
@@ -26,9 +27,10 @@ DRAWN, FOLLOWED, VARIATIONS = 12, 3, 4
 OPENINGS = ("deploy-30kPa", "deploy-26kPa", "fold-22kPa", "fold-16kPa")
 
 
-def proposals(found: Inquiry, limits: PressureLimits, known: Sequence[str]) -> list[Proposal]:
+def proposals(found: Inquiry, limits: PressureLimits, known: Sequence[str], certainty: float = 0.9) -> list[Proposal]:
     """Experiments within the limits with what each is expected to tell and cost; ``known``: protocols that were run, as
-    TOML, once for each run. Empty where fewer than two hypotheses can be played."""
+    TOML, once for each run; ``certainty``: as probable an answer has to become. Empty where fewer than two hypotheses
+    can be played."""
     probability, among = hypotheses(found)
     if len(among) < 2:
         return []
@@ -41,11 +43,14 @@ def proposals(found: Inquiry, limits: PressureLimits, known: Sequence[str]) -> l
     texts = list(dict.fromkeys([*(written(c, limits) for c in choices), *known]))
     why = {written(c, limits): c.why for c in choices}
     names = " from ".join(c.name.replace("_", " ") for c in among)
+    judgement = found.judgement()
+    constants = {c.name: len(c.hypothesis.unknowns) for c in among}
     out = []
     for text, one in zip(texts, rated(campaign, among, texts), strict=True):
         if one is None or any(limits.why_not(float(p)) for p in one.protocol.pressure_pa):
             continue
-        out.append(_proposal(text, one, probability, f"{why.get(text, 'once more')}; would tell {names}", known))
+        expected = foreseen(judgement, constants, [c.name for c in among], one.separation, certainty)
+        out.append(_proposal(text, one, expected, f"{why.get(text, 'once more')}; would tell {names}", known))
     return out
 
 
@@ -88,15 +93,16 @@ def _rated(
     return [(one.information(probability), choice) for choice, one in seen if one is not None]
 
 
-def _proposal(text: str, one: Rated, probability: Sequence[float], why: str, known: Sequence[str]) -> Proposal:
+def _proposal(text: str, one: Rated, expected: Foreseen, why: str, known: Sequence[str]) -> Proposal:
     protocol: PressureProtocol = one.protocol
     return Proposal(
         text,
         protocol.initial_deployed,
         why,
-        one.information(probability),
+        expected.information_nats,
         float(np.nanmax(one.separation)),
         protocol.duration_s / 60,
         one.snaps,
         run_before=sum(text == other for other in known),
+        chances=expected.chances,
     )

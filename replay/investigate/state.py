@@ -20,6 +20,7 @@ class State:
     spent: Spent = field(default_factory=Spent)
     run_before: dict[str, int] = field(default_factory=dict)  # runs that went well, by the proposal's key
     found: Found | None = None  # the last diagnosis, if nothing was run after it
+    history: list[Found] = field(default_factory=list)  # the last diagnosis of each set of recordings, oldest first
     proposal: Proposal | None = None  # what was proposed and not run yet
     plan: Plan | None = None
     recording: str = ""  # of a run that was started and of which no end is known
@@ -45,6 +46,7 @@ class State:
         kind = line["kind"]
         if kind == "diagnosed":
             self.found, self.proposal, self.plan = restored(Found, line), None, None
+            self.history = [one for one in self.history if one.recordings != self.found.recordings] + [self.found]
         elif kind == "proposed":
             self.proposal, self.plan = restored(Proposal, line["proposal"]), restored(Plan, line["plan"])
         elif kind == "started":

@@ -24,8 +24,9 @@ class Proposal:
     """An experiment: its protocol as TOML, why, and what it is expected to tell and to cost.
 
     ``information_nats`` is expected over the hypotheses' probabilities; ``separation_sigma`` is that of the pair that
-    it tells apart best. ``run_before`` counts recordings of the same protocol that are there; an ``opening`` is run
-    because nothing is known yet.
+    it tells apart best; ``chances`` are those that after 1, 2, ... runs of it something is as certain as was asked for.
+    ``run_before`` counts recordings of the same protocol that are there; an ``opening`` is run because nothing is known
+    yet.
     """
 
     protocol: str
@@ -37,6 +38,7 @@ class Proposal:
     snaps: int
     run_before: int = 0
     opening: bool = False
+    chances: tuple[float, ...] = ()
 
     @property
     def key(self) -> str:
@@ -45,16 +47,27 @@ class Proposal:
 
 
 @dataclass(frozen=True)
+class Ahead:
+    """Round ``number``: ``before`` runs of the same protocol are there, so many ``runs`` alike are expected to be
+    needed."""
+
+    number: int
+    before: int
+    runs: int
+
+
+@dataclass(frozen=True)
 class Plan:
     """A dry run: what the protocol asks for and what the model says it will do. ``hand`` says what somebody has to do
     first; empty where nothing has to be done by hand. ``ends`` are the cells that are deployed after it, None where
-    that is not known."""
+    that is not known. ``predicted`` are columns to draw: time_s from the main part, pressure_pa, x_m, z_m, phi_rad."""
 
     minutes: float
     snaps: int
     says: str
     hand: str = ""
     ends: tuple[int, ...] | None = None
+    predicted: Mapping[str, Sequence[float]] | None = None
 
 
 @dataclass(frozen=True)
@@ -90,8 +103,11 @@ class Steps(Protocol):
     def dry_run(self, proposal: Proposal, left: Sequence[int] | None) -> Plan:
         """What it will do; ``left``: cells that the run before it left deployed. RigError where a limit forbids it."""
 
-    def ask(self, proposal: Proposal, plan: Plan, repeat: int) -> str:
+    def ask(self, proposal: Proposal, plan: Plan, ahead: Ahead) -> str:
         """Who says yes; empty for no."""
+
+    def unknown(self, found: Found) -> str:
+        """What can be said of what no hypothesis explains, in words; a search of minutes."""
 
     def run(self, proposal: Proposal, recording: str) -> None:
         """Drive and record it; RigError where that fails. Every way out has vented."""

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import subprocess
-import sys
 import threading
 import time
-from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from straw.replay.lab.control import Control
 from straw.replay.lab.library import Library
+from straw.replay.lab.processes import STRAW, going_on, interrupt, plain, started
 from straw.replay.lab.queue import Item, Queue
 from straw.rig.errors import RigError
 from straw.rig.orders import control_of as control_file
-from straw.rig.orders import read_control, running, send_order
+from straw.rig.orders import send_order
 from straw.rig.protocol_toml import protocol_from_toml
 from straw.rig.rig_file import RigFile
 
@@ -66,6 +63,11 @@ class Bench:
         """Whether something may start."""
         return time.monotonic() - self._armed_s < ARMED_S
 
+    @property
+    def busy(self) -> bool:
+        """Whether something runs, or would be started by the queue."""
+        return self._process is not None or self._run is not None or (self.queue.next is not None and self.armed)
+
     def arm(self, who: str, on: bool) -> bool:
         """Arm, or disarm; whether it then is."""
         name = self.control.check(who)
@@ -107,7 +109,7 @@ class Bench:
         told = [self._vent_run(run, name) for run in runs]
         process = self._process
         if not runs and process is not None and process.poll() is None:  # between its start and its first sign of life
-            _signal(process.pid)
+            interrupt(process.pid)
             told = [
                 "the run is being finished, and has vented"
                 if self._seen
@@ -126,7 +128,7 @@ class Bench:
             send_order(control_file(recording), "vent", name, timeout_s=PATIENCE_S)
             return f"{recording.name} vents"
         except RigError:
-            _signal(int(run["pid"]))
+            interrupt(int(run["pid"]))
             return f"{recording.name} did not answer and was told to end; its guardian vents when it does not"
 
     def _vent_idle(self) -> str:
@@ -192,7 +194,7 @@ class Bench:
         if self.rig is not None:
             protocol.check_limits(self.rig.limits)
         folder = self.library.folder
-        name = f"{datetime.now():%Y%m%d-%H%M%S}-{_plain(item.name)}"
+        name = f"{datetime.now():%Y%m%d-%H%M%S}-{plain(item.name)}"
         place = self.state or folder
         toml, log = place / f"{name}.toml", place / f"{name}.log"
         try:
@@ -201,7 +203,7 @@ class Bench:
         except OSError as error:
             raise RigError(f"{toml} cannot be written: {error.strerror}; nothing was started") from None
         recording = folder / f"{name}.mcap"
-        command = [*STRAW, "rig", "run", str(toml), "-o", str(recording), "--live", f"{self.host}:0", "--watched"]
+        command = ["rig", "run", str(toml), "-o", str(recording), "--live", f"{self.host}:0", "--watched"]
         command += ["--rig", str(self.rig.path)] if self.rig else []
         if self.emulated:  # and what a perfect camera would have seen, as a track
             command += ["--emulate", "--tip", str(folder / f"{name}-tip.mcap")]
@@ -209,14 +211,7 @@ class Bench:
             command += ["--specimen", item.specimen, "--cycle", str(self.next_cycle(item.specimen))]
         self._recording, self._item, self._log, self._seen = recording, item.id, log, False
         with stream:
-            self._process = subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=stream,
-                stderr=stream,
-                start_new_session=True,  # it outlives this process, its terminal and its pages
-                creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
-            )
+            self._process = started(command, stream)
         self._say(f"{name} was started")
 
     def _ended(self, process: subprocess.Popen[bytes]) -> None:
@@ -243,7 +238,7 @@ class Bench:
         parts = {self.library.path(e) for e in self.library.entries if e.kind in ("part", "running")}
         if self._recording is not None:
             parts.add(self._recording)
-        found = [said for said in map(_going_on, sorted(parts)) if said is not None]
+        found = [said for said in map(going_on, sorted(parts)) if said is not None]
         return list({said["pid"]: said for said in found}.values())
 
     def _say(self, text: str) -> None:
@@ -252,28 +247,3 @@ class Bench:
 
 
 SHOWN = ("recording", "protocol", "specimen", "duration_s", "since_ns", "state", "url", "limits", "guardian")
-STRAW = (sys.executable, "-P", "-m", "straw.replay.cli")
-
-
-def _going_on(recording: Path) -> dict[str, Any] | None:
-    """A run that answers, or whose process is there and does not."""
-    said = running(recording)
-    if said is None and os.name == "posix":
-        said = read_control(control_file(recording))
-        with suppress(OSError, ValueError, KeyError):
-            if said is not None:
-                os.kill(int(said["pid"]), 0)
-                return {**said, "state": "does not answer"}
-        return None
-    return said
-
-
-def _plain(name: str) -> str:
-    return "".join(c if c.isalnum() or c in "-_." else "-" for c in name).strip("-.") or "run"
-
-
-def _signal(pid: int) -> None:
-    """What Ctrl-C means to the run: vent, finish the file, end."""
-    number = getattr(signal, "CTRL_BREAK_EVENT", None) or signal.SIGINT
-    with suppress(OSError):
-        os.kill(pid, number)

@@ -10,6 +10,7 @@ from importlib.resources import files
 PAGES = {
     "catalogue": ("Runs", ("stamp", "catalogue")),
     "panel": ("Rig", ("panel",)),
+    "investigate": ("Closed loop", ("curves", "investigate")),
     "run": ("Run", ("stamp", "curves", "run")),
     "compare": ("Beside each other", ("curves", "compare")),
     "specimen": ("Specimen", ("stamp", "curves", "specimen")),

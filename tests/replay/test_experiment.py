@@ -91,9 +91,9 @@ def test_what_cannot_be_investigated_is_said_in_one_line_and_nothing_is_left(
 
 def test_where_nobody_can_say_yes_nothing_is_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """On a real rig, whose straw somebody has to set first: --yes is not enough, and no port is opened."""
-    from straw.replay.investigate import bench
+    from straw.replay.investigate import dry_run
 
-    monkeypatch.setattr(bench, "predict_protocol", lambda *_: (_Still(), 240.0))
+    monkeypatch.setattr(dry_run, "predict_protocol", lambda *_: (_Still(), 240.0))
     words = ["investigate", str(tmp_path), "--port", "/dev/nothing", "--specimen", "s", "--yes", "5"]
     assert main(words) == 1
     assert '"reason": "refused"' in (tmp_path / "investigate-s.jsonl").read_text().splitlines()[-1]
@@ -103,3 +103,15 @@ class _Still:
     """A prediction in which nothing happens."""
 
     time_s, phi_rad = np.arange(0, 1, 1 / 240), np.zeros(240)
+
+
+def test_a_folder_that_is_not_there_is_made_and_a_file_in_its_place_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--emulate", "--fast"]
+    assert main(["investigate", str(tmp_path / "new" / "deep"), *words]) == 1  # nobody is here to say yes
+    assert (tmp_path / "new" / "deep" / "investigate-twin.jsonl").is_file()
+    (tmp_path / "file").write_text("")
+    capsys.readouterr()
+    assert main(["investigate", str(tmp_path / "file"), *words]) == 2
+    assert "is not a folder" in capsys.readouterr().err

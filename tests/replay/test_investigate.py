@@ -12,17 +12,20 @@ import pytest
 from straw.replay.errors import ReplayError
 from straw.replay.investigate.budget import Budget, Spent
 from straw.replay.investigate.log import Log
-from straw.replay.investigate.loop import Loop, Stop, certainty_of
+from straw.replay.investigate.loop import Loop
 from straw.replay.investigate.state import State
-from straw.replay.investigate.steps import Found, Plan, Proposal, Ran
+from straw.replay.investigate.steps import Ahead, Found, Plan, Proposal, Ran
+from straw.replay.investigate.stop import REASONS, Stop, certainty_of
 from straw.rig.errors import RigError
 
 UNSURE = {"cohesion": 0.5, "squeeze_film": 0.4, "complete": 0.1}
 SURE = {"cohesion": 0.9, "cohesion+clock_offset": 0.06, "squeeze_film": 0.04}
 
 
-def offered(name: str, nats: float = 0.5, sigma: float = 9.0, minutes: float = 0.1, snaps: int = 3) -> Proposal:
-    return Proposal(f'name = "{name}"', (1, 4), name, nats, sigma, minutes, snaps)
+def offered(
+    name: str, nats: float = 0.5, minutes: float = 0.1, snaps: int = 3, chances: tuple[float, ...] = (0.9,)
+) -> Proposal:
+    return Proposal(f'name = "{name}"', (1, 4), name, nats, 9.0, minutes, snaps, chances=chances)
 
 
 class Crash(BaseException):
@@ -37,12 +40,14 @@ class Fakes:
         self.named_after = named_after
         self.menu = list(menu) or [offered("a", 0.6), offered("b", 0.5), offered("c", 0.4)]
         self.sure = Found("missing_physics", ("cohesion",), SURE, "cohesion is missing")
+        self.unsure = [Found("ambiguous", ("cohesion",), UNSURE, "not told")]  # the last of them again and again
         self.answer, self.forbidden, self.tracks, self.hand = "somebody", set[str](), True, ""
         self.ended: dict[str, Ran] = {}
         self.status, self.error = "success", ""
         self.crash, self.late, self.dead = "", False, False
         self.ran: list[str] = []
-        self.asked = self.diagnosed = 0
+        self.asked = self.diagnosed = self.searched = 0
+        self.ahead: list[Ahead] = []
 
     def _dies(self, step: str, late: bool) -> None:
         if (step, late) == (self.crash, self.late):
@@ -56,7 +61,8 @@ class Fakes:
         self._dies("diagnose", False)
         self.diagnosed += 1
         runs = self.recordings()
-        found = self.sure if len(runs) >= self.named_after else Found("ambiguous", ("cohesion",), UNSURE, "not told")
+        unsure = self.unsure[min(len(runs), len(self.unsure) - 1)]
+        found = self.sure if len(runs) >= self.named_after else unsure
         return Found(found.verdict, found.causes, found.probability, found.says, runs)
 
     def propose(self, found: Found) -> Sequence[Proposal]:
@@ -69,9 +75,14 @@ class Fakes:
             raise RigError(f"{proposal.why} is beyond the limit")
         return Plan(proposal.minutes, proposal.snaps, "", self.hand, (1,))
 
-    def ask(self, proposal: Proposal, plan: Plan, repeat: int) -> str:
+    def unknown(self, found: Found) -> str:
+        self.searched += 1
+        return "It pulls at cell 4."
+
+    def ask(self, proposal: Proposal, plan: Plan, ahead: Ahead) -> str:
         self._dies("ask", False)
         self.asked += 1
+        self.ahead.append(ahead)
         return self.answer
 
     def recording_of(self, proposal: Proposal, number: int) -> str:
@@ -167,12 +178,71 @@ def test_every_cause_that_is_named_has_to_be_certain() -> None:
     assert certainty_of(Found("unknown_physics", ("unknown",), {"unknown": 0.99})) == 0
 
 
-def test_it_ends_where_no_experiment_could_bring_even_odds_to_the_certainty(path: Path) -> None:
-    """For 0.9 that takes ln 9 = 2.2 nats, which 2.1 sigma are."""
-    fakes = Fakes(menu=[offered("a", sigma=2.0)])
-    assert went(path, fakes).reason == "nothing_left"
-    fakes = Fakes(named_after=1, menu=[offered("a", sigma=2.2)])
+def test_it_ends_where_the_chance_to_tell_is_no_larger_than_the_doubt_that_is_allowed(path: Path) -> None:
+    fakes = Fakes(menu=[offered("a", chances=(0.0, 0.05, 0.1))])
+    assert (went(path, fakes).reason, fakes.ran) == ("nothing_left", [])
+    fakes = Fakes(named_after=1, menu=[offered("a", chances=(0.0, 0.05, 0.11))])
     assert went(path, fakes).reason == "named"
+
+
+def test_a_person_is_told_how_many_runs_alike_are_expected_to_be_needed(path: Path) -> None:
+    fakes = Fakes(named_after=3, menu=[offered("a", chances=(0.0, 0.3, 0.8, 0.85))])
+    went(path, fakes)
+    assert [(one.number, one.before, one.runs) for one in fakes.ahead] == [(1, 0, 3), (2, 1, 3), (3, 2, 3)]
+    assert next(line for line in lines(path) if line["kind"] == "proposed")["runs"] == 3
+
+
+def test_where_more_runs_would_tell_than_the_budget_pays_for_that_is_the_reason(path: Path) -> None:
+    fakes = Fakes(menu=[offered("a", chances=(0.0, 0.0, 0.0, 0.6))])
+    stop = went(path, fakes, Budget(rounds=3))
+    assert (stop.reason, fakes.ran) == ("budget", [])
+    assert "4 runs alike" in stop.says
+
+
+def test_it_ends_where_three_runs_in_a_row_changed_nothing(path: Path) -> None:
+    fakes = Fakes(named_after=99)
+    stop = went(path, fakes, Budget(rounds=9))
+    assert (stop.reason, stop.code, len(fakes.ran)) == ("nothing_left", 1, 3)
+    assert "changed nothing" in stop.says
+
+
+NOTHING_FITS = Found("unknown_physics", ("unknown",), {"unknown": 0.85, "cohesion": 0.15}, "nothing explains it.")
+
+
+def test_an_unknown_cause_is_confirmed_by_one_more_run_then_looked_for_and_ends_it(path: Path) -> None:
+    fakes = Fakes(named_after=99, menu=[offered("a", chances=(0.0,))])
+    fakes.unsure = [NOTHING_FITS]
+    stop = went(path, fakes)
+    assert (stop.reason, stop.code, fakes.ran, fakes.searched) == ("unknown", 1, ["a"], 1)
+    assert stop.says == "nothing explains it. It pulls at cell 4."
+
+
+def test_while_an_experiment_could_still_name_a_cause_unknown_does_not_end_it(path: Path) -> None:
+    fakes = Fakes(named_after=3)
+    fakes.unsure = [NOTHING_FITS]
+    assert (went(path, fakes).reason, fakes.searched) == ("named", 0)
+
+
+def test_every_way_to_end_is_written_down(path: Path) -> None:
+    """Ctrl-C while it waits for a yes, and a file that cannot be read while it diagnoses."""
+    fakes = Fakes()
+    fakes.dry_run = _raising(KeyboardInterrupt())  # type: ignore[method-assign]
+    with pytest.raises(KeyboardInterrupt):
+        went(path, fakes)
+    assert lines(path)[-1]["reason"] == "interrupted"
+    fakes.dry_run = _raising(ValueError())  # type: ignore[method-assign]
+    fakes.diagnose = _raising(RigError("a.mcap: damaged"))  # type: ignore[method-assign]
+    with pytest.raises(RigError):
+        went(path, fakes)
+    assert (lines(path)[-1]["reason"], lines(path)[-1]["says"]) == ("error", "a.mcap: damaged")
+    assert {"interrupted", "error", "unknown", "nothing_left"} < set(REASONS)
+
+
+def _raising(error: BaseException) -> Any:
+    def does(*_: object) -> None:
+        raise error
+
+    return does
 
 
 def test_nothing_is_run_twice_unless_a_repeat_tells_most(path: Path) -> None:
@@ -185,7 +255,7 @@ def test_nothing_is_run_twice_unless_a_repeat_tells_most(path: Path) -> None:
 
 
 def test_runs_that_were_recorded_without_the_loop_count_as_run(path: Path) -> None:
-    known = Proposal('name = "a"', (), "a", 0.6, 9.0, 0.1, 3, run_before=2)
+    known = Proposal('name = "a"', (), "a", 0.6, 9.0, 0.1, 3, run_before=2, chances=(0.9,))
     fakes = Fakes(named_after=1, menu=[known, offered("b", 0.5)])
     went(path, fakes)
     assert fakes.ran == ["b"]
@@ -209,7 +279,7 @@ def test_a_yes_given_in_advance_is_for_so_many_rounds_and_not_for_what_needs_a_h
 
 
 @pytest.mark.parametrize(
-    ("budget", "runs"), [(Budget(rounds=2), 2), (Budget(None, minutes=0.35), 3), (Budget(None, snaps=5), 1)]
+    ("budget", "runs"), [(Budget(rounds=2), 2), (Budget(None, minutes=0.25), 2), (Budget(None, snaps=5), 1)]
 )
 def test_rounds_minutes_and_snaps_are_counted_and_never_overdrawn(path: Path, budget: Budget, runs: int) -> None:
     fakes = Fakes(named_after=99)

@@ -12,6 +12,7 @@ from straw.rig.clock import SteppedClock
 from straw.rig.controller import make_controller
 from straw.rig.emulate import Emulation
 from straw.rig.errors import RigError
+from straw.rig.faults import SeededFaults
 from straw.rig.plant import PressurePlant
 from straw.rig.run_read import read_run
 from straw.rig.snap_search import SnapPlan, snap_search
@@ -91,6 +92,21 @@ def test_somebody_who_watches_can_answer_and_without_resetting_one_step_is_the_i
 
     with emulation, make_controller("ob1-mk4", emulation.url, clock=emulation.clock) as controller:
         found = snap_search(controller, SnapPlan(0.0, 10e3), AskingWatcher(ask, 0.5), None)
+    assert (found.brackets[0].below.told_pa, found.brackets[0].above.told_pa) == (6_000.0, 6_500.0)
+
+
+def test_answers_that_are_missing_or_spoiled_are_asked_for_again_and_the_search_goes_on() -> None:
+    straw, emulation = clicker(6_200.0)
+    faults = SeededFaults(0.05, seed=3, kinds=("garble", "truncate", "silence", "deaf"))
+
+    def ask(told_pa: float) -> bool:
+        emulation.catch_up()
+        return straw.snapped
+
+    with emulation, make_controller("ob1-mk4", emulation.url, clock=emulation.clock) as controller:
+        emulation.wire.faults = faults
+        found = snap_search(controller, SnapPlan(4e3, 10e3), AskingWatcher(ask, 0.5), None)
+    assert len(faults.log) > 2
     assert (found.brackets[0].below.told_pa, found.brackets[0].above.told_pa) == (6_000.0, 6_500.0)
 
 

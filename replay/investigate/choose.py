@@ -1,0 +1,84 @@
+"""Choose: of the experiments that are offered, the one that tells most for what it costs, and how many runs of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from straw.replay.errors import USER_ERRORS
+from straw.replay.investigate.budget import ROUNDED, Budget
+from straw.replay.investigate.state import State
+from straw.replay.investigate.steps import Ahead, Found, Plan, Proposal
+from straw.replay.investigate.stop import Stop, unknown_again
+
+
+@dataclass(frozen=True)
+class Chooser:
+    """``certainty``: as probable an answer has to become."""
+
+    state: State
+    budget: Budget
+    certainty: float
+
+    def choose(
+        self, found: Found, offered: Sequence[Proposal], dry_run: Callable[[Proposal], Plan]
+    ) -> tuple[Proposal, Plan] | Stop:
+        """The first that could tell, by what it tells for its share of the budget, and that limits and budget allow.
+
+        Of an unknown cause nothing is foreseen, so what tells most is run once to see whether that changes it.
+        """
+        spent = self.state.spent
+        confirm = found.verdict == "unknown_physics" and not unknown_again(self.state.history)
+        dear, many, forbidden = 0, 0, ""
+        for one in sorted(offered, key=lambda one: -self._worth(one)):
+            if not confirm and not self.runs(one):
+                more = self._runs(one, len(one.chances))
+                many = min(many or more, more) if more else many
+                continue
+            if not self.budget.pays(spent, one.minutes, one.snaps):
+                dear += 1
+                continue
+            try:
+                plan = dry_run(one)
+            except USER_ERRORS as error:  # a limit, or a start that the model knows no rest for
+                forbidden = forbidden or str(error)
+                continue
+            if not self.budget.pays(spent, plan.minutes, plan.snaps):
+                dear += 1
+                continue
+            return one, plan
+        if dear:
+            return Stop("budget", f"what is left of the budget pays for none of {dear} experiments; {found.says}")
+        if many:
+            return Stop("budget", f"it would take {many} runs alike, more than the budget has left; {found.says}")
+        no = f"; the first that would is forbidden: {forbidden}" if forbidden else ""
+        if found.verdict == "unknown_physics":
+            return Stop("unknown", f"{found.says}{no}")
+        return Stop("nothing_left", f"no experiment is expected to tell more{no}; {found.says}")
+
+    def ahead(self, one: Proposal) -> Ahead:
+        """What a person is told of the runs behind and before."""
+        return Ahead(self.state.number, self._before(one), max(1, self.runs(one)))
+
+    def runs(self, one: Proposal) -> int:
+        """How many runs alike are expected to be needed, of as many as the budget pays for; 0: they could not tell."""
+        return self._runs(one, self.budget.affords(self.state.spent, one.minutes, one.snaps, len(one.chances)))
+
+    def _runs(self, one: Proposal, most: int) -> int:
+        """A chance to tell that is no larger than the doubt that is allowed is none; of more, the fewest runs that have
+        as large a share of the best chance as is asked of certainty."""
+        if one.opening:
+            return 1
+        best = max(one.chances[:most], default=0.0)
+        if best <= 1 - self.certainty + ROUNDED:
+            return 0
+        return next(n for n, chance in enumerate(one.chances, 1) if chance >= self.certainty * best)
+
+    def _before(self, one: Proposal) -> int:
+        return max(one.run_before, self.state.run_before.get(one.key, 0))
+
+    def _worth(self, one: Proposal) -> float:
+        """Expected nats for the share of the budget that it takes. What n runs alike have not told, one more tells the
+        less: it adds 1 / (n + 1) of the precision of their mean."""
+        share = self.budget.share(self.state.spent, one.minutes, one.snaps)
+        return one.information_nats / (1 + self._before(one)) / max(share, 1e-9)

@@ -1,0 +1,84 @@
+"""Stop: the reasons for which a loop ends, and which of them what is known amounts to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from straw.replay.investigate.steps import Found
+
+#: Every reason, with what it means; a log's last line and the command's last line name one of them.
+REASONS = {
+    "complete": "nothing is missing",
+    "within_tolerance": "the model is good enough",
+    "named": "what is missing is named, as certain as was asked for",
+    "unknown": "something is missing that the library does not hold, and no experiment would change that",
+    "nothing_left": "no experiment is expected to tell more",
+    "budget": "the budget is spent, or does not pay for what would tell",
+    "refused": "somebody said no, or nobody was there to say yes",
+    "aborted": "a run did not end well",
+    "untracked": "a run's film is not tracked yet",
+    "interrupted": "Ctrl-C, or a signal; a run is vented and recorded first",
+    "error": "something it was given is wrong, as the line says",
+}
+#: Reasons that are an answer; all others are the answer "no".
+ANSWERS = ("complete", "within_tolerance", "named")
+#: After so many runs in a row that moved no probability by more than the doubt that is allowed, nothing is expected of
+#: one more, whatever was foreseen of them. One may fail to tell by chance, three hardly do.
+IDLE_RUNS = 3
+#: "Unknown" is believed when runs that were not known when it was first said have not changed it.
+SAID_BY = 2
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Why the loop ended: one of `REASONS`, and in words."""
+
+    reason: str
+    says: str
+
+    @property
+    def code(self) -> int:
+        """The command's exit code."""
+        return 0 if self.reason in ANSWERS else 1
+
+
+def reached(found: Found, certainty: float) -> Stop | None:
+    """The answer, where a diagnosis is one."""
+    if found.verdict == "within_tolerance":
+        return Stop("within_tolerance", found.says)
+    p = certainty_of(found)
+    if p < certainty:
+        return None
+    return Stop("complete" if found.verdict == "complete" else "named", f"{found.says} (p = {p:.2f})")
+
+
+def certainty_of(found: Found) -> float:
+    """How probable what a diagnosis says is: that nothing is missing, or that each named cause takes part; else 0."""
+    probability = found.probability or {}
+    if found.verdict == "complete":
+        return probability.get("complete", 0.0)
+    if found.verdict not in ("missing_physics", "measurement_fault") or not found.causes:
+        return 0.0
+    parts = [sum(p for name, p in probability.items() if cause in name.split("+")) for cause in found.causes]
+    return min(parts)
+
+
+def idle(history: Sequence[Found], certainty: float) -> bool:
+    """Whether the last `IDLE_RUNS` diagnoses changed nothing of what was known before them."""
+    last = [one for one in history if one.probability][-IDLE_RUNS - 1 :]
+    if len(last) <= IDLE_RUNS or len({one.verdict for one in last}) > 1:
+        return False
+    return all(_moved(one, last[-1]) < 1 - certainty for one in last[:-1])
+
+
+def unknown_again(history: Sequence[Found]) -> bool:
+    """Whether "unknown" was said before and after the last run."""
+    last = history[-SAID_BY:]
+    return len(last) == SAID_BY and all(one.verdict == "unknown_physics" for one in last)
+
+
+def _moved(before: Found, after: Found) -> float:
+    """How much probability went from some hypotheses to others: the total variation distance."""
+    p, q = before.probability or {}, after.probability or {}
+    return sum(abs(p.get(name, 0.0) - q.get(name, 0.0)) for name in {*p, *q}) / 2

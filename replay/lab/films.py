@@ -1,0 +1,43 @@
+"""Films: a film that was dropped on a run's page: laid beside the recording and entered in its manifest."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+from starlette.requests import Request
+
+from straw.replay.lab.library import Library
+from straw.rig.errors import RigError
+from straw.rig.manifest import seal
+
+FILMS = (".mp4", ".mov", ".avi", ".mkv", ".360")
+
+
+async def taken(library: Library, request: Request) -> dict[str, str]:
+    """Take the film that a request brings; RigError where it is none, or cannot be kept. Nothing half is left."""
+    recording = library.path(library.entry(request.query_params["name"]))
+    film = film_of(recording, request.query_params["file"])
+    part = film.with_name(film.name + ".part")
+    try:
+        with part.open("wb") as stream:
+            async for chunk in request.stream():
+                await asyncio.to_thread(stream.write, chunk)
+        part.rename(film)
+    except OSError as error:
+        raise RigError(f"the film cannot be written: {error.strerror}; check the space") from None
+    finally:
+        part.unlink(missing_ok=True)
+    await asyncio.to_thread(seal, recording, [film])
+    return {"film": film.name}
+
+
+def film_of(recording: Path, name: str) -> Path:
+    """Where a film is laid: beside its recording, under its own name after the run's; RigError where that is taken."""
+    plain = Path(name.replace("\\", "/")).name
+    if Path(plain).suffix.lower() not in FILMS:
+        raise RigError(f"{plain!r} is no film; expected one of {', '.join(FILMS)}")
+    film = recording.with_name(f"{recording.name.removesuffix('.part').removesuffix('.mcap')}-{plain}")
+    if film.exists():
+        raise RigError(f"{film.name} is there already and is not overwritten")
+    return film
