@@ -104,13 +104,22 @@ class Recorded:
 def read_recordings(model: Model, paths: Sequence[Path], hold_out: Sequence[str] = ()) -> list[Recorded]:
     """Recordings from files, as the system's ``read`` or a table's columns say; ReplayError for bad input."""
     tables: dict[str, tuple[str, Mapping[str, Any]]] = {}
+    if not paths:
+        raise ReplayError("no recordings; give at least one file")
     for path in paths:
         for name, table in _tables(model, Path(path)).items():
             if name in tables:
                 raise ReplayError(f"{path}: recording {name} is there twice; give each once")
             tables[name] = str(path), table
     if not tables:
-        raise ReplayError("no recordings; give at least one file")
+        raise ReplayError(f"{model.path}: read gives no recording of {paths[0]}; give one, or another file")
+    return recordings_of(model, tables, hold_out)
+
+
+def recordings_of(
+    model: Model, tables: Mapping[str, tuple[str, Mapping[str, Any]]], hold_out: Sequence[str] = ()
+) -> list[Recorded]:
+    """Recordings of tables by name, each with where it comes from; ReplayError for bad input."""
     out = [_recorded(model, name, path, table) for name, (path, table) in tables.items()]
     return _held_out(model, out, hold_out, {name: table for name, (_, table) in tables.items()})
 
