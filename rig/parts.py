@@ -73,9 +73,8 @@ def in_file(kind: Kind, path: Path) -> list[Part]:
         sha256 = sha256_of(path)
         return _loaded(kind, path, sha256)
     except ModelError as error:
-        text, unread, _ = (
-            str(error).replace("cannot read the law", f"cannot read the {kind.word}").partition("; check --")
-        )
+        text = str(error).replace("cannot read the law", f"cannot read the {kind.word}")
+        text, unread, _ = text.partition("; check --")
         raise RigError(text + ("; check the name" if unread else "")) from None
 
 

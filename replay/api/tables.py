@@ -1,4 +1,4 @@
-"""Tables of other loggers from Python: what `straw import` and `straw export` do, as an object that shows what it took."""
+"""Tables of other loggers from Python: what `straw import` and `straw export` do, as an object that shows itself."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ def import_options(p: argparse.ArgumentParser) -> None:
     written.add_argument(
         "--format",
         metavar="NAME",
-        help="csv, esi, kinovea, tracker, deeplabcut, parquet or mat; or a reader of your own, R.py",
+        help="csv, esi, kinovea, tracker, deeplabcut, parquet, mat; or R.py",
     )
     written.add_argument("--separator", metavar="C", help="a character, or tab, semicolon, comma, bar, space")
     written.add_argument("--decimal", choices=(".", ","), help="decimal mark")

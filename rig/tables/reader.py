@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+import tempfile
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -80,6 +82,24 @@ def reader_formats() -> dict[str, Format]:
             raise RigError(f"{part.where}: reader {part.what.name}: there is a format of this name; give yours another")
         found[part.what.name] = _format(part)
     return found
+
+
+def tried(form: Format, path: Path) -> int:
+    """Read copies of a file that are cut, or spoiled in the middle: each is a table or a RigError; how many they were.
+
+    Whatever else the function raises is a RigError already; this finds what does not end, or ends Python.
+    """
+    data = path.read_bytes()
+    middle = len(data) // 2
+    spoiled = [data[: int(share * len(data))] for share in (0.02, 0.3, 0.5, 0.9)]
+    spoiled += [data[:middle] + b"\xff\x00\xfe" + data[middle:], b"no table\n"]
+    with tempfile.TemporaryDirectory() as folder:
+        for one in spoiled:
+            copy = Path(folder) / path.name
+            copy.write_bytes(one)
+            with suppress(RigError):
+                form.read(copy, one, Reading())
+    return len(spoiled)
 
 
 def _format(part: parts.Part) -> Format:
