@@ -21,7 +21,7 @@ from straw.replay.tables.words import lines
 from straw.rig.tables import export_table as table_of
 from straw.rig.tables import read_table, understand, write
 from straw.rig.tables.mapping import Mapping as TablesMap
-from straw.rig.tables.mapping import Reading, TableMap, load_mapping, to_toml
+from straw.rig.tables.mapping import TableMap, load_mapping, to_toml
 from straw.rig.tables.understand import Plan
 
 if TYPE_CHECKING:
@@ -142,7 +142,7 @@ def _entry(path: Path, paths: Sequence[Path], said: TablesMap) -> TableMap:
     for one in said.tables:
         if one.file in (str(path), path.name) or (not one.file and len(paths) == len(said.tables) == 1):
             return dataclasses.replace(one, file=str(path))
-    return TableMap(str(path), Reading())
+    return TableMap(str(path))
 
 
 def export_table(

@@ -48,7 +48,7 @@ class Reader:
             raise RigError(f"{where}: about is empty; say in words what it reads")
         if not callable(self.read) or not (self.recognises is None or callable(self.recognises)):
             raise RigError(f"{where}: read and recognises are functions: read(path), recognises(path, first_bytes)")
-        if isinstance(self.suffixes, str) or any(not str(one).startswith(".") for one in self.suffixes):
+        if any(not str(one).startswith(".") or len(str(one)) < 2 for one in self.suffixes):  # a lone word, too
             raise RigError(f'{where}: suffixes = {self.suffixes!r}; write them with their point, as (".daq",)')
         for column, role in self.roles.items():
             if role not in ROLES:
