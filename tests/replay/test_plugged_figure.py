@@ -1,4 +1,4 @@
-"""Figures of merit of somebody's own: judged like straw's own, by file, straw file and entry point; one line if wrong."""
+"""Figures of merit of somebody's own: judged like straw's own, by file, straw file and entry point."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_a_figure_of_an_installed_package_is_judged(tmp_path: Path) -> None:
     written(tmp_path).rename(tmp_path / "height_pkg.py")
     (tmp_path / "height-1.0.dist-info" / "METADATA").write_text("Metadata-Version: 2.1\nName: height\nVersion: 1.0\n")
     (tmp_path / "height-1.0.dist-info" / "entry_points.txt").write_text("[straw.figures]\nheight = height_pkg\n")
-    code = "from straw.rig.parts import parts; from straw.replay.metrics.merit import FIGURES; p, = parts(FIGURES); print(p)"
+    code = "from straw.rig import parts; from straw.replay.metrics.merit import FIGURES; print(parts.parts(FIGURES))"
     environment = os.environ | {"PYTHONPATH": str(tmp_path)}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
     assert "last height" in done.stdout, done.stderr
@@ -103,7 +103,7 @@ def test_a_figure_of_an_installed_package_is_judged(tmp_path: Path) -> None:
         (RETURNS, "return 'high'", "value gives 'high'; expected one number of m"),
         (RETURNS, "return np.inf", "value is inf; give a finite number, or NaN"),
         (RETURNS, "return None", "value gives None"),
-        ('name="last height"', 'name="x at the end"', "is there already; give yours another name"),
+        ('name="last height"', 'name="x at the end"', "there is one of this name; give yours another"),
         ('unit="m"', 'unit=""', "unit = ''"),
         ("value=value", "value=3", "value is no function"),
         (FIGURE, "", "gives no figure; end it with FIGURE = straw.FigureOfMerit(...)"),
@@ -114,9 +114,13 @@ def test_what_is_wrong_with_a_figure_is_one_line_with_its_file(
 ) -> None:
     assert old in FIGURE
     path = written(tmp_path, FIGURE.replace(old, new))
-    with pytest.raises((RigError, ReplayError)) as refused:
+
+    def used() -> None:
         add_figures(path)
         judged(fold)
+
+    with pytest.raises((RigError, ReplayError)) as refused:
+        used()
     said = str(refused.value)
     assert said.startswith(str(path))
     assert words in said
