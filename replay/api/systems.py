@@ -17,6 +17,7 @@ from straw.replay.api.shown import Rows, Shown
 from straw.replay.diagnose.discover.discover import discover
 from straw.replay.diagnose.discover.findings import SystemFindings, text
 from straw.replay.diagnose.discover.page import page
+from straw.replay.diagnose.systems.function.check import check_on
 from straw.replay.diagnose.systems.function.model import load_model
 from straw.replay.diagnose.systems.function.recording import read_recordings, recordings_of
 from straw.replay.diagnose.systems.function.system import FunctionSystem
@@ -150,11 +151,11 @@ def diagnose_system(
             raise ReplayError(f"tolerance: no channel {name!r}; known: {', '.join(names)}")
         if not value > 0:
             raise ReplayError(f"tolerance: {name} = {value!r} must be above zero")
+    one = FunctionSystem(model)
+    check_on(one, recorded)
     pool = executor or ThreadPoolExecutor(max(1, jobs))
     try:
-        found = discover(
-            FunctionSystem(model), recorded, executor=pool, told=lambda _what, done, total: progress(done, total)
-        )
+        found = discover(one, recorded, executor=pool, told=lambda _what, done, total: progress(done, total))
     finally:
         if executor is None:
             pool.shutdown(wait=True, cancel_futures=True)
