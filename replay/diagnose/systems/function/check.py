@@ -83,16 +83,12 @@ def _gives_numbers(model: Model) -> list[str]:
 
 
 def _is_whole(model: Model) -> list[str]:
-    """Optional laws name constants that there are; units of states are said."""
-    out, known = [], {c.name for c in model.constants}
-    for law, names in model.get("laws", {}).items():
-        out += [f'{model.path}: laws["{law}"]: no constant {n}; add it to constants' for n in names if n not in known]
-    out += [
+    """Units of states are said."""
+    return [
         f'{model.path}: state {s} has no unit; add units = {{"{s}": "..."}}'
         for s in model.states
         if model.unit(s) == "?"
     ]
-    return out
 
 
 def _compiles(model: Model) -> list[str]:
