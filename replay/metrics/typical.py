@@ -21,11 +21,11 @@ def typical_motions() -> dict[str, Motion]:
     turn = np.where((time_s > 0.5) & (since < 0), 0.35 * np.sin(np.pi * (time_s - 0.5) / 0.12), -ring)
     step_pa = -25e3 * (1 - np.exp(-np.clip(time_s - 0.3, 0, None) / 0.02))
     flat = np.zeros(len(time_s))
-    sigma = [np.full(len(time_s), s) for s in (3e-6, 3e-6, 3e-4)]
+    sigma_m, sigma_rad = np.full(len(time_s), 3e-6), np.full(len(time_s), 3e-4)
     frames, valid = np.arange(len(time_s)), np.ones(len(time_s), dtype=bool)
     out = {}
     for name, phi, pressure_pa in (("folding", turn, step_pa), ("resting", flat, flat)):
         x_m = 0.022 - 0.004 * (time_s > 0.62) * (name == "folding") + 0.01 * phi
-        trace = TipTrace(time_s, x_m, 0.02 * phi, 1.53 + phi, *sigma, valid, frames)
+        trace = TipTrace(time_s, x_m, 0.02 * phi, 1.53 + phi, sigma_m, sigma_m, sigma_rad, valid, frames)
         out[name] = measured_motion(trace, 0.1, pressure_pa)
     return out

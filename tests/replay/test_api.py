@@ -171,7 +171,8 @@ def test_a_diagnosis_shows_itself_and_writes_its_page_and_straw(tmp_path: Path) 
 
 def test_a_system_of_ones_own_is_diagnosed_from_arrays(tmp_path: Path) -> None:
     (tmp_path / "line.py").write_text(
-        'time = "t"\ninputs = {"u": ("u", "V")}\nchannels = {"y": ("y", "N")}\nconstants = {"a": (2.0, "N/V", 0.5, 8.0)}\n'
+        'time = "t"\ninputs = {"u": ("u", "V")}\nchannels = {"y": ("y", "N")}\n'
+        'constants = {"a": (2.0, "N/V", 0.5, 8.0)}\n'
         'places = ["channel:y"]\ndepends_on = ["u"]\ndef shown(t, x, u, c):\n    return c.a * u.u\n'
     )
     random, t = np.random.default_rng(2), np.linspace(0, 10, 400)

@@ -160,7 +160,7 @@ def test_a_model_travels_to_workers_as_its_file(tmp_path):
         ('start = {"y": "y"', 'start = {"y": "z"', "no such channel; known: y"),
         ('units = {"v": "m/s"}', "", 'state v has no unit; add units = {"v": "..."}'),
         ("def slopes", "1/0\ndef slopes", "cannot be run: ZeroDivisionError"),
-        ("def slopes", "def slopes(", "line 12: "),
+        ("def slopes", "def slopes(", "line 13: "),
         ("def slopes", "raise SystemExit\ndef slopes", "ends Python when it is loaded"),
         ('channels = {"y": ("y", "m")}', "channels = 3", "channels = 3; give a dict"),
         ('hold_out = ["c"]', 'laws = {"drag": ["q"]}', 'laws["drag"]: no constant q; add it'),
@@ -187,7 +187,7 @@ def test_each_defect_of_a_file_is_one_line_with_place_and_cure(tmp_path, old, ne
         ),
         ('hold_out = ["c"]', "def hold_out(name, t, table):\n    return 1 / 0", "raised ZeroDivisionError"),
         ('hold_out = ["c"]', "def read(path):\n    return {}", "has no columns"),
-        ('hold_out = ["c"]', "def read(path):\n    return {'t': ['a'] * 5}", 'no column "y"'),
+        ('hold_out = ["c"]', "def read(path):\n    return {'t': ['a'] * 5}", 'column "t" is no column of numbers'),
         ('hold_out = ["c"]', "def read(path):\n    return {'t': [[0, 1]] * 5}", "t has shape (5, 2); expected (n,)"),
     ],
 )
