@@ -88,6 +88,7 @@ def import_tables(
     cycle: int | None = None,
     metadata: Mapping[str, str] | None = None,
     accept_guesses: bool = False,
+    as_stated: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> Import:
     """Make one recording of tables of other loggers, as `straw import` does; without ``output``, look only.
@@ -97,7 +98,8 @@ def import_tables(
     ("tip.csv:Time in s"), "none" to leave it out. ``mapping``: a mapping file, or what it says, for all else.
     ``reader``: a file with a `Reader`. ``rate_hz``: samples a second of a table without a time. ``start``,
     ``time_zone``: when time 0 was. What nobody states is guessed; with a guess nothing is written, and a ReplayError
-    says how to state it, unless ``accept_guesses``. Raises RigError or ReplayError, one line.
+    says how to state it, unless ``accept_guesses``. ``as_stated``: believe
+    units although sizes look wrong. Raises RigError or ReplayError, one line.
     """
     paths = [Path(one) for one in ([tables] if isinstance(tables, str | Path) else tables)]
     if not paths:
@@ -124,7 +126,8 @@ def import_tables(
     if initial_deployed is not None:
         about["initial_deployed"] = ",".join(str(cell) for cell in initial_deployed)
     plan = understand(
-        read, TablesMap(tuple(maps), start or said.start, time_zone or said.time_zone, about, said.as_stated)
+        read,
+        TablesMap(tuple(maps), start or said.start, time_zone or said.time_zone, about, as_stated or said.as_stated),
     )
     if output is None:
         return Import(plan, None)

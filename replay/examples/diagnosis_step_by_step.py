@@ -21,7 +21,6 @@ start = {"p": (7.6, 0.0, 20.0)}
 units = {"p": "bar"}
 says = {"p": "the pressure"}
 places = ["rate:p", "channel:p"]  # where something may be missing; all by default, fewer are quicker
-depends_on = ["p"]
 
 def slopes(t, x, u, c):
     return 0.0

@@ -12,14 +12,14 @@ folder = Path(mkdtemp())  # a recording is never overwritten
 
 # %% a table as such a logger writes it: a pump's pressure in mbar and a tip in mm and degrees, with decimal commas
 time_s = np.arange(0.0, 0.5, 0.005)
-pressure_pa = -5e3 * (1 - np.exp(-np.clip(time_s - 0.1, 0, None) / 0.02))
+pressure_pa = -25e3 * (1 - np.exp(-np.clip(time_s - 0.1, 0, None) / 0.02))
 seen = straw.simulate(None, lambda t: np.interp(t, time_s, pressure_pa), time_s, [1, 4])
 columns = time_s, pressure_pa / 100, seen.x_m * 1e3, seen.z_m * 1e3, np.degrees(seen.phi_rad)
 lines = (";".join(f"{value:.6f}".replace(".", ",") for value in row) for row in zip(*columns, strict=True))
 (folder / "pump.csv").write_text("\n".join(["Zeit;Druck;X [mm];Z [mm];Winkel [deg]", *lines]))
 
 # %% look first: without an output nothing is written, and what nobody states is a guess
-looked = straw.import_tables(folder / "pump.csv")
+looked = straw.import_tables(folder / "pump.csv", as_stated=True)  # this tip hardly rises: 0.1 mm are no mistake
 looked.plot().savefig("import.png")
 print(looked)
 
@@ -30,6 +30,7 @@ done = straw.import_tables(
     columns={"time": "Zeit in s", "pressure": "Druck in mbar", "x": "X [mm]", "z": "Z [mm]", "phi": "Winkel [deg]"},
     start="2026-05-03 14:02:11Z",
     initial_deployed=[1, 4],
+    as_stated=True,
 )
 done.recording  # as any other: straw.replay(done.recording), straw.diagnose([...])
 
@@ -43,6 +44,7 @@ same = straw.import_tables(
     reader="my_reader.py",
     start="2026-05-03 14:02:11Z",
     initial_deployed=[1, 4],
+    as_stated=True,
 )
 assert done.recording
 assert same.recording
