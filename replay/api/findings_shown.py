@@ -74,5 +74,5 @@ def verdict_figure(
         every[1].set_xticks(at, ticks)
         every[1].set_yscale("log")
         every[1].set_ylabel("RMS held out / noise")
-        every[1].legend(frameon=False)
+        every[1].legend(frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
     return figure

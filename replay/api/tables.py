@@ -125,10 +125,8 @@ def import_tables(
     about |= {"cycle": str(cycle)} if cycle is not None else {}
     if initial_deployed is not None:
         about["initial_deployed"] = ",".join(str(cell) for cell in initial_deployed)
-    plan = understand(
-        read,
-        TablesMap(tuple(maps), start or said.start, time_zone or said.time_zone, about, as_stated or said.as_stated),
-    )
+    believed = as_stated or said.as_stated
+    plan = understand(read, TablesMap(tuple(maps), start or said.start, time_zone or said.time_zone, about, believed))
     if output is None:
         return Import(plan, None)
     if plan.doubts and not accept_guesses:
