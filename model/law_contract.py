@@ -62,6 +62,11 @@ def plain(function: Any) -> Any:
 def _says(law: Law, where: str) -> None:
     if not re.fullmatch(r"[a-z][a-z0-9_]*", law.name):
         raise ModelError(f"{where}: its name must be a word of small letters, digits and _, for a straw file")
+    if law.kind == "flow":
+        raise ModelError(
+            f"{where}: kind = 'flow': the way in is one equation of the model's own, with its derivatives; a loss over "
+            "the flow goes into the straw file as a table, [terms.missing_loss]"
+        )
     if law.kind not in KINDS:
         raise ModelError(f"{where}: kind = {law.kind!r}, expected one of {', '.join(KINDS)}")
     for name, what in (("law", "its formula"), ("source", "where it comes from")):

@@ -274,6 +274,10 @@ class StrawParameters:
         return "\n".join(lines) + "\n"
 
 
+#: What a straw file may name besides laws: files of parts that are no physics, for whoever plugs them in.
+PARTS = ("readers", "figures")
+
+
 def straw_from_toml(text: str, name: str = "straw file", folder: Path | None = None) -> StrawParameters:
     """A straw from TOML text: any of the constants by name, the paper's value for each one left out.
 
@@ -284,7 +288,9 @@ def straw_from_toml(text: str, name: str = "straw file", folder: Path | None = N
     except tomllib.TOMLDecodeError as error:
         raise ModelError(f"{name}: not TOML: {error}") from None
     _check_laws(table.get("laws", []), folder or Path(), name)
-    table = {key: value for key, value in table.items() if key != "laws"}
+    for key in PARTS:
+        plugged.files_of(table.get(key, []), key, folder or Path(), name)
+    table = {key: value for key, value in table.items() if key not in ("laws", *PARTS)}
     known = {f.name: f.type for f in fields(StrawParameters)}
     for key, value in table.items():
         if key not in known:

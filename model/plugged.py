@@ -88,6 +88,18 @@ def laws_named_in(straw_file: Path) -> list[Path]:
     return [path for path, _ in laws_of(given, straw_file.parent, str(straw_file)) if path]
 
 
+def files_named_in(straw_file: Path, key: str) -> list[Path]:
+    """Files of other parts that a straw file names (``readers``, ``figures``); empty where it is no straw file."""
+    return files_of(_read(straw_file).get(key, []), key, straw_file.parent, str(straw_file))
+
+
+def files_of(given: object, key: str, folder: Path, name: str) -> list[Path]:
+    """A list of files, from the straw file's folder; ModelError where it is none."""
+    if not isinstance(given, list) or not all(isinstance(one, str) and one for one in given):
+        raise ModelError(f'{name}: {key} = {given!r}, expected files, as {key} = ["my_{key.removesuffix("s")}.py"]')
+    return [folder / one for one in given]
+
+
 def straw_of_rig(rig_file: Path) -> Path | None:
     """The straw file that a rig file names, if it does."""
     straw = _read(rig_file).get("straw")

@@ -8,7 +8,7 @@ import os
 import sys
 from pathlib import Path
 
-from straw.model.plugged import add_laws, laws_named_in, straw_of_rig
+from straw.model.plugged import add_laws, files_named_in, laws_named_in, straw_of_rig
 from straw.replay.commands.runs_options import runs_options
 from straw.replay.errors import USER_ERRORS
 from straw.replay.investigate.options import investigate_options
@@ -272,7 +272,8 @@ def parser() -> argparse.ArgumentParser:
     straw_options(p)
 
     p = command(commands, "check", "a law, or another part of your own: does it do what it must, in one line")
-    p.add_argument("part", type=Path, metavar="PART.py", help="a LAW, a CONTROLLER, or a system")
+    p.add_argument("part", type=Path, metavar="PART.py", help="a LAW, CONTROLLER, READER, FIGURE, or a system")
+    p.add_argument("--on", type=Path, metavar="TABLE", help="a table of its logger, for a reader to be tried on")
     p.add_argument("--run", action="store_true", help="run the straw with the law as well: compiles, a minute or two")
     json_option(p)
 
@@ -290,6 +291,7 @@ def parser() -> argparse.ArgumentParser:
     p = command(commands, "replay", "lay recordings over the model's prediction, with metrics and a page to look at")
     p.add_argument("runs", type=Path, nargs="+", metavar="RUN.mcap", help="runs, and tracks derived from them")
     straw_options(p)
+    p.add_argument("--figures", type=Path, nargs="+", default=[], metavar="F.py", help="figures of merit of your own")
     p.add_argument("--report", type=Path, default=Path("replay.html"), metavar="R.html", help="the page (replay.html)")
     p.add_argument("--partial", action="store_true", help="take damaged or cut recordings for what is left of them")
     p.add_argument(
@@ -324,6 +326,15 @@ def plug(args: argparse.Namespace) -> None:
         named += laws_named_in(straw)
     if named:
         add_laws(*named)
+    if isinstance(straw, Path) and (readers := files_named_in(straw, "readers")):
+        from straw.rig.tables.reader import add_readers
+
+        add_readers(*readers)
+    figures = [*getattr(args, "figures", []), *(files_named_in(straw, "figures") if isinstance(straw, Path) else [])]
+    if figures:
+        from straw.replay.metrics.merit import add_figures
+
+        add_figures(*figures)
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -115,10 +115,12 @@ def compare(run: Run, straw: StrawParameters, uncertain: Mapping[str, float] | N
         verdict = signal_verdict(predicted - measured, u_val)
         signals[channel] = Signal(tip.time_s[valid], measured, sigma, predicted, u_val, metrics, verdict)
     limit_rad = limit_of(straw)
-    seen, said = measured_motion(tip, limit_rad), predicted_motion(prediction, tip, limit_rad)
-    finer = predicted_motion(fine, tip, limit_rad)
-    by_input = {name: predicted_motion(p, tip, limit_rad) for name, p in inputs.items()}
-    judged = quantities(seen, said, finer, by_input)
+    assert run.pressure is not None
+    drove = limit_rad, driving_pressure(run.pressure, run.command)(tip.time_s[valid])
+    seen, said = measured_motion(tip, *drove), predicted_motion(prediction, tip, *drove)
+    finer = predicted_motion(fine, tip, *drove)
+    by_input = {name: predicted_motion(p, tip, *drove) for name, p in inputs.items()}
+    judged = quantities(seen, said, finer, by_input, limit_rad)
     return Comparison(run, straw, prediction, signals, seen, said, pairs_of(seen, said), judged, tuple(inputs))
 
 

@@ -13,6 +13,7 @@ from straw.model.errors import ModelError
 from straw.model.frustum import Frustum
 from straw.model.parameters import StrawParameters
 from straw.model.simulate import Prediction
+from straw.replay.metrics.merit import own_figures, uncertainties
 from straw.replay.metrics.noise import independent
 from straw.replay.metrics.ringdown import LONGEST_S, RingDown, ring_down
 from straw.replay.metrics.snaps import Pair, Snap, match, named, snaps_of
@@ -30,13 +31,32 @@ UNITS = {"x_m": "m", "z_m": "m", "phi_rad": "rad"}
 
 @dataclass(frozen=True)
 class Motion:
-    """A tip's motion (n,) at valid samples, with what was seen in it; sigma by channel, NaN where unknown."""
+    """A tip's motion (n,) at valid samples, with what was seen in it; sigma by channel, NaN where unknown.
+
+    ``pressure_pa`` (n,): the gauge pressure that drove it; NaN where nobody said.
+    """
 
     time_s: Floats
     pose: Mapping[str, Floats]
     sigma: Mapping[str, Floats]
     snaps: tuple[Snap, ...]
     ring: RingDown | None
+    pressure_pa: Floats
+
+    @property
+    def x_m(self) -> Floats:
+        """(n,) m."""
+        return self.pose["x_m"]
+
+    @property
+    def z_m(self) -> Floats:
+        """(n,) m."""
+        return self.pose["z_m"]
+
+    @property
+    def phi_rad(self) -> Floats:
+        """(n,) rad."""
+        return self.pose["phi_rad"]
 
 
 def limit_of(straw: StrawParameters) -> float:
@@ -45,18 +65,18 @@ def limit_of(straw: StrawParameters) -> float:
     return OF_BENT * min(bent) if bent else math.inf
 
 
-def measured_motion(tip: TipTrace, limit_rad: float) -> Motion:
-    """The measured tip."""
+def measured_motion(tip: TipTrace, limit_rad: float, pressure_pa: Floats) -> Motion:
+    """The measured tip; ``pressure_pa`` (n,) at its valid samples."""
     pose = {name: getattr(tip, name)[tip.valid] for name in UNITS}
     sigma = {name: getattr(tip, f"sigma_{name}")[tip.valid] for name in UNITS}
-    return _seen(tip.time_s[tip.valid], pose, sigma, limit_rad)
+    return _seen(tip.time_s[tip.valid], pose, sigma, limit_rad, pressure_pa)
 
 
-def predicted_motion(p: Prediction, at: TipTrace, limit_rad: float) -> Motion:
+def predicted_motion(p: Prediction, at: TipTrace, limit_rad: float, pressure_pa: Floats) -> Motion:
     """The predicted tip at the measurement's valid samples; its snaps know their cells."""
     pose = {name: getattr(p, name)[-len(at) :][at.valid] for name in UNITS}
     exact = {name: np.zeros(len(values)) for name, values in pose.items()}
-    seen = _seen(at.time_s[at.valid], pose, exact, limit_rad)
+    seen = _seen(at.time_s[at.valid], pose, exact, limit_rad, pressure_pa)
     return replace(seen, snaps=tuple(replace(snap, cell=_cell(p, snap)) for snap in seen.snaps))
 
 
@@ -66,13 +86,15 @@ def _cell(p: Prediction, snap: Snap) -> int:
     return int(np.argmax(np.abs(p.frustum_phi_rad[during, :, 1]).max(axis=0, initial=0.0))) + 1
 
 
-def _seen(time_s: Floats, pose: Mapping[str, Floats], sigma: Mapping[str, Floats], limit_rad: float) -> Motion:
+def _seen(
+    time_s: Floats, pose: Mapping[str, Floats], sigma: Mapping[str, Floats], limit_rad: float, pressure_pa: Floats
+) -> Motion:
     snaps = snaps_of(time_s, pose["x_m"], pose["z_m"], pose["phi_rad"], limit_rad)
     ring = None
     if snaps:
         free = (time_s > snaps[-1].end_s) & (time_s < snaps[-1].end_s + LONGEST_S)
         ring = ring_down(time_s[free], pose["phi_rad"][free])
-    return Motion(time_s, pose, sigma, tuple(snaps), ring)
+    return Motion(time_s, pose, sigma, tuple(snaps), ring, pressure_pa)
 
 
 def pairs_of(measured: Motion, predicted: Motion) -> list[Pair]:
@@ -80,11 +102,24 @@ def pairs_of(measured: Motion, predicted: Motion) -> list[Pair]:
     return match(named(list(measured.snaps), list(predicted.snaps)), list(predicted.snaps))
 
 
-def quantities(measured: Motion, predicted: Motion, numerical: Motion, inputs: Mapping[str, Motion]) -> list[Quantity]:
-    """Every figure of merit. ``numerical``: integrated finer; ``inputs``: each input moved by one sigma."""
-    base = figures(measured, predicted)
-    fine = figures(measured, numerical)
-    moved = [figures(measured, motion) for motion in inputs.values()]
+def quantities(
+    measured: Motion, predicted: Motion, numerical: Motion, inputs: Mapping[str, Motion], limit_rad: float = math.inf
+) -> list[Quantity]:
+    """Every figure of merit, those from outside last. ``numerical``: integrated finer; ``inputs``: each input moved by
+    one sigma; ``limit_rad``: the turn that tells a snap."""
+
+    def again(noisy: Motion) -> Motion:
+        return _seen(noisy.time_s, noisy.pose, noisy.sigma, limit_rad, noisy.pressure_pa)
+
+    own = uncertainties(measured, again)
+
+    def every(said: Motion) -> dict[str, tuple[str, float, float, float]]:
+        of_ours = figures(measured, said)
+        theirs = own_figures(measured, said, of_ours) if own else {}
+        return of_ours | {name: (*told, own[name]) for name, told in theirs.items()}
+
+    base, fine = every(predicted), every(numerical)
+    moved = [every(motion) for motion in inputs.values()]
 
     def change(name: str, other: Mapping[str, tuple[str, float, float, float]]) -> float:
         return other[name][2] - base[name][2] if name in other else math.nan  # then nothing can be said of it

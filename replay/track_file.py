@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.output import check_new
-from straw.replay.progress import progress_bar, say
+from straw.replay.progress import Progress, progress_bar, say
 from straw.rig.camera_clock import CameraClock
 from straw.rig.run import Run
 from straw.rig.run_track import write_track
@@ -40,11 +40,13 @@ def track_to_file(
     board: Board | None = None,
     clock: CameraClock | None = None,
     mend: Path | None = None,
+    progress: Progress | None = None,
     **task: Any,
 ) -> Track:
     """Track a video and write the tip on the run's clock; without a run, on the wall clock of now.
 
-    ``mend``: a file of changes by hand (see ``straw.tracking.mend``), which goes on record with the track.
+    ``mend``: a file of changes by hand (see ``straw.tracking.mend``), which goes on record with the track;
+    ``progress``: told (frames done, frames in all) in place of a bar.
     The track's record is left open, for more to be made of it; an interrupted one stays beside ``output``.
     """
     check_new(output)
@@ -55,10 +57,10 @@ def track_to_file(
         say(f"{files[0].name}: {', '.join(path.name for path in beside)} beside it belong to it; name all to join them")
     for copy, other in copies(files):
         say(f"{copy.name}: holds the same film as {other.name}, which is tracked twice; is it the right file?")
-    with progress_bar(f"track {files[0].name}", "frame") as progress:
+    with progress_bar(f"track {files[0].name}", "frame") as bar:
         try:
             known: dict[str, Any] = {"rest_pose": rest, "start_s": 0.0 if clock else start_s, "record": record}
-            tracked = track(files, camera, board or Board(), progress=progress, **known, **task)
+            tracked = track(files, camera, board or Board(), progress=progress or bar, **known, **task)
         except KeyboardInterrupt:
             say(f"{files[0].name}: what was tracked is kept in {record}; the same command goes on from there")
             raise

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Comparison(Shown, compared.Comparison):
     """One run beside its prediction. ``signals["x_m"]`` (also "z_m", "phi_rad") has ``time_s``, ``measured``,
     ``sigma``, ``predicted``, ``u_val``, each (n,), SI, at the tip's valid samples, and its ``metrics``; ``pairs`` are
@@ -40,7 +40,7 @@ class Comparison(Shown, compared.Comparison):
         return overlay(self)
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Replay(Shown):
     """Every run beside its prediction: a sequence of Comparisons with the metrics as a table."""
 

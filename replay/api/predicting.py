@@ -35,7 +35,7 @@ GivenPressure: TypeAlias = PressureProtocol | str | Path | Run | float | Callabl
 _CHANNELS = ("time_s", "x_m", "z_m", "phi_rad", "external_pa", "pressure_pa", "volume_m3")
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Prediction(Shown, model.Prediction):
     """A motion of the straw, SI: ``time_s``, ``x_m``, ``z_m``, ``phi_rad`` of the tip, ``external_pa`` (what drives),
     ``pressure_pa`` (inside), ``volume_m3``, each (n,); ``zeta_m``, ``frustum_phi_rad`` (n, cells, 2) of every frustum
@@ -52,7 +52,7 @@ class Prediction(Shown, model.Prediction):
         return motion_figure(self._columns())
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class LongPrediction(Shown, _Long):
     """A motion of more than ten minutes: as Prediction, dense where the straw moves, with the ends of every rest."""
 
@@ -66,7 +66,7 @@ class LongPrediction(Shown, _Long):
         return motion_figure(self._columns())
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Derivatives(Shown, derivative.Derivatives):
     """A prediction, and the derivatives (n, P) of ``x_m``, ``z_m``, ``phi_rad``, ``pressure_pa``, ``volume_m3`` by P
     parameters, called ``names``, SI by the parameter's unit; ``snaps`` with theirs."""
@@ -83,7 +83,7 @@ class Derivatives(Shown, derivative.Derivatives):
         return f"by {', '.join(self.names)}"
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class _Asked:
     straw: StrawParameters
     pressure: Callable[[Floats], Floats]

@@ -30,7 +30,7 @@ Columns = Mapping[str, ArrayLike] | PressureLog | TipTrace
 NOMINAL_ZERO_NS = 1_000_000_000
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Recording(Shown, Run):
     """One recording, SI, seconds since the run's zero.
 
@@ -66,7 +66,7 @@ class Recording(Shown, Run):
 TIP = ("time_s", "x_m", "z_m", "phi_rad", "sigma_x_m", "sigma_z_m", "sigma_phi_rad", "valid")
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Protocol(Shown, PressureProtocol):
     """Commanded gauge pressure: ``time_s`` and ``pressure_pa`` (n,), straight in between, a repeated time is a step.
 

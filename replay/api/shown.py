@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -34,6 +34,10 @@ class Shown:
         """A picture, if there is one."""
         return None
 
+    def _tables(self) -> Sequence[tuple[str, Rows]]:
+        """Tables below the picture, each with its heading; the first is what `to_dataframe` gives."""
+        return [("", self._columns())]
+
     def to_dataframe(self) -> pandas.DataFrame:
         """The columns as a pandas DataFrame; ReplayError where pandas is not installed."""
         try:
@@ -49,6 +53,10 @@ class Shown:
             raise ReplayError(f"{type(self).__name__} has nothing to draw")
         return found
 
+    def __repr__(self) -> str:
+        says = self._says()
+        return f"<{type(self).__name__}{': ' if says else ''}{says}>"
+
     def _repr_html_(self) -> str:
         """What Jupyter and its like show."""
         parts = [f"<p><b>{type(self).__name__}</b> {escape(self._says())}</p>"]
@@ -56,7 +64,9 @@ class Shown:
             kept = io.StringIO()
             figure.savefig(kept, format="svg")
             parts.append(kept.getvalue()[kept.getvalue().index("<svg") :])
-        return f"<div>{''.join(parts)}{table(self._columns())}</div>"
+        for heading, columns in self._tables():
+            parts.append((f"<p>{escape(heading)}</p>" if heading else "") + table(columns))
+        return f"<div>{''.join(parts)}</div>"
 
 
 def table(columns: Rows, most: int = 6) -> str:
@@ -106,4 +116,5 @@ def motion_figure(rows: Rows) -> Figure:
 
 def remade(kind: Any, base: object, **more: Any) -> Any:
     """An object of a class that adds to another dataclass, with the fields of one of those."""
-    return kind(**{name: getattr(base, name) for name in type(base).__dataclass_fields__}, **more)  # type: ignore[attr-defined]
+    known = {name: getattr(base, name) for name in type(base).__dataclass_fields__}  # type: ignore[attr-defined]
+    return kind(**(known | more))

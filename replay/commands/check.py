@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import inspect
+import math
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -23,15 +24,16 @@ def run(args: argparse.Namespace) -> int:
     kinds = [name for name in PARTS if hasattr(module, name)]
     if not kinds:
         raise ReplayError(f"{args.part}: gives none of {', '.join(PARTS)}; end it with LAW = straw.Law(...), for one")
-    said = PARTS[kinds[0]](args.part, module, args.run)
+    said = PARTS[kinds[0]](args.part, module, args)
     if args.json:
         write_json(args.json, {"part": str(args.part), "gives": kinds[0], "good": True, "says": said})
     print("\n".join(said))
     return 0
 
 
-def check_laws(path: Path, _module: ModuleType, whole: bool) -> list[str]:
-    """What a file's laws are; with ``whole`` they run in the model, too."""
+def check_laws(path: Path, _module: ModuleType, args: argparse.Namespace) -> list[str]:
+    """What a file's laws are; with ``--run`` they run in the model, too."""
+    whole = args.run
     if whole:
         add_laws(path)
     from straw.model.law_file import laws_in, ready  # loads the compiler
@@ -94,7 +96,7 @@ def runs(name: str) -> float:
     return most * 1e3
 
 
-def check_controller(path: Path, _module: ModuleType, _whole: bool) -> list[str]:
+def check_controller(path: Path, _module: ModuleType, _args: argparse.Namespace) -> list[str]:
     """What a driver is."""
     from straw.rig.controller import driver_in
 
@@ -105,7 +107,7 @@ def check_controller(path: Path, _module: ModuleType, _whole: bool) -> list[str]
     ]
 
 
-def check_system(path: Path, _module: ModuleType, _whole: bool) -> list[str]:
+def check_system(path: Path, _module: ModuleType, _args: argparse.Namespace) -> list[str]:
     """That a system can be simulated and diagnosed; ReplayError with every defect in one line."""
     from straw.replay.diagnose.systems.function.check import defects
 
@@ -114,10 +116,55 @@ def check_system(path: Path, _module: ModuleType, _whole: bool) -> list[str]:
     return [f"{path}: a system that can be diagnosed: straw diagnose --system {path} DATA.csv ..."]
 
 
+def check_readers(path: Path, _module: ModuleType, args: argparse.Namespace) -> list[str]:
+    """What a file's readers say; with ``--on TABLE`` the first reads it, whole and damaged."""
+    from straw.rig.parts import in_file
+    from straw.rig.tables import Reading, table_bytes
+    from straw.rig.tables.reader import READERS, reader_in, tried
+
+    out = []
+    for part in in_file(READERS, path.resolve()):
+        one = part.what
+        by = ", ".join(one.suffixes) or ("what it recognises" if one.recognises else "what --format names")
+        out.append(f"{path}: reader {one.name} is good: {one.about}; takes {by}")
+    if args.on is None:
+        say("not tried on a table of its logger: --on TABLE")
+        return out
+    form = reader_in(path)
+    table = form.read(args.on, table_bytes(args.on), Reading())
+    for column in table.columns.values():
+        role = table.roles.get(column.name, "no role stated")
+        kind = "words" if column.is_text else column.unit or "no unit stated"
+        out.append(f"  {column.name!r}: {len(column)} rows, {kind}; {role}")
+    return [*out, f"  {tried(form, args.on)} damaged copies: each is read, or refused in one line"]
+
+
+def check_figures(path: Path, _module: ModuleType, _args: argparse.Namespace) -> list[str]:
+    """What a file's figures of merit are, and what they say of a fold that rings and of a straw at rest."""
+    from straw.replay.metrics.merit import FIGURES, asked
+    from straw.replay.metrics.typical import typical_motions
+    from straw.rig.parts import in_file
+
+    out = []
+    for part in in_file(FIGURES, path.resolve()):
+        one = part.what
+        values = {name: asked(part, motion, name) for name, motion in typical_motions().items()}
+        if all(math.isnan(value) for value in values.values()):
+            names = " and ".join(values)
+            raise ReplayError(f"{path}: figure of merit {one.name!r}: value is NaN of every motion tried ({names})")
+        told = ", ".join(f"{value:.4g} {one.unit} of the {name} motion" for name, value in values.items())
+        out.append(f"{path}: figure of merit {one.name} is good: {one.about}; {told}")
+    return out
+
+
 #: What a file may give, and its check.
-PARTS: dict[str, Callable[[Path, ModuleType, bool], list[str]]] = {
+PARTS: dict[str, Callable[[Path, ModuleType, argparse.Namespace], list[str]]] = {
     "LAW": check_laws,
     "LAWS": check_laws,
     "CONTROLLER": check_controller,
+    "READER": check_readers,
+    "READERS": check_readers,
+    "FIGURE": check_figures,
+    "FIGURES": check_figures,
     "channels": check_system,
 }

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from straw.replay.diagnose.discover.discover import discover
 from straw.replay.diagnose.discover.findings import SystemFindings, text
 from straw.replay.diagnose.discover.page import page
+from straw.replay.diagnose.systems.function.check import check_on
 from straw.replay.diagnose.systems.function.model import load_model
 from straw.replay.diagnose.systems.function.recording import read_recordings
 from straw.replay.diagnose.systems.function.system import FunctionSystem
@@ -23,13 +24,15 @@ def run(args: argparse.Namespace) -> int:
     model = load_model(args.system, [_given(one) for one in args.given])
     recordings = read_recordings(model, args.runs, args.hold_out)
     tolerance = dict(_tolerance(part, [y.name for y in model.channels]) for part in _parts(args.tolerance))
+    system = FunctionSystem(model)
+    check_on(system, recordings)
     with (
         threads(args.jobs, args.dask) as pool,
         stage_bar("diagnose") as told,
         Interrupts() as interrupts,
     ):
         found = discover(
-            FunctionSystem(model),
+            system,
             recordings,
             executor=pool,
             told=told,

@@ -21,6 +21,10 @@ def run(args: argparse.Namespace) -> int:
         raise ReplayError("straw import: say -o RUN.mcap, where the recording goes, or --dry-run to look only")
     if args.output is not None:
         check_new(args.output)
+    if args.straw:
+        from straw.model.parameters import load_straw  # loads the compiler
+
+        load_straw(args.straw)  # who names readers in it is told what is wrong with it
     own = [is_own_table(path) for path in args.tables]
     if any(own):
         return _own(args, own)

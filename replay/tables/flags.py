@@ -14,7 +14,7 @@ from straw.rig.tables import Mapping, Reading, Table, TableMap, load_mapping, re
 from straw.rig.tables.formats._text import SEPARATORS
 from straw.rig.tables.mapping import LEAST_LIKELIHOOD, checked_back, split_table, split_unit
 
-_MINE = ("zero_time_ns", "imported_from", "imported_sha256", "import_notes")
+_MINE = ("zero_time_ns", "imported_from", "imported_sha256", "imported_by", "import_notes")
 
 
 def told(args: argparse.Namespace) -> tuple[list[Table], Mapping]:
@@ -29,7 +29,7 @@ def told(args: argparse.Namespace) -> tuple[list[Table], Mapping]:
     maps = [_flags(args, table, tables, one) for table, one in zip(tables, maps, strict=True)]
     for role in COLUMNS:
         for text in getattr(args, f"as_{role}"):
-            maps = _place(role, text, tables, maps)
+            maps = place(role, text, tables, maps)
     metadata = {**mapping.metadata, **metadata_of(args)}
     whole = Mapping(
         tuple(maps),
@@ -107,7 +107,7 @@ def _flags(args: argparse.Namespace, table: Table, tables: list[Table], said: Ta
     return replace(said, **changes)  # type: ignore[arg-type]
 
 
-def _place(role: str, text: str, tables: list[Table], maps: list[TableMap]) -> list[TableMap]:
+def place(role: str, text: str, tables: list[Table], maps: list[TableMap]) -> list[TableMap]:
     """The mappings with one more column in a role: in the table named, or in the one that has such a column."""
     which, name = split_table(text, tables)
     out = list(maps)

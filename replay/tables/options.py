@@ -78,7 +78,11 @@ def import_options(p: argparse.ArgumentParser) -> None:
     clock.add_argument("--date-order", choices=("dmy", "mdy"), help="of 3/4/2026")
     clock.add_argument("--back", metavar="HOW", help="time runs back: drop, sort, wrap (a counter), part:N; TABLE:HOW")
     written = p.add_argument_group("how the file is written, where that is not found out")
-    written.add_argument("--format", metavar="NAME", help="csv, esi, kinovea, tracker, deeplabcut, parquet or mat")
+    written.add_argument(
+        "--format",
+        metavar="NAME",
+        help="csv, esi, kinovea, tracker, deeplabcut, parquet, mat; or R.py",
+    )
     written.add_argument("--separator", metavar="C", help="a character, or tab, semicolon, comma, bar, space")
     written.add_argument("--decimal", choices=(".", ","), help="decimal mark")
     written.add_argument(
@@ -93,6 +97,7 @@ def import_options(p: argparse.ArgumentParser) -> None:
     run.add_argument("--cells", type=int, metavar="N", help="how many cells it has (9)")
     run.add_argument("--run-id", metavar="NAME", help="its name (the file's)")
     run.add_argument("--meta", action="append", default=[], metavar="KEY=VALUE", help="any other fact, for the record")
+    p.add_argument("--straw", type=Path, metavar="S.toml", help='whose readers = ["R.py"] are known, too')
     p.add_argument("--map", type=Path, metavar="M.toml", help="a mapping file; flags go before it")
     p.add_argument("--save-map", type=Path, metavar="M.toml", help="write what was understood as a mapping file")
     p.add_argument("--as-stated", action="store_true", help="believe units although sizes look wrong")

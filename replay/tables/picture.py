@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from straw.replay.tables.words import shown
 from straw.rig.tables import Plan
 from straw.rig.tables.signals import Signal
 from straw.rig.tables.understand import Part
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _PANELS = (
     ("pressure", ("command", "pressure")),
@@ -32,12 +36,21 @@ DRAWN = 4000  # points of a curve that are told apart on the picture
 
 def draw(plan: Plan, path: Path) -> None:
     """Write the picture; ReplayError where it cannot be."""
-    from matplotlib.figure import Figure
+    drawn = figure(plan)
+    try:
+        drawn.savefig(path, dpi=110)
+    except (OSError, ValueError) as error:
+        raise ReplayError(f"{path}: the picture cannot be written: {error}; give another name with --picture") from None
+
+
+def figure(plan: Plan) -> Figure:
+    """The picture."""
+    from matplotlib.figure import Figure  # takes its time
 
     panels = [(title, found) for title, roles in _PANELS if (found := _of(plan, roles))]
     events = [(part, signal) for part in plan.parts for signal in part.signals if signal.role == "event"]
-    figure = Figure(figsize=(10, 1.1 + 1.9 * max(1, len(panels)) + 0.22 * len(plan.doubts)), layout="constrained")
-    axes = figure.subplots(max(1, len(panels)), 1, sharex=True, squeeze=False)[:, 0]
+    made = Figure(figsize=(10, 1.1 + 1.9 * max(1, len(panels)) + 0.22 * len(plan.doubts)), layout="constrained")
+    axes = made.subplots(max(1, len(panels)), 1, sharex=True, squeeze=False)[:, 0]
     for ax, (title, found) in zip(axes, panels, strict=False):
         _, unit = shown(found[0][1])
         for part, signal in found:
@@ -55,13 +68,8 @@ def draw(plan: Plan, path: Path) -> None:
             before = text
     axes[-1].set_xlabel("time from the run's 0 / s")
     guessed = "\n".join(f"guessed: {doubt.what}" for doubt in plan.doubts)
-    figure.suptitle(
-        " + ".join(part.table.name for part in plan.parts) + (f"\n{guessed}" if guessed else ""), fontsize=9
-    )
-    try:
-        figure.savefig(path, dpi=110)
-    except (OSError, ValueError) as error:
-        raise ReplayError(f"{path}: the picture cannot be written: {error}; give another name with --picture") from None
+    made.suptitle(" + ".join(part.table.name for part in plan.parts) + (f"\n{guessed}" if guessed else ""), fontsize=9)
+    return made
 
 
 def _of(plan: Plan, roles: tuple[str, ...]) -> list[tuple[Part, Signal]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping as Map
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -96,6 +96,7 @@ def load_mapping(path: Path) -> Mapping:
     if not isinstance(entries, list):
         at.fail("table must be [[table]]")
     tables = [_table(at.inside(f"table {k}"), _dict(at, one, "table")) for k, one in enumerate(entries, 1)]
+    tables = [replace(one, reading=_beside(one.reading, path.parent)) for one in tables]
     return Mapping(
         tuple(tables), str(data.get("start", "")), str(data.get("time_zone", "")), metadata, bool(data.get("as_stated"))
     )
@@ -126,6 +127,13 @@ def _table(at: At, data: dict[str, Any]) -> TableMap:
         points=(str(points[0]), str(points[1])) if points else None,
         **numbers,
     )
+
+
+def _beside(reading: Reading, folder: Path) -> Reading:
+    """A reader's file is looked for from the mapping's folder."""
+    if reading.format is None or not reading.format.endswith(".py"):
+        return reading
+    return replace(reading, format=str(folder / reading.format))
 
 
 def _uses(at: At, value: Any) -> tuple[Use, ...]:

@@ -59,7 +59,7 @@ class Table:
     """One file. ``lines`` (n,) is where each row stands in it, from 1; columns of MAT files may differ in length.
 
     ``roles`` is what the format itself says of its columns, which is no guess. ``notes`` says in sentences what was
-    left out, ``doubts`` what could have been read otherwise.
+    left out, ``doubts`` what could have been read otherwise, ``reader`` whose reader of one's own read it.
     """
 
     path: Path
@@ -72,6 +72,7 @@ class Table:
     notes: tuple[str, ...] = ()
     doubts: tuple[Doubt, ...] = ()
     y_down: bool = False
+    reader: str = ""
 
     @property
     def name(self) -> str:

@@ -81,6 +81,10 @@ def times(table: Table, use: Use | None, said: TableMap, zone: tzinfo | None) ->
     left = len(column) - len(keep)
     notes = [f"{left} rows without a time are left out"] if left else []
     ns, kept, said_back = _forward(table, ns, keep, said, unit, where)
+    if len(ns) > 1 and ns[0] == ns[-1]:
+        raise RigError(
+            f"{where}: time stands at one value in all {len(ns)} rows; name another with --time, or --rate HZ"
+        )
     if repeats := int(np.sum(np.diff(ns) == 0)):
         notes.append(f"{repeats} rows repeat the time before them; readers of the run use the first of each")
     return Times(ns, kept, absolute, unit, tuple(doubts), (*notes, *said_back))

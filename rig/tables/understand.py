@@ -57,8 +57,11 @@ def understand(tables: Sequence[Table], mapping: Mapping) -> Plan:
     maps = {one.file: one for one in mapping.tables}
     parts = tuple(_part(table, maps.get(str(table.path), TableMap(str(table.path))), mapping) for table in tables)
     if not any(part.signals for part in parts):
+        empty = [n for n, c in tables[0].columns.items() if c.whole is None and not np.any(np.isfinite(c.values))]
+        nothing = f" ({', '.join(map(repr, empty[:3]))} without a number)" if empty else ""
         raise RigError(
-            f"{tables[0].name}: nothing to import from it is named; say --pressure, --command or --x --z --phi"
+            f"{tables[0].name}: nothing to import from it is named; say --pressure, --command or --x --z --phi, of its "
+            f"columns {tables[0].names()}{nothing}"
         )
     doubts = [doubt for part in parts for doubt in part.doubts]
     absolute = [part for part in parts if part.times.absolute]

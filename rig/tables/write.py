@@ -103,6 +103,7 @@ def write(plan: Plan, output: Path, progress: Progress | None = None) -> int:
 def metadata(plan: Plan, output: Path) -> dict[str, str]:
     """What goes into straw.run."""
     tables = [part.table for part in plan.parts]
+    readers = [table.reader for table in tables if table.reader]
     notes = [f"{part.table.name}: {note}" for part in plan.parts for note in part.notes]
     return {
         "run_id": output.name.removesuffix(".mcap"),
@@ -111,5 +112,6 @@ def metadata(plan: Plan, output: Path) -> dict[str, str]:
         "zero_time_ns": str(plan.zero_ns),
         "imported_from": ", ".join(table.name for table in tables),
         "imported_sha256": ", ".join(sha256_of(table.path) for table in tables),
+        **({"imported_by": ", ".join(dict.fromkeys(readers))} if any(readers) else {}),
         **({"import_notes": "; ".join(notes)} if notes else {}),
     }

@@ -11,6 +11,8 @@ import pytest
 
 import straw
 from straw.replay.cli import main
+from straw.replay.diagnose.systems.straw.library import causes
+from tests.apparatus.campaign import NONE, campaign
 
 PROTOCOL = 'name = "p"\npressure_unit = "kPa"\ninitial_deployed = [1, 4]\n[[main]]\nhold = -5\nfor_s = 0.2\n'
 
@@ -146,6 +148,85 @@ def test_results_show_themselves_and_become_data_frames(place: Path) -> None:
         frame = result.to_dataframe()
         assert len(frame) > 0
         assert all(len(name.rsplit("_", 1)) == 2 for name in frame.columns if name not in ("run", "valid"))
+
+
+def test_a_diagnosis_shows_itself_and_writes_its_page_and_straw(tmp_path: Path) -> None:
+    """One run without a snap, with two causes in question: the shortest diagnosis there is."""
+    (run,) = campaign((), 3, ("staircase",), NONE)
+    most = [name for name in causes(9) if name not in ("clock_offset", "gauge_gain")]
+    steps: list[int] = []
+    found = straw.diagnose(run, without=most, tolerance="2%", progress=lambda done, total: steps.append(done))
+    assert steps
+    assert found.verdict in ("complete", "ambiguous", "within_tolerance")
+    assert found.to_dataframe()["probability"].sum() == pytest.approx(1.0)
+    assert len(found.heldout["channel"]) == 0  # nothing can be held out of one run
+    assert set(found.located) == {"run", "channel", "phase", "from_s", "to_s", "share_of_misfit"}
+    assert "<svg" in found._repr_html_()
+    assert repr(found) == f"<Diagnosis: {found.verdict}: {found.says}>"
+    found.write_page(tmp_path / "why.html")  # simulates again
+    found.write_straw(tmp_path / "s.toml")
+    assert straw.load_straw(tmp_path / "s.toml").to_toml() == found.straw.to_toml()
+    assert json.loads(json.dumps(found.as_json()))["verdict"] == found.verdict
+
+
+def test_a_system_of_ones_own_is_diagnosed_from_arrays(tmp_path: Path) -> None:
+    (tmp_path / "line.py").write_text(
+        'time = "t"\ninputs = {"u": ("u", "V")}\nchannels = {"y": ("y", "N")}\n'
+        'constants = {"a": (2.0, "N/V", 0.5, 8.0)}\n'
+        'places = ["channel:y"]\ndepends_on = ["u"]\ndef shown(t, x, u, c):\n    return c.a * u.u\n'
+    )
+    random, t = np.random.default_rng(2), np.linspace(0, 10, 400)
+    u = {name: 2 * np.sin(k * t) for name, k in (("one", 1.0), ("two", 1.7), ("three", 0.6))}
+    tables = {n: {"t": t, "u": v, "y": 3 * v + 0.5 * v**3 + 1e-2 * random.normal(size=400)} for n, v in u.items()}
+    found = straw.diagnose_system(tmp_path / "line.py", tables, hold_out=["three"])
+    assert found.verdict == "missing_physics"
+    (before,), (after,) = found.heldout["rms_before"], found.heldout["rms_after"]
+    assert after < 2e-2 < before
+    assert len(found.laws) == len(found.curves) >= 1
+    assert set(found.to_dataframe().columns) == {"cause", "constant", "value", "sigma", "unit"}
+    assert "<svg" in found._repr_html_()
+    found.write_page(tmp_path / "why.html")
+    for wrong in ({}, {"one": {"t": t, "u": t}}):
+        with pytest.raises(straw.ReplayError):
+            straw.diagnose_system(tmp_path / "line.py", wrong)
+
+
+def test_a_table_is_looked_at_then_stated_then_written(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("Zeit;Druck\n" + "".join(f"0,{k:03};-{k},5\n" for k in range(100)))
+    looked = straw.import_tables(path)
+    assert looked.recording is None
+    assert len(looked.guesses) > 1
+    assert "<svg" in looked._repr_html_()
+    with pytest.raises(straw.ReplayError, match="to state it"):
+        straw.import_tables(path, tmp_path / "r.mcap")
+    assert not (tmp_path / "r.mcap").exists()
+    said = {"time": "Zeit in s", "pressure": "Druck in mbar"}
+    done = straw.import_tables(
+        path, tmp_path / "r.mcap", columns=said, start="2026-05-03 14:02:11Z", initial_deployed=[]
+    )
+    assert done.guesses == ()
+    assert done.recording is not None
+    assert done.recording.pressure is not None
+    assert done.recording.pressure.pressure_pa[-1] == pytest.approx(-9950)
+    assert done.to_dataframe()["role"].tolist() == ["pressure"]
+    (tmp_path / "m.toml").write_text(done.mapping)
+    again = straw.import_tables(path, tmp_path / "again.mcap", mapping=tmp_path / "m.toml")
+    assert again.guesses == ()
+    assert straw.export_table(done.recording, csv=tmp_path / "back.csv") == 100
+    with pytest.raises(straw.ReplayError, match="no role 'druck'"):
+        straw.import_tables(path, columns={"druck": "Druck"})
+
+
+def test_a_figure_of_merit_of_ones_own_is_judged_by_replay(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("STRAW_FIGURES", "")
+    (place / "f.py").write_text(
+        "import straw\nFIGURE = straw.FigureOfMerit('deepest', 'Pa', 'most suction', lambda m: m.pressure_pa.min())\n"
+    )
+    straw.add_figures(place / "f.py")
+    found = straw.replay([place / "run.mcap", place / "tip.mcap"])[0].quantities[-1]
+    assert (found.name, found.unit) == ("deepest", "Pa")
+    assert found.measured == found.predicted == pytest.approx(-5e3, rel=0.05)
 
 
 def test_without_pandas_the_cure_is_named(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,6 +16,8 @@ EXAMPLES = {
     "protocol_predicted.py": ("deploy.png", "one percent of E_pa"),
     "law_of_ones_own.py": ("law.png", "truth 3e+06"),
     "controller_of_ones_own.py": ("hold.png", "readings by my-controller"),
+    "diagnosis_step_by_step.py": ("diagnosis.png", "RMS held out 1.829 -> 0.0"),
+    "recording_of_another_logger.py": ("import.png", "0 guesses left; both ways agree within"),
 }
 
 
@@ -36,4 +38,4 @@ def test_an_example_runs_and_leaves_its_picture(repository: Path, tmp_path: Path
 
 def test_every_example_is_run_or_named_by_one_that_is(repository: Path) -> None:
     scripts = {path.name for path in (repository / "replay" / "examples").glob("*.py")}
-    assert scripts == {*EXAMPLES, "hardening.py", "my_controller.py"}
+    assert scripts == {*EXAMPLES, "hardening.py", "my_controller.py", "my_reader.py"}

@@ -160,6 +160,10 @@ def test_a_model_travels_to_workers_as_its_file(tmp_path):
         ('start = {"y": "y"', 'start = {"y": "z"', "no such channel; known: y"),
         ('units = {"v": "m/s"}', "", 'state v has no unit; add units = {"v": "..."}'),
         ("def slopes", "1/0\ndef slopes", "cannot be run: ZeroDivisionError"),
+        ("def slopes", "def slopes(", "line 13: "),
+        ("def slopes", "raise SystemExit\ndef slopes", "ends Python when it is loaded"),
+        ('channels = {"y": ("y", "m")}', "channels = 3", "channels = 3; give a dict"),
+        ('hold_out = ["c"]', 'laws = {"drag": ["q"]}', 'laws["drag"]: no constant q; add it'),
     ],
 )
 def test_each_defect_of_a_file_is_one_line_with_place_and_cure(tmp_path, old, new, says):
@@ -168,6 +172,40 @@ def test_each_defect_of_a_file_is_one_line_with_place_and_cure(tmp_path, old, ne
     assert says in line
     assert "\n" not in line
     assert "my_system.py" in line
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("return x.v,", "return 1 / (u.u - u.u),", "slopes(t, x, u, c) raised ZeroDivisionError"),
+        ("- c.k * x.y", "+ float('nan')", "slopes returns nan for v where recording a starts (y = 0.03, v = 0, u = 1)"),
+        ("return x.v, ", "return ", "slopes returns 1 numbers for 2: y, v"),
+        (
+            'hold_out = ["c"]',
+            "def hold_out(name, t, table):\n    return [True]",
+            "gives shape (1,); give True or False",
+        ),
+        ('hold_out = ["c"]', "def hold_out(name, t, table):\n    return 1 / 0", "raised ZeroDivisionError"),
+        ('hold_out = ["c"]', "def read(path):\n    return {}", "has no columns"),
+        ('hold_out = ["c"]', "def read(path):\n    return {'t': ['a'] * 5}", 'column "t" is no column of numbers'),
+        ('hold_out = ["c"]', "def read(path):\n    return {'t': [[0, 1]] * 5}", "t has shape (5, 2); expected (n,)"),
+    ],
+)
+def test_what_a_file_does_wrong_with_its_recordings_is_one_line_and_exit_2(tmp_path, capsys, old, new, says):
+    assert old in OSCILLATOR
+    t = np.arange(8.0)
+    path = written(tmp_path, "a", {"t": t, "force": 1.0 + t, "y": 0.03 + 0 * t})
+    assert main(["diagnose", str(path), "--system", str(file(tmp_path, OSCILLATOR.replace(old, new)))]) == 2
+    told = capsys.readouterr().err
+    assert says in told
+    assert len(told.strip().splitlines()) == 1
+
+
+def test_a_heading_in_another_unit_than_the_systems_is_said(tmp_path, capsys):
+    t = np.arange(8.0)
+    path = written(tmp_path, "a", {"t": t, "force": t, "y [mm]": t})
+    assert main(["diagnose", str(path), "--system", str(file(tmp_path, OSCILLATOR))]) == 2
+    assert 'column "y [mm]" is in mm, channel y in m; convert one of them' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+import straw
 from straw.replay.cli import main
 from straw.rig.run_read import read_run
 from straw.rig.schema import message_class
@@ -77,6 +78,25 @@ def test_the_recording_holds_the_tip_its_quality_the_corners_and_the_camera(plac
     assert not run.damage
     assert b"world_from_camera" in run.attachments["camera.json"]
     assert run.metadata["decode"] == "decoded 36 of 36 frames"
+
+
+def test_from_python_the_same_track_is_an_object(place):
+    rest = 0.0221, 0.0, np.radians(87.6620)
+    steps = []
+    found = straw.track(
+        place / "v.mp4", place / "lens.json", rest=rest, to_s=0.08, progress=lambda done, total: steps.append(done)
+    )
+    written = read_run(place / "tip.mcap").tip
+    assert steps[-1] == len(found.trace) == 19
+    # the shorter part settles the board's turn and the shutter from fewer frames
+    np.testing.assert_allclose(found.trace.x_m, written.x_m[:19], atol=5 * np.median(written.sigma_x_m))
+    assert {"time_s", "x_m", "sigma_phi_rad", "rms_px"} <= set(found.to_dataframe().columns)
+    assert "<svg" in found._repr_html_()
+    assert len(repr(found)) < 200
+    for wrong, words in (({"rest": (22.1, 0, 87.7)}, "looks like mm and degrees"), ({"rest": (1, 2)}, "give .x_m"),
+                         ({}, "nothing says where the camera stands; give rest=")):  # fmt: skip
+        with pytest.raises(straw.ReplayError, match=words):
+            straw.track(place / "v.mp4", place / "lens.json", **wrong)
 
 
 def test_what_was_mended_by_hand_is_on_record_with_its_reason(place, tmp_path, capsys):

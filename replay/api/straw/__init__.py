@@ -17,12 +17,17 @@ if TYPE_CHECKING:
     from straw.replay.api.filming import Track, track
     from straw.replay.api.predicting import Derivatives, LongPrediction, Prediction, differentiate, simulate
     from straw.replay.api.recordings import Protocol, Recording, load_protocol, read_recording, write_recording
+    from straw.replay.api.systems import SystemDiagnosis, diagnose_system
+    from straw.replay.api.tables import Import, export_table, import_tables
     from straw.replay.errors import USER_ERRORS, ReplayError
+    from straw.replay.judge import Motion
+    from straw.replay.metrics.merit import FigureOfMerit, add_figures
     from straw.rig.controller import Controller
     from straw.rig.errors import RigError
     from straw.rig.limits import PressureLimits
     from straw.rig.reading import Answer, Reading
     from straw.rig.run import Event, PressureLog
+    from straw.rig.tables.reader import Reader, add_readers
     from straw.tracking.board import Board
     from straw.tracking.camera import Camera, load_camera
     from straw.tracking.errors import TrackingError
@@ -42,29 +47,39 @@ __all__ = [
     "Diagnosis",
     "Direction",
     "Event",
+    "FigureOfMerit",
+    "Import",
     "Law",
     "LongPrediction",
     "ModelError",
+    "Motion",
     "Prediction",
     "PressureLimits",
     "PressureLog",
     "Protocol",
+    "Reader",
     "Reading",
     "Recording",
     "Replay",
     "ReplayError",
     "RigError",
     "StrawParameters",
+    "SystemDiagnosis",
     "TipTrace",
     "Track",
     "TrackingError",
     "__version__",
+    "add_figures",
     "add_laws",
+    "add_readers",
     "controller",
     "controllers",
     "diagnose",
+    "diagnose_system",
     "differentiate",
     "emulated",
+    "export_table",
+    "import_tables",
     "load_camera",
     "load_protocol",
     "load_straw",
@@ -78,6 +93,16 @@ __all__ = [
 
 #: Where each public name lives. `replay` is the room, which can be called.
 _PLACES = {
+    "SystemDiagnosis": "straw.replay.api.systems",
+    "diagnose_system": "straw.replay.api.systems",
+    "Import": "straw.replay.api.tables",
+    "export_table": "straw.replay.api.tables",
+    "import_tables": "straw.replay.api.tables",
+    "Motion": "straw.replay.judge",
+    "FigureOfMerit": "straw.replay.metrics.merit",
+    "add_figures": "straw.replay.metrics.merit",
+    "Reader": "straw.rig.tables.reader",
+    "add_readers": "straw.rig.tables.reader",
     "Answer": "straw.rig.reading",
     "Reading": "straw.rig.reading",
     "add_laws": "straw.model.plugged",

@@ -36,14 +36,20 @@ def formats() -> dict[str, Format]:
 
 
 def format_of(path: Path, data: bytes, named: str | None = None) -> Format:
-    """The format of a file; RigError where nobody reads it."""
+    """The format of a file; RigError where nobody reads it. ``named``: one of those known, or the file of a reader."""
+    from straw.rig.tables.reader import reader_formats, reader_in  # made of what is above
+
+    if named is not None and named.endswith(".py"):
+        return reader_in(Path(named))
+    known = {**reader_formats(), **formats()}
     if named is not None:
-        if named not in formats():
-            raise RigError(f"{path.name}: no format {named!r}; known: {', '.join(formats())}")
-        return formats()[named]
-    for one in formats().values():
+        if named not in known:
+            raise RigError(f"{path.name}: no format {named!r}; known: {', '.join(known)}, or a reader's file R.py")
+        return known[named]
+    for one in known.values():
         if one.recognises(path, data):
             return one
     raise RigError(
-        f"{path.name}: is no table that can be read; known: {', '.join(formats())}. Save it as CSV, or say --format"
+        f"{path.name}: is no table that can be read; known: {', '.join(known)}. Save it as CSV, say --format, or give "
+        "a reader of your own, --format R.py"
     )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from straw.replay.diagnose.systems.function.model import Model, load_model
+from straw.replay.diagnose.systems.function.recording import Recorded
+from straw.replay.diagnose.systems.function.system import FunctionSystem
 from straw.replay.errors import ReplayError
 
 
@@ -23,6 +25,35 @@ def defects(path: Path) -> list[str]:
         if not wanted:
             out.append(f"{path}: names no column; add channels")
     return out
+
+
+def check_on(system: FunctionSystem, recordings: Sequence[Recorded]) -> None:
+    """Raise ReplayError, one line, where the file's functions give no numbers where a recording starts.
+
+    There the base must be told: further on a trial may run away, which the fit can bear.
+    """
+    model = system.model
+    for one in recordings:
+        if model.plain:
+            shown = system.played(one, {}, np.zeros(0))[0]
+            if not np.isfinite(shown).any():
+                raise ReplayError(f"{model.path}: simulate(t, u, c) gives no finite number for recording {one.name}")
+            continue
+        x0, u0 = system.started(one)[0], one.inputs[: len(model.inputs), 0]
+        given = zip((*model.states, *(s.name for s in model.inputs)), (*x0, *u0), strict=True)
+        where = ", ".join(f"{n} = {v:.4g}" for n, v in given)
+        for name, wanted in (("slopes", model.states), ("shown", [y.name for y in model.channels])):
+            if hasattr(model.module, name):
+                _are_numbers(model, name, wanted, model.asked(name, at=(x0, u0)), f"{one.name} starts ({where})")
+
+
+def _are_numbers(model: Model, name: str, wanted: Sequence[str], said: object, where: str) -> None:
+    values = np.atleast_1d(np.asarray(said, dtype=object))
+    if len(values) != len(wanted):
+        raise ReplayError(f"{model.path}: {name} returns {len(values)} numbers for {len(wanted)}: {', '.join(wanted)}")
+    for what, value in zip(wanted, values, strict=True):
+        if not isinstance(value, int | float | np.number) or not np.isfinite(value):
+            raise ReplayError(f"{model.path}: {name} returns {value!r:.40} for {what} where recording {where}")
 
 
 def _asked(test: Callable[[Model], list[str]], model: Model) -> list[str]:
@@ -52,16 +83,12 @@ def _gives_numbers(model: Model) -> list[str]:
 
 
 def _is_whole(model: Model) -> list[str]:
-    """Optional laws name constants that there are; units of states are said."""
-    out, known = [], {c.name for c in model.constants}
-    for law, names in model.get("laws", {}).items():
-        out += [f'{model.path}: laws["{law}"]: no constant {n}; add it to constants' for n in names if n not in known]
-    out += [
+    """Units of states are said."""
+    return [
         f'{model.path}: state {s} has no unit; add units = {{"{s}": "..."}}'
         for s in model.states
         if model.unit(s) == "?"
     ]
-    return out
 
 
 def _compiles(model: Model) -> list[str]:

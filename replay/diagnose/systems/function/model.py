@@ -151,11 +151,16 @@ class Model:
     def _returns_tuple(self, name: str) -> bool:
         return isinstance(self.asked(name), tuple | list | np.ndarray)
 
-    def asked(self, name: str, function: Callable[..., Any] | None = None) -> Any:
-        """What slopes or shown say at the base's constants, in plain Python; ReplayError where they raise."""
+    def asked(
+        self, name: str, function: Callable[..., Any] | None = None, at: tuple[Floats, Floats] | None = None
+    ) -> Any:
+        """What slopes or shown say at the base's constants, in plain Python; ReplayError where they raise.
+
+        ``at``: states and inputs; 1 otherwise.
+        """
         X, U, C = (fields(k, names) for k, names in self._names().items())
-        x = X(*([1.0] * max(1, len(self.states))))
-        u = U(*([1.0] * max(1, len(self.inputs))))
+        states, inputs = at if at is not None else (np.ones(len(self.states)), np.ones(len(self.inputs)))
+        x, u = X(*(states.tolist() or [1.0])), U(*(inputs.tolist() or [1.0]))
         c = C(*([one.value for one in self.constants] or [0.0]))
         try:
             return (function or getattr(self.module, name))(0.0, x, u, c)
@@ -210,6 +215,10 @@ def load_model(path: Path, given: Sequence[tuple[str, float, float, float]] = ()
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
+    except SyntaxError as problem:
+        raise ReplayError(f"{path}: line {problem.lineno}: {problem.msg}") from problem
+    except SystemExit as problem:
+        raise ReplayError(f"{path}: ends Python when it is loaded; a system only defines things") from problem
     except Exception as problem:
         raise ReplayError(f"{path}: cannot be run: {_told(problem)}") from problem
     model = _model(path, module)
@@ -223,6 +232,9 @@ def load_model(path: Path, given: Sequence[tuple[str, float, float, float]] = ()
 
 def _model(path: Path, module: ModuleType) -> Model:
     known = vars(module)
+    for name in ("constants", "inputs", "channels", "start", "says", "units", "laws"):
+        if not isinstance(known.get(name, {}), Mapping):
+            raise ReplayError(f'{path}: {name} = {known[name]!r:.60}; give a dict, as {name} = {{"name": ...}}')
 
     def need(name: str, hint: str) -> Any:
         if name not in known:
@@ -250,6 +262,10 @@ def _model(path: Path, module: ModuleType) -> Model:
     for name in names:
         if not str(name).isidentifier():
             raise ReplayError(f"{path}: {name!r} is no name that Python can use; rename it")
+    for law, wanted in known.get("laws", {}).items():
+        for name in wanted if isinstance(wanted, list | tuple) else [wanted]:
+            if name not in (c.name for c in constants):
+                raise ReplayError(f'{path}: laws["{law}"]: no constant {name}; add it to constants')
     title = str(known.get("title", (module.__doc__ or path.stem).strip().splitlines()[0].rstrip(".")))
     return Model(path, title, time, constants, inputs, channels, starts, dict(known.get("says", {})), module)
 

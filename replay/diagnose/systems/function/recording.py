@@ -104,13 +104,22 @@ class Recorded:
 def read_recordings(model: Model, paths: Sequence[Path], hold_out: Sequence[str] = ()) -> list[Recorded]:
     """Recordings from files, as the system's ``read`` or a table's columns say; ReplayError for bad input."""
     tables: dict[str, tuple[str, Mapping[str, Any]]] = {}
+    if not paths:
+        raise ReplayError("no recordings; give at least one file")
     for path in paths:
         for name, table in _tables(model, Path(path)).items():
             if name in tables:
                 raise ReplayError(f"{path}: recording {name} is there twice; give each once")
             tables[name] = str(path), table
     if not tables:
-        raise ReplayError("no recordings; give at least one file")
+        raise ReplayError(f"{model.path}: read gives no recording of {paths[0]}; give one, or another file")
+    return recordings_of(model, tables, hold_out)
+
+
+def recordings_of(
+    model: Model, tables: Mapping[str, tuple[str, Mapping[str, Any]]], hold_out: Sequence[str] = ()
+) -> list[Recorded]:
+    """Recordings of tables by name, each with where it comes from; ReplayError for bad input."""
     out = [_recorded(model, name, path, table) for name, (path, table) in tables.items()]
     return _held_out(model, out, hold_out, {name: table for name, (_, table) in tables.items()})
 
@@ -135,10 +144,15 @@ def _tables(model: Model, path: Path) -> dict[str, Mapping[str, Any]]:
 
 
 def _recorded(model: Model, name: str, path: str, table: Mapping[str, Any]) -> Recorded:
+    if not table:
+        raise ReplayError(f"{path}: {name}: has no columns; leave it out, or mend read in {model.path}")
+    for heading, values in table.items():
+        if np.ndim(values) > 1:
+            raise ReplayError(f"{path}: {name}: {heading} has shape {np.shape(values)}; expected (n,)")
     length = max(np.size(v) for v in table.values())
 
     def one(signal: Signal, kind: str) -> Floats:
-        values = column(path, table, signal.column, f"{kind} {signal.name}")
+        values = column(path, table, signal.column, f"{kind} {signal.name}", signal.unit)
         if values.size not in (1, length):
             raise ReplayError(f"{path}: {name}: {signal.column} has {values.size} readings, others {length}")
         return np.broadcast_to(values, (length,)).astype(np.float64)
@@ -221,6 +235,20 @@ def rate(time_s: Floats, values: Floats) -> Floats:
     return np.asarray(np.interp(time_s, even, out))
 
 
+def _asked_to_hold(model: Model, one: Recorded, table: Mapping[str, Any]) -> Flags:
+    """What the file's hold_out says of a recording, (n,); ReplayError where it raises or says it of other samples."""
+    where = f"{model.path}: hold_out({one.name!r}, t, table)"
+    try:
+        held = np.asarray(model.get("hold_out")(one.name, one.time_s, table), dtype=bool)
+    except Exception as problem:  # it is the user's code
+        raise ReplayError(f"{where} raised {type(problem).__name__}: {problem}") from problem
+    if held.shape not in ((), one.time_s.shape):
+        raise ReplayError(
+            f"{where} gives shape {held.shape}; give True or False, or one for each of t {one.time_s.shape}"
+        )
+    return held
+
+
 def _held_out(
     model: Model, recordings: list[Recorded], patterns: Sequence[str], tables: Mapping[str, Mapping[str, Any]]
 ) -> list[Recorded]:
@@ -233,7 +261,7 @@ def _held_out(
         if patterns or isinstance(said, list | tuple):
             held: Any = any(fnmatch.fnmatch(one.name, p) for p in (patterns or said))
         elif callable(said):
-            held = said(one.name, one.time_s, tables[one.name])
+            held = _asked_to_hold(model, one, tables[one.name])
         elif len(recordings) > 2:
             held = k % 3 == 2
         else:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.errors import ReplayError
+from straw.rig.tables.units import unit_in, unit_of
 
 Floats = NDArray[np.float64]
 
@@ -58,15 +59,26 @@ def _number(cell: str, separator: str) -> float | None:
     return None
 
 
-def column(path: str, table: Mapping[str, Floats], name: str, wanted_by: str) -> Floats:
-    """A column by its name, ignoring case and what stands in brackets; ReplayError names those there are."""
+def column(path: str, table: Mapping[str, Floats], name: str, wanted_by: str, unit: str = "") -> Floats:
+    """A column by its name, ignoring case and what stands in brackets; ReplayError names those there are, and says it
+    where the heading names another unit than is wanted."""
     if name in table:
-        return np.asarray(table[name], dtype=np.float64)
+        return _numbers(path, table, name)
 
     def plain(text: str) -> str:
         return text.split("[")[0].split("(")[0].strip().lower()
 
     same = [known for known in table if plain(known) == plain(name)]
     if len(same) == 1:
-        return np.asarray(table[same[0]], dtype=np.float64)
+        there, wanted = unit_in(same[0]), unit_of(unit)
+        if there and wanted and there != wanted:
+            raise ReplayError(f'{path}: column "{same[0]}" is in {there}, {wanted_by} in {unit}; convert one of them')
+        return _numbers(path, table, same[0])
     raise ReplayError(f'{path}: no column "{name}", which {wanted_by} wants; there are: {", ".join(table)}')
+
+
+def _numbers(path: str, table: Mapping[str, Floats], name: str) -> Floats:
+    try:
+        return np.asarray(table[name], dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ReplayError(f'{path}: column "{name}" is no column of numbers; mend read, or name another') from None
