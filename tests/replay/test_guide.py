@@ -18,6 +18,9 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 #: What a command would have found in a shell: `runs/*.mcap` is some recordings, `...` whatever stands there.
 EXAMPLES = {"*": "1", "...": "ABC"}
 
+#: Files of somebody's own, which examples are named after.
+OF_A_USER = ("hardening.py", "my_controller.py")
+
 
 def texts() -> list[Path]:
     """Every Markdown file of the checkout, the history of versions apart."""
@@ -102,7 +105,7 @@ def test_there_are_command_lines_to_try() -> None:
 
 @pytest.mark.parametrize("path", texts(), ids=lambda path: str(path.relative_to(REPOSITORY)))
 def test_a_link_in_a_text_leads_to_a_file_and_a_heading_that_are_there(path: Path) -> None:
-    text = re.sub(r"```.*?```|`[^`]*`", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
+    text = re.sub(r"```.*?```|`[^`]*`|\$[^$]*\$", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
     for target in re.findall(r"\]\(([^)\s]+)\)", text):
         if "://" in target:
             continue
@@ -111,6 +114,16 @@ def test_a_link_in_a_text_leads_to_a_file_and_a_heading_that_are_there(path: Pat
         assert file.exists(), f"{path.name} leads to {target}, which is not there"
         if anchor and file.suffix == ".md":
             assert anchor in anchors(file.read_text(encoding="utf-8")), f"{path.name}: no heading {target}"
+
+
+@pytest.mark.parametrize("path", [p for p in texts() if p.name in ("README.md", "PHYSICS.md")], ids=str)
+def test_a_file_that_a_text_names_is_there(path: Path) -> None:
+    """From where the text lies or from the top; in the room's own table of files they are named as seen from there."""
+    folder = path.parent
+    for name in re.findall(r"`([a-z_/]+\.py)`", path.read_text(encoding="utf-8")):
+        if name not in OF_A_USER:
+            places = [folder / name, REPOSITORY / name, *folder.glob(f"*/{name}")]
+            assert any(place.is_file() for place in places), f"{path} names {name}, which is not there"
 
 
 def anchors(text: str) -> set[str]:
