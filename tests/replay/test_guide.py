@@ -118,11 +118,11 @@ def test_a_link_in_a_text_leads_to_a_file_and_a_heading_that_are_there(path: Pat
 
 @pytest.mark.parametrize("path", [p for p in texts() if p.name in ("README.md", "PHYSICS.md")], ids=str)
 def test_a_file_that_a_text_names_is_there(path: Path) -> None:
-    """From where the text lies or from the top; in the room's own table of files they are named as seen from there."""
+    """From where the text lies, from the top, or somewhere below the text."""
     folder = path.parent
     for name in re.findall(r"`([a-z_/]+\.py)`", path.read_text(encoding="utf-8")):
         if name not in OF_A_USER:
-            places = [folder / name, REPOSITORY / name, *folder.glob(f"*/{name}")]
+            places = [folder / name, REPOSITORY / name, *(folder.rglob(name) if folder != REPOSITORY else ())]
             assert any(place.is_file() for place in places), f"{path} names {name}, which is not there"
 
 
