@@ -27,7 +27,7 @@ def run(args: argparse.Namespace) -> int:
     sample = files("straw.model") / "samples" / "filling.csv"
     with as_file(sample) as shipped:
         tests = read_filling_tests(args.filling or shipped)
-    table = args.filling.name if args.filling else "synthetic sample of the design"
+    table = args.filling.name if args.filling else "synthetic sample, made with 0.52 mm"
     rho_kg_per_m3 = StrawParameters().rho_kg_per_m3
     radius = channel_radius(tests, rho_kg_per_m3)
     try:

@@ -55,7 +55,7 @@ def _identified(radius: ChannelRadius, table: str) -> Iterator[Number]:
     how = "counted: two for each frustum that moves"
     yield Number("coordinates, full form", "3.1", 36, STRAW.replace(form="full").coordinates, "", 0, how)
     yield Number("coordinates, odd frusta rigid", "3.1", 18, STRAW.coordinates, "", 0, how)
-    how = f"equation 2 fitted to the filling tests of {table}"
+    how = f"equation 2 fitted to filling tests: {table}"
     yield Number("r_ch from filling tests", "3.1, S1", 0.52, radius.r_ch_m * 1e3, "mm", 0.005, how)
     found = identify_geometry(READINGS, STRAW)
     how = "solved for the cell lengths 1.5 and 5.8 mm and the snap pressures -13.5 and 22.5 kPa of cell 1 alone"
@@ -73,7 +73,7 @@ def _identified(radius: ChannelRadius, table: str) -> Iterator[Number]:
 
 
 def _snaps() -> Iterator[Number]:
-    """Where cell 1 loses stability; the paper raised the pressure in steps of 0.5 kPa, so it may be off by half of one."""
+    """Where cell 1 loses stability; the paper's may be off by half of the 0.5 kPa in which it raised the pressure."""
     singular = "where the static stiffness turns singular, under gravity, odd frusta rigid: "
     ways = (
         (True, "alone", singular + "that of the cell alone, its neighbours as they rest without pressure"),
