@@ -46,7 +46,7 @@ def _options(p: argparse.ArgumentParser) -> Iterator[Option]:
             continue
         name = _shown(action) if action.option_strings else _place(action)
         told = (action.help or "").replace("%%", "%")
-        if action.choices is not None:
+        if action.choices is not None and action.metavar:
             choices = ", ".join(map(str, action.choices))
             told = f"{told}; one of {choices}" if told else choices
         yield name, told
@@ -70,8 +70,10 @@ def _place(action: argparse.Action) -> str:
 def _value(action: argparse.Action) -> str:
     if action.nargs == 0:
         return ""
+    if isinstance(action.metavar, tuple):
+        return " ".join(action.metavar)
     if action.metavar:
-        name = str(action.metavar)
+        name = " ".join([str(action.metavar)] * (action.nargs if isinstance(action.nargs, int) else 1))
     elif action.choices is not None:
         name = "|".join(map(str, action.choices))
     else:
