@@ -129,6 +129,8 @@ def moved_inputs(straw: StrawParameters, uncertain: Mapping[str, float]) -> dict
     moved = {}
     for name, sigma in uncertain.items():
         if not hasattr(straw, name) or name in ("form", "cells", "terms"):
-            raise ModelError(f"straw: {name} is no constant with an uncertainty; see straw identify's output for names")
+            raise ModelError(
+                f"straw: {name} is not a constant with an uncertainty; see straw identify's output for names"
+            )
         moved[name] = straw.replace(**{name: getattr(straw, name) + sigma})
     return moved

@@ -304,7 +304,9 @@ def driver_of(name: str) -> Callable[..., Controller]:
             try:
                 given = entry.load()
             except Exception as error:
-                raise RigError(f"controller {name} of an installed package: {said(error)}; mend the package") from None
+                raise RigError(
+                    f"controller {name} of an installed package: {said(error)}; repair the package"
+                ) from None
             return checked_driver(getattr(given, "CONTROLLER", given), f"controller {name} = {entry.value}")
     own = importlib.import_module(f"straw.rig.controllers.{name.replace('-', '_')}")
     driver: Callable[..., Controller] = own.CONTROLLER

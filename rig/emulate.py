@@ -124,7 +124,7 @@ def emulator_of(name: str) -> Callable[..., Emulator]:
             try:
                 given = entry.load()
             except Exception as error:
-                raise RigError(f"emulator {name} of an installed package: {said(error)}; mend the package") from None
+                raise RigError(f"emulator {name} of an installed package: {said(error)}; repair the package") from None
             return _checked(getattr(given, "EMULATOR", given), f"{name} = {entry.value}")
     try:
         own = importlib.import_module(f"straw.rig.emulators.{name.replace('-', '_')}")

@@ -184,7 +184,7 @@ class Guardian:
         self._fresh_until_s = time.monotonic() + STUCK_S + next_s
         if self._may_hurry and self.requests.urgent:
             self._may_hurry = False
-            raise RigError("given up: a vent was asked for meanwhile")
+            raise RigError("abandoned: a vent was requested meanwhile")
 
     def _pulse(self, reply: Reply) -> None:
         """Show that we get on: to the standby always, to the script while it waits for us."""

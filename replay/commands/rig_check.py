@@ -42,7 +42,9 @@ def report(controller: Controller, args: argparse.Namespace) -> int:
     pressure_pa = args.pressure * 1e3
     reason = controller.limits.why_not(pressure_pa)
     if reason:
-        raise ReplayError(f"--pressure {args.pressure:g}: {reason}; give another one, or 0 to try the vent without")
+        raise ReplayError(
+            f"--pressure {args.pressure:g}: {reason}; give another one, or 0 to try the vent without pressure"
+        )
     with controller:
         found = checked(controller, pressure_pa)
     for key, value in found["instrument"].items():

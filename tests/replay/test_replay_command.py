@@ -86,7 +86,7 @@ def test_what_is_uncertain_of_a_constant_is_in_the_validation_uncertainty(
     assert start["u_input"] == pytest.approx(2.7e-3, rel=0.5)
     assert known["uncertain_inputs"] == ["r_ch_m"]
     assert "expected a constant and its sigma" in refused(rig, capsys, tmp_path, "--uncertain", "r_ch_m")
-    assert "nonsense is no constant" in refused(rig, capsys, tmp_path, "--uncertain", "nonsense=1")
+    assert "nonsense is not a constant" in refused(rig, capsys, tmp_path, "--uncertain", "nonsense=1")
 
 
 def test_runs_know_whether_they_were_fitted(

@@ -45,5 +45,5 @@ def format_of(path: Path, data: bytes, named: str | None = None) -> Format:
         if one.recognises(path, data):
             return one
     raise RigError(
-        f"{path.name}: is no table that can be read; known: {', '.join(formats())}. Save it as CSV, or say --format"
+        f"{path.name}: is not a table that can be read; known: {', '.join(formats())}. Save it as CSV, or say --format"
     )
