@@ -1,4 +1,4 @@
-"""What the run's model has against a track: the tip moves the other way, or as if it were filmed in slow motion."""
+"""Checks a track against the run's model: a tip that moves the other way, or as if it were filmed in slow motion."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ class Expectation:
         self._doubted_pa: float | None = None
 
     def forget(self) -> None:
-        """Expect anything: the link was opened anew."""
+        """Expect anything: the link was reopened."""
         self._within, self._doubted_pa = (), None
 
     def told(self, pressure_pa: float) -> None:

@@ -1,4 +1,4 @@
-"""straw paper: the paper's numbers beside the model's, and its figures drawn anew."""
+"""straw paper: the paper's numbers beside the model's, and its figures redrawn."""
 
 from __future__ import annotations
 

@@ -78,7 +78,7 @@ class Queue:
         self._save()
 
     def release(self) -> None:
-        """Let it go on."""
+        """Resume it."""
         self.held = ""
         self._save()
 
