@@ -77,8 +77,8 @@ def check_run(run: Run) -> Run:
         raise ReplayError(f"{run.path}: no valid /tip/state to compare with; track its video, give that file too")
     if run.initial_deployed is None:
         raise ReplayError(
-            f"{run.path}: metadata straw.run lacks initial_deployed, the configuration at the start, which a prediction "
-            "needs"
+            f"{run.path}: metadata straw.run lacks initial_deployed, the configuration at the start, which a "
+            "prediction needs"
         )
     if np.count_nonzero(run.tip.valid) < 2:
         raise ReplayError(f"{run.path}: only one valid tip sample; nothing to compare")
