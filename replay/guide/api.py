@@ -37,10 +37,13 @@ def _defined(name: str) -> tuple[ast.AST, str]:
     """Where a public name is defined, and the source around it."""
     path = ROOMS.joinpath(*_PLACES[name].split(".")[1:]).with_suffix(".py")
     source = path.read_text(encoding="utf-8")
-    for node in ast.parse(source).body:
-        targets = node.targets if isinstance(node, ast.Assign) else []
-        names = {getattr(node, "name", None), *(getattr(target, "id", None) for target in targets)}
-        if name in names:
+    body = ast.parse(source).body
+    classes = {node.name: node for node in body if isinstance(node, ast.ClassDef)}
+    for node in body:
+        if isinstance(node, ast.Assign) and name in (getattr(target, "id", None) for target in node.targets):
+            another_name = classes.get(node.value.id) if isinstance(node.value, ast.Name) else None
+            return another_name or node, source
+        if getattr(node, "name", None) == name:
             return node, source
     raise LookupError(f"{name} is not defined in {path}: give `_PLACES` the file that defines it")
 
@@ -112,6 +115,7 @@ def _short(node: Function) -> str:
     arguments = [a.arg for a in (*node.args.posonlyargs, *node.args.args) if a.arg not in ("self", "cls")]
     arguments += [f"*{node.args.vararg.arg}"] if node.args.vararg else []
     arguments += [f"{a.arg}=" for a in node.args.kwonlyargs]
+    arguments += [f"**{node.args.kwarg.arg}"] if node.args.kwarg else []
     return f"({', '.join(arguments)})"
 
 
