@@ -40,7 +40,7 @@ class Motion:
 
 
 def limit_of(straw: StrawParameters) -> float:
-    """Turn of the tip (rad) that tells a snap; infinite for a straw without bent states."""
+    """Turn of the tip (rad) that counts as a snap; infinite for a straw without bent states."""
     bent = [e.phi_rad for e in Frustum.of(straw).equilibria() if e.stable and e.phi_rad > 0]
     return OF_BENT * min(bent) if bent else math.inf
 

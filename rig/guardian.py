@@ -1,4 +1,4 @@
-"""Guardian: a process of its own that holds the port and has its last word: when the script dies or hangs, it vents.
+"""Guardian: a process of its own that holds the port, and vents when the script dies or hangs.
 
 The script talks to it through two pipes (``rig/guarded.py`` is the other end), which the operating system closes when
 the script ends, however it ends: SIGKILL, a crash, the task manager. The driver and its limits live here, so nothing a

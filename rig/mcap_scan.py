@@ -1,4 +1,4 @@
-"""Scans the bytes of an MCAP file, whole or damaged: all that can be trusted, and in plain words what is lost."""
+"""Scans the bytes of an MCAP file, whole or damaged: all that is intact, and in plain words what is lost."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Notes, tags and marks: what people say about a recording, beside it, for the recording itself is never changed."""
+"""Notes, tags and marks: what people note about a recording, beside it, as the recording itself never changes."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ class SnapPlan:
 
 @dataclass(frozen=True)
 class Held:
-    """One hold: pressure told (Pa), mean reading over its end (Pa), standard uncertainty of that (Pa), how it ended."""
+    """One hold: command (Pa), mean reading over its end (Pa), standard uncertainty of that (Pa), how it ended."""
 
     told_pa: float
     read_pa: float

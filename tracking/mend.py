@@ -1,4 +1,4 @@
-"""Poses mended by hand: frames not to be believed, poses set, points to follow; each with its reason."""
+"""Corrections by hand: frames rejected, poses set, points to follow; each with its reason."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The painter: takes the truth (tip pose against time) and paints the video a GoPro would have taken of it."""
+"""The painter: renders the video that a GoPro would take of a given motion of the tip."""
 
 from __future__ import annotations
 

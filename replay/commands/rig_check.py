@@ -99,7 +99,7 @@ def checked(controller: Controller, pressure_pa: float) -> dict[str, Any]:
 
 
 def _near(controller: Controller, channel: int, wanted_pa: float) -> float:
-    """The mean of a few readings, once the channel is where it was told to be, or has had its time."""
+    """The mean of a few readings, once the channel has reached its command, or its time is over."""
     until_s = time.monotonic() + SETTLE_S
     while True:
         found = [next(r.pressure_pa for r in controller.read() if r.channel == channel) for _ in range(TRIES)]

@@ -1,4 +1,4 @@
-"""straw rig tell: an order to a run that goes on, from any terminal of this machine."""
+"""straw rig tell: an order to a run in progress, from any terminal of this machine."""
 
 from __future__ import annotations
 

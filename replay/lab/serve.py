@@ -1,4 +1,4 @@
-"""Serve: an application behind its guard on one address; what uvicorn is told, in one place."""
+"""Serve: an application behind its guard on one address; uvicorn's settings in one place."""
 
 from __future__ import annotations
 
