@@ -30,6 +30,11 @@ def texts() -> list[Path]:
     return [REPOSITORY / name for name in subprocess.check_output(command, text=True).splitlines()]
 
 
+def named(path: Path) -> str:
+    """A file as seen from the top."""
+    return str(path.relative_to(REPOSITORY))
+
+
 def command_lines(text: str) -> Iterator[str]:
     """Lines of shell blocks that call straw, continued lines joined, and what follows `&&` taken by itself."""
     for language, block in re.findall(r"^```(\w*)\n(.*?)^```$", text, flags=re.DOTALL | re.MULTILINE):
@@ -52,7 +57,7 @@ def written() -> list[tuple[str, str]]:
     """Each file's name and command line; the generated reference gives usage only and is left out."""
     skip = set(generated())
     found = [
-        (str(path.relative_to(REPOSITORY)), line)
+        (named(path), line)
         for path in texts()
         if path not in skip
         for line in command_lines(path.read_text(encoding="utf-8"))
@@ -82,7 +87,7 @@ def mentioned() -> list[tuple[str, str]]:
     for path in texts():
         prose = re.sub(r"^```.*?^```$", "", path.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
         lines = [" ".join(code.split()) for code in re.findall(r"`(straw [a-z][^`]*)`", prose)]
-        found += [(str(path.relative_to(REPOSITORY)), line) for line in lines]
+        found += [(named(path), line) for line in lines]
     return list(dict.fromkeys(found))
 
 
@@ -103,7 +108,7 @@ def test_there_are_command_lines_to_try() -> None:
     assert len(written()) > 40
 
 
-@pytest.mark.parametrize("path", texts(), ids=lambda path: str(path.relative_to(REPOSITORY)))
+@pytest.mark.parametrize("path", texts(), ids=named)
 def test_a_link_in_a_text_leads_to_a_file_and_a_heading_that_are_there(path: Path) -> None:
     text = re.sub(r"```.*?```|`[^`]*`|\$[^$]*\$", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
     for target in re.findall(r"\]\(([^)\s]+)\)", text):
@@ -116,7 +121,7 @@ def test_a_link_in_a_text_leads_to_a_file_and_a_heading_that_are_there(path: Pat
             assert anchor in anchors(file.read_text(encoding="utf-8")), f"{path.name}: no heading {target}"
 
 
-@pytest.mark.parametrize("path", [p for p in texts() if p.name in ("README.md", "PHYSICS.md")], ids=str)
+@pytest.mark.parametrize("path", [p for p in texts() if p.name in ("README.md", "PHYSICS.md")], ids=named)
 def test_a_file_that_a_text_names_is_there(path: Path) -> None:
     """From where the text lies, from the top, or somewhere below the text."""
     folder = path.parent
