@@ -244,7 +244,7 @@ def parser() -> argparse.ArgumentParser:
     straw_options(p, "the straw whose rest pose places the camera")
     json_option(p)
 
-    identify = commands.add_parser("identify", help="constants of a straw from measurements")
+    identify = commands.add_parser("identify", help="determine constants of a straw from measurements")
     kinds = identify.add_subparsers(title="commands", metavar="COMMAND", required=True)
     p = command(kinds, "filling", "the channel's radius from a table of filling tests", module="identify")
     p.add_argument(

@@ -10,7 +10,7 @@ from straw.replay.options import Parser, command, json_option
 
 def runs_options(commands: argparse._SubParsersAction[Parser]) -> None:
     """Every action of ``straw runs``."""
-    runs = commands.add_parser("runs", help="the catalogue of recordings")
+    runs = commands.add_parser("runs", help="list, show, tag, compare and check recordings")
     actions = runs.add_subparsers(title="commands", metavar="COMMAND", required=True)
 
     def action(name: str, text: str, *, run: bool = True) -> argparse.ArgumentParser:
