@@ -1,4 +1,4 @@
-"""Who ran it and what should be known of it: from the command line into the recording, and beside it."""
+"""Operator, notes, tags and facts: from the command line into the recording, and beside it."""
 
 from __future__ import annotations
 

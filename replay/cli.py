@@ -31,23 +31,23 @@ from straw.replay.tables.options import export_options, import_options
 
 def parser() -> argparse.ArgumentParser:
     """Every command and its options."""
-    top = Parser(prog="straw", description="Drive, film, track and replay inflatable multistable structures.")
+    top = Parser(
+        prog="straw", description="Drive, film, track, compare and diagnose inflatable multistable structures."
+    )
     commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True)
 
-    p = command(commands, "demo", "the whole loop without hardware: drive, film, track, replay")
-    p.add_argument("--out", type=Path, default=Path("demo"), metavar="DIR", help="folder for all it makes (demo)")
-    p.add_argument("--measured", action="store_true", help="instead, diagnose what instruments measured")
-    p.add_argument("--seed", type=whole_number, default=1, help="seed of the noise, and of what is concealed (1)")
+    p = command(commands, "demo", "the whole loop without hardware: drive, film, track, compare, diagnose")
+    p.add_argument("--out", type=Path, default=Path("demo"), metavar="DIR", help="folder for all results (demo)")
+    p.add_argument("--measured", action="store_true", help="diagnose a measured recording instead")
+    p.add_argument("--seed", type=whole_number, default=1, help="seed of the noise and of what is concealed (1)")
     json_option(p)
 
     p = command(commands, "simulate", "predict what a straw does under a protocol")
     straw_options(p)
     p.add_argument("--protocol", type=Path, required=True, metavar="P.toml")
     p.add_argument("-o", "--output", type=Path, required=True, metavar="OUT.mcap", help="the prediction")
-    p.add_argument(
-        "--from", type=float, dest="start", metavar="S", help="predict only from here, s after the run's zero"
-    )
-    p.add_argument("--to", type=float, dest="end", metavar="S", help="predict only up to here")
+    p.add_argument("--from", type=float, dest="start", metavar="S", help="start of the output, s after the run's zero")
+    p.add_argument("--to", type=float, dest="end", metavar="S", help="end of the output, likewise")
     json_option(p)
 
     rig = commands.add_parser("rig", help="drive a pressure controller, or emulate one")
@@ -56,9 +56,9 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("protocol", type=Path, metavar="P.toml")
     rig_options(p)
     p.add_argument("-o", "--output", type=Path, required=True, metavar="RUN.mcap", help="the recording")
-    p.add_argument("--rate", type=float, metavar="HZ", help="samples a second (100)")
-    p.add_argument("--specimen", metavar="NAME", help="which straw, over what the protocol says")
-    p.add_argument("--cycle", type=whole_number, metavar="N", help="how often it was cycled before, likewise")
+    p.add_argument("--rate", type=float, metavar="HZ", help="samples per second (100)")
+    p.add_argument("--specimen", metavar="NAME", help="which straw; overrides the protocol")
+    p.add_argument("--cycle", type=whole_number, metavar="N", help="number of earlier cycles; overrides the protocol")
     about_options(p)
     p.add_argument("--led", action="store_true", help="blink a code on the trigger output, for the camera's clock")
     p.add_argument(
@@ -66,61 +66,70 @@ def parser() -> argparse.ArgumentParser:
         nargs="?",
         const="127.0.0.1:0",
         metavar="HOST:PORT",
-        help="a page to watch the run with the model beside it (this machine only, any port)",
+        help="serve a page to watch the run beside the model (127.0.0.1, any free port)",
     )
     p.add_argument("--watched", action="store_true", help=argparse.SUPPRESS)  # straw lab has the orders, the page VENT
-    p.add_argument("--fast", action="store_true", help="with --emulate: as fast as the arithmetic, not in real time")
-    p.add_argument("--no-film", action="store_true", help="leave the rig's camera alone")
-    p.add_argument("--tip", type=Path, metavar="TIP.mcap", help="with --emulate: what a perfect camera would have seen")
+    p.add_argument("--fast", action="store_true", help="with --emulate: as fast as possible instead of in real time")
+    p.add_argument("--no-film", action="store_true", help="do not use the rig's camera")
+    p.add_argument("--tip", type=Path, metavar="TIP.mcap", help="with --emulate: write the track of a perfect camera")
     straw_options(p, "the straw behind the emulator")
     json_option(p)
-    p = command(rig_commands, "emulate", "a controller on the wire with the straw behind it", module="rig_emulate")
+    p = command(
+        rig_commands, "emulate", "an emulated controller on a port, with the straw behind it", module="rig_emulate"
+    )
     p.add_argument("--controller", default="ob1-mk4", metavar="NAME", help="kind of controller (ob1-mk4)")
-    p.add_argument("--listen", default="127.0.0.1:0", metavar="URL", help="host:port, or pty (127.0.0.1, any port)")
+    p.add_argument(
+        "--listen", default="127.0.0.1:0", metavar="URL", help="HOST:PORT, or pty (127.0.0.1, any free port)"
+    )
     p.add_argument(
         "--setting",
         action="append",
         default=[],
         metavar="KEY=VALUE",
-        help="of the emulated instrument: frame=mass (alicat: the six values that its PyPI client reads), baud=38400",
+        help="of the emulated instrument, as baud=38400; frame=mass: the six values that the PyPI client alicat reads",
     )
     p.set_defaults(limits=None)
     p.add_argument("--deployed", default="", metavar="CELLS", help="cells deployed at the start, as 1,4 (none)")
-    p.add_argument("--faults", type=float, default=0.0, metavar="SHARE", help="spoil this share of exchanges (0)")
+    p.add_argument("--faults", type=float, default=0.0, metavar="SHARE", help="share of exchanges to corrupt (0)")
     p.add_argument("--seed", type=whole_number, default=0, help="seed of the faults (0)")
     straw_options(p)
 
-    p = command(commands, "calibrate", "a lens from videos or stills of a checkerboard")
+    p = command(commands, "calibrate", "calibrate a lens from videos or stills of a checkerboard")
     p.add_argument("pictures", type=Path, nargs="+", metavar="VIDEO|IMAGE")
     p.add_argument("-o", "--output", type=Path, required=True, metavar="CAMERA.json")
-    p.add_argument("--board", metavar="CxR", help="squares along both sides (not inner corners): other grids are none")
-    p.add_argument("--name", default="", help="what to call the lens (the output's name)")
-    p.add_argument("--picture", type=Path, metavar="P.png", help="the projection's uncertainty over the picture")
+    p.add_argument(
+        "--board", metavar="CxR", help="squares along both sides (not inner corners); other grids are ignored"
+    )
+    p.add_argument("--name", default="", help="name of the lens (that of the output)")
+    p.add_argument("--picture", type=Path, metavar="P.png", help="a map of the projection's uncertainty")
     json_option(p)
 
-    p = command(rig_commands, "check", "is all well: wiring, readings, the vent without and with pressure", "rig_check")
+    p = command(rig_commands, "check", "check wiring, readings, and the vent without and with pressure", "rig_check")
     rig_options(p)
-    p.add_argument("--pressure", type=float, default=2.0, metavar="KPA", help="to vent from; 0: not at all (2)")
+    p.add_argument(
+        "--pressure", type=float, default=2.0, metavar="KPA", help="pressure for the test of the vent; 0 skips it (2)"
+    )
     straw_options(p, "the straw behind the emulator")
     json_option(p)
-    p = command(rig_commands, "tell", "hold, resume, stop or vent a run that goes on", module="rig_tell")
+    p = command(rig_commands, "tell", "hold, resume, stop or vent a run in progress", module="rig_tell")
     p.add_argument("order", choices=("hold", "resume", "stop", "vent", "state"))
-    p.add_argument("run", nargs="?", type=Path, metavar="RUN.mcap", help="its recording (whatever runs in --dir)")
+    p.add_argument("run", nargs="?", type=Path, metavar="RUN.mcap", help="its recording (the one in progress in --dir)")
     p.add_argument("--dir", type=Path, default=Path(), metavar="DIR", help="where the recordings are (.)")
-    p = command(rig_commands, "show", "draw a protocol, and check it against its limits", module="rig_show")
+    p = command(rig_commands, "show", "draw a protocol and check it against its limits", module="rig_show")
     p.add_argument("protocol", type=Path, metavar="P.toml")
     p.add_argument("-o", "--output", type=Path, metavar="PICTURE", help="png, svg or pdf (the protocol's name, png)")
     json_option(p)
-    p = command(
-        rig_commands, "vent", "let the pressure out of one controller, or of all known ones", module="rig_ports"
-    )
+    p = command(rig_commands, "vent", "vent one controller, or all known ones", module="rig_ports")
     port_option(p)
     p = command(
-        rig_commands, "read", "what one controller reads, or all known ones; nothing is set", module="rig_ports"
+        rig_commands,
+        "read",
+        "print the readings of one controller, or of all known ones; nothing is set",
+        module="rig_ports",
     )
     port_option(p)
-    p = command(rig_commands, "ports", "serial ports, and those that were driven before", module="rig_ports")
-    p.add_argument("--identify", action="store_true", help="ask each which controller it is; nothing is set")
+    p = command(rig_commands, "ports", "list serial ports, and ports that were driven before", module="rig_ports")
+    p.add_argument("--identify", action="store_true", help="ask each port which controller it is; nothing is set")
     p.set_defaults(action="ports")
     json_option(p)
     p = command(rig_commands, "snap-search", "find the pressure at which a cell snaps", module="rig_snap_search")
@@ -128,79 +137,124 @@ def parser() -> argparse.ArgumentParser:
     where.add_argument("--port", metavar="URL", help="serial port, by-id path, or socket://host:port")
     where.add_argument("--emulate", action="store_true", help="no hardware: an emulator with the straw behind it")
     controller_options(p)
-    p.add_argument("--cell", type=int, metavar="N", help="the cell that is to snap, alone in its state")
-    p.add_argument("--deployed", metavar="CELLS", help='instead: cells deployed at the start, as 1,4 or ""')
+    p.add_argument("--cell", type=int, metavar="N", help="the cell to snap, alone in its state")
+    p.add_argument("--deployed", metavar="CELLS", help='instead of --cell: cells deployed at the start, as 1,4 or ""')
     p.add_argument("--direction", required=True, choices=("fold", "deploy"), help="suction folds, pressure deploys")
     p.add_argument("--step", type=float, default=0.5, metavar="KPA", help="quasi-static step (0.5)")
-    p.add_argument("--resolution", type=float, default=0.1, metavar="KPA", help="bisect down to this (0.1)")
+    p.add_argument("--resolution", type=float, default=0.1, metavar="KPA", help="width at which bisection ends (0.1)")
     p.add_argument("--from", type=float, default=0.0, dest="start", metavar="KPA", help="first pressure (0)")
-    p.add_argument("--to", type=float, metavar="KPA", help="last pressure (the limit)")
-    p.add_argument("--repeats", type=int, default=1, metavar="N", help="searches (1)")
-    p.add_argument("--ask", action="store_true", help="on a rig without a flow sensor: somebody says what snapped")
-    p.add_argument("-o", "--output", type=Path, metavar="RUN.mcap", help="record all of it")
+    p.add_argument("--to", type=float, metavar="KPA", help="last pressure (that of the limits)")
+    p.add_argument("--repeats", type=int, default=1, metavar="N", help="number of searches (1)")
+    p.add_argument("--ask", action="store_true", help="without a flow sensor: ask the operator what snapped")
+    p.add_argument("-o", "--output", type=Path, metavar="RUN.mcap", help="record the search")
     about_options(p)
     straw_options(p, "the straw behind the emulator")
     json_option(p)
 
     runs_options(commands)
-    p = command(commands, "import", "recordings of other loggers: tables become a recording", module="import_")
+    p = command(commands, "import", "make a recording from the tables of another logger", module="import_")
     import_options(p)
     json_option(p)
-    p = command(commands, "export", "a recording as a table, which straw import brings back bit for bit")
+    p = command(commands, "export", "write a recording as a table, which straw import reads back bit for bit")
     export_options(p)
     json_option(p)
 
-    p = command(commands, "lab", "catalogue and operator's panel in a local page")
-    p.add_argument("folder", nargs="?", metavar="FOLDER", help="where the recordings are (the rig's, else the current)")
-    p.add_argument("--rig", type=Path, metavar="rig.toml", help="what stands on the table")
+    p = command(commands, "lab", "serve the catalogue and the operator's panel as a local page")
+    p.add_argument(
+        "folder", nargs="?", metavar="FOLDER", help="folder of the recordings (the rig's, else the current one)"
+    )
+    p.add_argument("--rig", type=Path, metavar="rig.toml", help="description of the rig")
     p.add_argument(
         "--emulate", action="store_true", help="no hardware: every run on an emulator with the straw behind it"
     )
-    p.add_argument("--listen", default="127.0.0.1:0", metavar="HOST:PORT", help="this machine only, any port")
-    p.add_argument("--remote", action="store_true", help="--listen may name an address that others can reach")
-    p.add_argument("--no-browser", action="store_true", help="print the address, open nothing")
+    p.add_argument(
+        "--listen", default="127.0.0.1:0", metavar="HOST:PORT", help="where to serve (127.0.0.1, any free port)"
+    )
+    p.add_argument("--remote", action="store_true", help="allow an address in --listen that other machines can reach")
+    p.add_argument("--no-browser", action="store_true", help="print the address without opening a browser")
 
     p = command(
-        commands, "investigate", "diagnose, run the experiment that tells most, again, until there is an answer"
+        commands,
+        "investigate",
+        "diagnose, run the most informative next experiment, and repeat until there is an answer",
     )
-    p.add_argument("folder", nargs="?", metavar="FOLDER", help="where the recordings are (the rig's, else the current)")
+    p.add_argument(
+        "folder", nargs="?", metavar="FOLDER", help="folder of the recordings (the rig's, else the current one)"
+    )
     rig_options(p)
     investigate_options(p)
-    straw_options(p, "the base model; its own constants are refitted")
+    straw_options(p, "the base model, whose own constants are refitted")
     json_option(p)
 
-    p = command(commands, "track", "from a video to the tip's X, Z and Phi")
+    p = command(commands, "track", "track the tip's X, Z and Phi in a video")
     p.add_argument("videos", type=Path, nargs="+", metavar="VIDEO", help="a file, or the chapters of one recording")
-    p.add_argument("--camera", type=Path, required=True, metavar="CAMERA.json", help="lens, and placement if known")
+    p.add_argument(
+        "--camera", type=Path, required=True, metavar="CAMERA.json", help="the lens, and its placement if known"
+    )
     p.add_argument("-o", "--output", type=Path, required=True, metavar="TIP.mcap")
-    p.add_argument("--run", type=Path, metavar="RUN.mcap", help="the run it filmed: gives clock, names and rest pose")
-    p.add_argument("--start", type=float, default=0.0, metavar="S", help="first frame, s after the run's zero (0)")
-    p.add_argument("--fps", type=float, default=0.0, metavar="F", help="filmed at, if saved for slow motion (as 240)")
-    p.add_argument("--from", type=float, default=None, dest="from_s", metavar="S", help="leave out what is before")
-    p.add_argument("--to", type=float, default=None, dest="to_s", metavar="S", help="leave out what follows")
-    p.add_argument("--clock", type=Path, metavar="CLOCK.json", help="instead of --start: the camera's clock (clock)")
-    p.add_argument("--rest", metavar="X,Z,PHI", help="tip pose while still at the start (mm,mm,deg); else from --run")
-    p.add_argument("--level", action="store_true", help="the camera stands level: phi at rest is measured, not taken")
-    p.add_argument("--reference", type=Path, metavar="REF.json", help="a second board, fixed, that places the camera")
-    p.add_argument("--board", default="8,38.5", metavar="N,MM", help="squares a side (or AxB), chequered side (8,38.5)")
-    p.add_argument("--mount", choices=("face", "side", "back"), help="board on the tip's face, or facing -Y, +Y (face)")
-    p.add_argument("--near", metavar="U,V", help="where the board is in the first picture (px), if there are several")
-    p.add_argument("--mend", type=Path, metavar="M.toml", help="poses set or refused by hand, points to follow")
-    p.add_argument("--step", type=Path, metavar="S.html", help="a page to step through frames and write M.toml")
-    p.add_argument("--step-frames", default="doubtful", metavar="A-B", help="which frames (those around doubtful ones)")
+    p.add_argument(
+        "--run", type=Path, metavar="RUN.mcap", help="the run that was filmed: gives clock, names and rest pose"
+    )
+    p.add_argument(
+        "--start", type=float, default=0.0, metavar="S", help="time of the first frame, s after the run's zero (0)"
+    )
+    p.add_argument(
+        "--fps", type=float, default=0.0, metavar="F", help="frame rate of filming, if saved as slow motion (as 240)"
+    )
+    p.add_argument(
+        "--from",
+        type=float,
+        default=None,
+        dest="from_s",
+        metavar="S",
+        help="skip what comes before, s after the run's zero",
+    )
+    p.add_argument("--to", type=float, default=None, dest="to_s", metavar="S", help="skip what comes after, likewise")
+    p.add_argument(
+        "--clock", type=Path, metavar="CLOCK.json", help="the camera's clock from straw clock, instead of --start"
+    )
+    p.add_argument(
+        "--rest", metavar="X,Z,PHI", help="pose of the tip while at rest at the start, mm,mm,deg (from --run)"
+    )
+    p.add_argument(
+        "--level", action="store_true", help="the camera stands level: measure phi at rest instead of taking it"
+    )
+    p.add_argument("--reference", type=Path, metavar="REF.json", help="a second, fixed board that places the camera")
+    p.add_argument(
+        "--board", default="8,38.5", metavar="N,MM", help="squares per side (or AxB), length of the side in mm (8,38.5)"
+    )
+    p.add_argument(
+        "--mount",
+        choices=("face", "side", "back"),
+        help="where the board is: on the tip's face, or facing -Y (side) or +Y (back) (face)",
+    )
+    p.add_argument("--near", metavar="U,V", help="position of the board in the first frame, px, if there are several")
+    p.add_argument(
+        "--mend", type=Path, metavar="M.toml", help="corrections by hand: poses set or rejected, points to follow"
+    )
+    p.add_argument("--step", type=Path, metavar="S.html", help="a page for stepping through frames and writing M.toml")
+    p.add_argument(
+        "--step-frames", default="doubtful", metavar="A-B", help="frames of that page (those around doubtful ones)"
+    )
     p.add_argument("--csv", type=Path, metavar="T.csv", help="the track as a table")
     p.add_argument("--overlay", type=Path, metavar="O.mp4", help="the video with corners, axes and figures drawn on it")
-    p.add_argument("--report", type=Path, metavar="R.html", help="one page on how good the track is")
-    p.add_argument("--save-camera", type=Path, metavar="C.json", help="the camera with its place and row time as found")
+    p.add_argument("--report", type=Path, metavar="R.html", help="a page that shows how good the track is")
+    p.add_argument(
+        "--save-camera", type=Path, metavar="C.json", help="the camera with the placement and row time that were found"
+    )
     straw_options(p, "the straw whose rest pose places the camera")
     json_option(p)
 
-    identify = commands.add_parser("identify", help="constants of a straw from measurements")
+    identify = commands.add_parser("identify", help="determine constants of a straw from measurements")
     kinds = identify.add_subparsers(title="commands", metavar="COMMAND", required=True)
     p = command(kinds, "filling", "the channel's radius from a table of filling tests", module="identify")
-    p.add_argument("table", type=Path, metavar="TABLE.csv", help="volume_m3, pressure_difference_pa, filling_time_s")
+    p.add_argument(
+        "table", type=Path, metavar="TABLE.csv", help="columns volume_m3, pressure_difference_pa, filling_time_s"
+    )
     identified_options(p)
-    p = command(kinds, "geometry", "zeta_01, zeta_02, h, E from lengths and snap pressures", module="identify")
+    p = command(
+        kinds, "geometry", "the frusta's zeta_01, zeta_02, h and E from lengths and snap pressures", module="identify"
+    )
     for name, text in (
         ("folded-length-mm", "length of a folded cell"),
         ("deployed-length-mm", "length of a deployed cell"),
@@ -208,66 +262,97 @@ def parser() -> argparse.ArgumentParser:
         ("deploy-pressure-kpa", "gauge pressure at which cell 1 deploys, all others deployed"),
     ):
         p.add_argument(f"--{name}", type=float, required=True, metavar="VALUE", help=text)
-    p.add_argument("--length-resolution-mm", type=float, default=0.01, metavar="MM", help="of the caliper (0.01)")
-    p.add_argument("--pressure-step-kpa", type=float, default=0.5, metavar="KPA", help="steps it was raised in (0.5)")
-    p.add_argument("--whole-straw", action="store_true", help="let the other cells move with the pressure, too")
+    p.add_argument(
+        "--length-resolution-mm", type=float, default=0.01, metavar="MM", help="resolution of the caliper (0.01)"
+    )
+    p.add_argument(
+        "--pressure-step-kpa",
+        type=float,
+        default=0.5,
+        metavar="KPA",
+        help="step in which the pressure was raised (0.5)",
+    )
+    p.add_argument("--whole-straw", action="store_true", help="let the other cells move with the pressure as well")
     identified_options(p)
 
-    p = command(kinds, "runs", "c_zeta, c_phi and r_ch from recordings, all jointly", module="identify")
+    p = command(
+        kinds, "runs", "damping c_zeta, c_phi and radius r_ch from recordings, fitted jointly", module="identify"
+    )
     p.add_argument("runs", type=Path, nargs="+", metavar="RUN.mcap", help="runs, and tracks derived from them")
     p.add_argument(
-        "--each", action="store_true", help="each run by itself first: constants that differ tell of physics"
+        "--each",
+        action="store_true",
+        help="fit each run by itself as well: constants that differ point to missing physics",
     )
     workers_options(p)
     identified_options(p)
 
-    p = command(commands, "diagnose", "locate what differs, name what was left out, model it, show the fit improve")
-    p.add_argument("runs", type=Path, nargs="+", metavar="RUN.mcap", help="runs of one specimen, and their tracks")
-    straw_options(p, "the base model; its own constants are refitted")
-    p.add_argument("--system", type=Path, metavar="S.py", help="a system of your own, of tables of readings")
+    p = command(
+        commands, "diagnose", "find what the model leaves out, or which instrument is wrong, and show the improvement"
+    )
+    p.add_argument(
+        "runs",
+        type=Path,
+        nargs="+",
+        metavar="RUN.mcap",
+        help="runs of one specimen and their tracks; with --system, its tables",
+    )
+    straw_options(p, "the base model, whose own constants are refitted")
+    p.add_argument("--system", type=Path, metavar="S.py", help="a system of your own instead of a straw")
     p.add_argument(
         "--hold-out",
         nargs="+",
         action="extend",
         default=[],
         metavar="NAME",
-        help="recordings no fit sees (of a system)",
+        help="with --system: recordings that no fit sees",
     )
     p.add_argument(
-        "--given", action="append", default=[], metavar="C=VALUE,LOW,HIGH", help="a constant known better than the file"
+        "--given",
+        action="append",
+        default=[],
+        metavar="C=VALUE,LOW,HIGH",
+        help="with --system: a constant known better than the file says",
     )
     p.add_argument(
         "--tolerance",
         metavar="x=0.1mm,phi=2mrad",
-        help="what may remain (RMS), by channel or as a share of the motion: 2%%",
+        help="RMS misfit that is good enough, by channel or as a share of the motion: 2%%",
     )
-    p.add_argument("--report", type=Path, metavar="R.html", help="one page, from the verdict to the evidence")
+    p.add_argument("--report", type=Path, metavar="R.html", help="a page with the verdict and its evidence")
     p.add_argument("-o", "--output", type=Path, metavar="S.toml", help="the improved straw")
-    p.add_argument("--experiment", type=Path, metavar="P.toml", help="the protocol that would tell what survives")
+    p.add_argument(
+        "--experiment",
+        type=Path,
+        metavar="P.toml",
+        help="the protocol that would distinguish the hypotheses that survive",
+    )
     p.add_argument(
         "--without", nargs="+", action="extend", default=[], metavar="CAUSE", help="leave causes out of the library"
     )
     workers_options(p)
-    p.add_argument("--partial", action="store_true", help="take damaged or cut recordings for what is left of them")
+    p.add_argument("--partial", action="store_true", help="use what is readable of damaged or cut recordings")
     json_option(p)
 
-    p = command(commands, "paper", "the paper's numbers beside the model's, and its figures drawn anew")
+    p = command(commands, "paper", "print the paper's numbers beside the model's, and redraw its figures")
     p.add_argument("--out", type=Path, default=Path("paper"), metavar="DIR", help="folder for the figures (paper)")
     p.add_argument(
-        "--shell", action="store_true", help="the paper's finite elements as well (Figs. 4 b, c, S2; minutes)"
+        "--shell", action="store_true", help="repeat the paper's finite elements as well (Figs. 4 b, c, S2; minutes)"
     )
-    p.add_argument("--filling", type=Path, metavar="TABLE.csv", help="filling tests (the shipped synthetic sample)")
+    p.add_argument(
+        "--filling", type=Path, metavar="TABLE.csv", help="filling tests (the shipped sample, which is synthetic)"
+    )
     json_option(p)
 
-    p = command(commands, "shell", "finite elements of a frustum or a cell beside the reduced energy")
+    p = command(commands, "shell", "compute a frustum or a cell by finite elements, beside equation 7")
     shell_options(p)
     straw_options(p)
     json_option(p)
-    p = command(commands, "design", "geometries for wanted snap pressures, lengths and stable states")
+    p = command(commands, "design", "search geometries with wanted snap pressures, lengths and stable states")
     design_options(p)
-    straw_options(p, "what is not varied")
+    straw_options(p, "constants that are not varied")
     json_option(p)
-    p = command(commands, "solid", "the straw as a body for a printer (STL) or a mould (STEP)")
+    p = command(commands, "solid", "write the straw as a body for a printer (STL) or a mould (STEP)")
     solid_options(p)
     straw_options(p)
 
@@ -277,28 +362,34 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--run", action="store_true", help="run the straw with the law as well: compiles, a minute or two")
     json_option(p)
 
-    p = command(commands, "terms", "the laws that can be added to a straw, and what each does to the paper's two runs")
+    p = command(
+        commands, "terms", "list the laws that can be added to a straw, and their effect on the paper's two runs"
+    )
     json_option(p)
 
-    p = command(commands, "clock", "the camera's clock against the host's, from the LED burst or the motion")
+    p = command(commands, "clock", "find the camera's clock relative to the host's, from an LED or from the motion")
     p.add_argument("video", type=Path, metavar="VIDEO|TIP.mcap", help="a video with the LED in view, or a track")
-    p.add_argument("--run", type=Path, required=True, metavar="RUN.mcap", help="the run it filmed")
-    p.add_argument("-o", "--output", type=Path, metavar="CLOCK.json", help="for straw track --clock")
+    p.add_argument("--run", type=Path, required=True, metavar="RUN.mcap", help="the run that was filmed")
+    p.add_argument("-o", "--output", type=Path, metavar="CLOCK.json", help="the clock, for straw track --clock")
     p.add_argument("--retimed", type=Path, metavar="OUT.mcap", help="the track with its times corrected")
-    straw_options(p, "the straw whose motion tells the time")
+    straw_options(p, "the straw whose motion is compared")
     json_option(p)
 
-    p = command(commands, "replay", "lay recordings over the model's prediction, with metrics and a page to look at")
+    p = command(commands, "replay", "compare recordings with the model's prediction: metrics and a page")
     p.add_argument("runs", type=Path, nargs="+", metavar="RUN.mcap", help="runs, and tracks derived from them")
     straw_options(p)
     p.add_argument("--figures", type=Path, nargs="+", default=[], metavar="F.py", help="figures of merit of your own")
     p.add_argument("--report", type=Path, default=Path("replay.html"), metavar="R.html", help="the page (replay.html)")
-    p.add_argument("--partial", action="store_true", help="take damaged or cut recordings for what is left of them")
+    p.add_argument("--partial", action="store_true", help="use what is readable of damaged or cut recordings")
     p.add_argument(
-        "--fitted", nargs="+", default=[], metavar="RUN|JSON", help="runs that went into the fit; or its JSON"
+        "--fitted", nargs="+", default=[], metavar="RUN|JSON", help="runs that went into a fit, or the fit's JSON"
     )
     p.add_argument(
-        "--uncertain", action="append", default=[], metavar="NAME=SIGMA", help="of a constant, SI, as r_ch_m=2e-6"
+        "--uncertain",
+        action="append",
+        default=[],
+        metavar="NAME=SIGMA",
+        help="standard uncertainty of a constant, SI, as r_ch_m=2e-6",
     )
     p.add_argument(
         "--protocol",
@@ -306,12 +397,14 @@ def parser() -> argparse.ArgumentParser:
         nargs="?",
         const=Path(),
         metavar="P.toml",
-        help="run the same protocol on emulator and model, too, and lay all three over each other (the one it carries)",
+        help="also run the protocol on the emulator and the model, and overlay all three (the recording's own)",
     )
-    p.add_argument("--png", type=Path, metavar="P.png", help="the same overlay as a picture for a paper (or svg, pdf)")
-    p.add_argument("--video", type=Path, nargs="+", metavar="VIDEO", help="the run's film, to stand beside the straw")
-    p.add_argument("--camera", type=Path, metavar="C.json", help="the camera with its place (the track says it)")
-    p.add_argument("--predictions", type=Path, metavar="DIR", help="each run's prediction as an MCAP beside it in time")
+    p.add_argument("--png", type=Path, metavar="P.png", help="the comparison as a figure (png, svg or pdf)")
+    p.add_argument("--video", type=Path, nargs="+", metavar="VIDEO", help="the run's video, shown beside the straw")
+    p.add_argument("--camera", type=Path, metavar="C.json", help="the camera with its placement (that of the track)")
+    p.add_argument(
+        "--predictions", type=Path, metavar="DIR", help="write each run's prediction as a recording on the run's clock"
+    )
     json_option(p)
     return top
 

@@ -38,7 +38,7 @@ def clock_from_motion(run: Run, tip: TipTrace, straw: StrawParameters) -> Camera
     seen_s = tip.time_s[valid]
     seen = np.column_stack([tip.x_m[valid], tip.z_m[valid], ARM_M * tip.phi_rad[valid]])
     if len(seen_s) < 10 or np.ptp(predicted, axis=0).max() < 1e-4:
-        raise ReplayError(f"{run.path}: the tip hardly moves, so its motion tells no time; use an LED")
+        raise ReplayError(f"{run.path}: the tip hardly moves, so its motion does not show the delay; use an LED")
 
     def misfit(shift_s: float) -> float:
         at_s = seen_s - shift_s

@@ -1,4 +1,4 @@
-"""The pressure that drives a prediction: what was measured, made a curve of time."""
+"""The pressure that drives a prediction: the measured pressure as a function of time."""
 
 from __future__ import annotations
 

@@ -11,4 +11,5 @@ class ReplayError(Exception):
     """Bad input to a comparison or a command; the message is one line, fit to show a user."""
 
 
+#: All errors whose message is one line for the user rather than a fault of the program; catch these.
 USER_ERRORS = (ModelError, TrackingError, RigError, ReplayError)

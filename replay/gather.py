@@ -54,7 +54,7 @@ def gather(paths: Sequence[Path], *, partial: bool = False) -> list[Run]:
 def joined(run: Run, track: Run) -> Run:
     """A run with the tip of a track that was derived from it, on the run's clock; ReplayError where it was not."""
     if track.tip is None or track.metadata.get("parent_sha256") != run.sha256:
-        raise ReplayError(f"{track.path}: is no track of {run.path}; give the track that was made with it as --run")
+        raise ReplayError(f"{track.path}: is not a track of {run.path}; give the track that was made with it as --run")
     return dataclasses.replace(
         run,
         tip=_shifted(track.tip, (track.zero_time_ns - run.zero_time_ns) / 1e9),
@@ -77,7 +77,8 @@ def check_run(run: Run) -> Run:
         raise ReplayError(f"{run.path}: no valid /tip/state to compare with; track its video, give that file too")
     if run.initial_deployed is None:
         raise ReplayError(
-            f"{run.path}: metadata straw.run says no initial_deployed; the start configuration is needed to predict"
+            f"{run.path}: metadata straw.run lacks initial_deployed, the configuration at the start, which a "
+            "prediction needs"
         )
     if np.count_nonzero(run.tip.valid) < 2:
         raise ReplayError(f"{run.path}: only one valid tip sample; nothing to compare")

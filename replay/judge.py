@@ -60,7 +60,7 @@ class Motion:
 
 
 def limit_of(straw: StrawParameters) -> float:
-    """Turn of the tip (rad) that tells a snap; infinite for a straw without bent states."""
+    """Turn of the tip (rad) that counts as a snap; infinite for a straw without bent states."""
     bent = [e.phi_rad for e in Frustum.of(straw).equilibria() if e.stable and e.phi_rad > 0]
     return OF_BENT * min(bent) if bent else math.inf
 
@@ -164,6 +164,8 @@ def moved_inputs(straw: StrawParameters, uncertain: Mapping[str, float]) -> dict
     moved = {}
     for name, sigma in uncertain.items():
         if not hasattr(straw, name) or name in ("form", "cells", "terms"):
-            raise ModelError(f"straw: {name} is no constant with an uncertainty; see straw identify's output for names")
+            raise ModelError(
+                f"straw: {name} is not a constant with an uncertainty; see straw identify's output for names"
+            )
         moved[name] = straw.replace(**{name: getattr(straw, name) + sigma})
     return moved

@@ -17,7 +17,7 @@ class Parser(argparse.ArgumentParser):
 
 def rig_options(p: argparse.ArgumentParser) -> None:
     """Which rig, or an emulated one."""
-    p.add_argument("--rig", type=Path, metavar="rig.toml", help="what stands on the table; flags go before it")
+    p.add_argument("--rig", type=Path, metavar="rig.toml", help="description of the rig; options override it")
     where = p.add_mutually_exclusive_group()
     where.add_argument("--port", metavar="URL", help="serial port, by-id path, or socket://host:port")
     where.add_argument("--emulate", action="store_true", help="no hardware: an emulator with the straw behind it")
@@ -29,19 +29,25 @@ def controller_options(p: argparse.ArgumentParser, default: str | None = "ob1-mk
     p.add_argument(
         "--controller", default=default, metavar="NAME", help="ob1-mk4 (default), ob1-sdk, alicat, or a file D.py"
     )
-    p.add_argument("--limits", metavar="MIN,MAX[,RATE]", help="in kPa, kPa/s, below all else: --limits=-40,60,50")
-    p.add_argument("--setting", action="append", default=[], metavar="KEY=VALUE", help="of the driver, as unit=B")
+    p.add_argument(
+        "--limits", metavar="MIN,MAX[,RATE]", help="limits in kPa and kPa/s that nothing overrides: --limits=-40,60,50"
+    )
+    p.add_argument(
+        "--setting", action="append", default=[], metavar="KEY=VALUE", help="setting of the driver, as unit=B"
+    )
 
 
 def port_option(p: argparse.ArgumentParser) -> None:
     """Where a controller is."""
-    p.add_argument("--port", metavar="URL", help="serial port, by-id path, or socket://host:port (all that are known)")
+    p.add_argument("--port", metavar="URL", help="serial port, by-id path, or socket://host:port (all known)")
     p.add_argument(
         "--controller",
         metavar="NAME",
-        help="ob1-mk4, ob1-sdk, alicat or D.py (what was driven there, or ob1-mk4)",
+        help="ob1-mk4, ob1-sdk, alicat or D.py (as driven there before, or ob1-mk4)",
     )
-    p.add_argument("--setting", action="append", default=[], metavar="KEY=VALUE", help="of the driver, as unit=B")
+    p.add_argument(
+        "--setting", action="append", default=[], metavar="KEY=VALUE", help="setting of the driver, as unit=B"
+    )
     p.set_defaults(action=p.prog.split()[-1], limits=None)
     json_option(p)
 
@@ -49,8 +55,8 @@ def port_option(p: argparse.ArgumentParser) -> None:
 def about_options(p: argparse.ArgumentParser) -> None:
     """What is to be known of a run."""
     p.add_argument("--operator", default="", metavar="NAME", help="who runs it, for the record")
-    p.add_argument("--note", action="append", default=[], metavar="TEXT", help="what else should be known; may repeat")
-    p.add_argument("--tag", action="append", default=[], metavar="TAG", help="as straw runs tag; may repeat")
+    p.add_argument("--note", action="append", default=[], metavar="TEXT", help="a note for the record; may repeat")
+    p.add_argument("--tag", action="append", default=[], metavar="TAG", help="a tag, as by straw runs tag; may repeat")
     p.add_argument("--meta", action="append", default=[], metavar="KEY=VALUE", help="any other fact, for the record")
 
 
@@ -72,16 +78,23 @@ def command(
 
 def straw_options(p: argparse.ArgumentParser, text: str = "the straw") -> None:
     """Which straw, with laws of one's own."""
-    p.add_argument("--straw", type=Path, metavar="S.toml", help=f"{text}: constants that differ from the paper's")
     p.add_argument(
-        "--laws", type=Path, nargs="+", default=[], metavar="L.py", help="laws of your own, beside those it names"
+        "--straw", type=Path, metavar="S.toml", help=f"{text}; the file holds constants that differ from the paper's"
+    )
+    p.add_argument(
+        "--laws",
+        type=Path,
+        nargs="+",
+        default=[],
+        metavar="L.py",
+        help="laws of your own, beside those that the straw file names",
     )
 
 
 def identified_options(p: argparse.ArgumentParser) -> None:
     """What every kind of identification takes."""
-    p.add_argument("-o", "--output", type=Path, metavar="OUT.toml", help="the straw with what was found")
-    straw_options(p, "what is known otherwise")
+    p.add_argument("-o", "--output", type=Path, metavar="OUT.toml", help="the straw with the constants found")
+    straw_options(p, "constants known otherwise")
     json_option(p)
     p.set_defaults(kind=p.prog.split()[-1])
 
@@ -94,4 +107,4 @@ def workers_options(p: argparse.ArgumentParser, kind: str = "threads") -> None:
 
 def json_option(p: argparse.ArgumentParser) -> None:
     """The result for machines."""
-    p.add_argument("--json", type=Path, metavar="FILE", help="the result for machines")
+    p.add_argument("--json", type=Path, metavar="FILE", help="the result as JSON")

@@ -1,4 +1,4 @@
-"""Files that people and machines read: written whole or not at all, and JSON that is JSON (no NaN)."""
+"""Output files: written whole or not at all, and JSON without NaN."""
 
 from __future__ import annotations
 

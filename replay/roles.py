@@ -41,4 +41,4 @@ def _told(path: Path) -> list[str]:
     except OSError as error:
         raise ReplayError(f"{path}: cannot be read: {error.strerror}; check the name") from None
     except (ValueError, KeyError, TypeError):
-        raise ReplayError(f"{path}: tells of no fit; give --json of straw identify runs or straw diagnose") from None
+        raise ReplayError(f"{path}: holds no fit; give --json of straw identify runs or straw diagnose") from None

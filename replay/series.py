@@ -1,4 +1,4 @@
-"""Signals of any two origins laid over each other: one minus the other where both speak."""
+"""Signals of any two origins laid over each other: their difference where both have samples."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the run's model has against a track: the tip moves the other way, or as if it were filmed in slow motion."""
+"""Checks a track against the run's model: a tip that moves the other way, or as if it were filmed in slow motion."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _PATH = (0.05, 0.95)  # of the way that the tip goes: between them it moves
 
 
 def against_model(run: Run, tip: TipTrace, straw: StrawParameters, camera: Camera) -> list[str]:
-    """Return what to say, one line each; nothing where the run does not tell what moves, or all agrees.
+    """Return warnings, one line each; none where the run does not determine the motion, or all agrees.
 
     Compared are directions, and how long the motion takes: what a model that lacks some physics still knows.
     """

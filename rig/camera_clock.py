@@ -56,7 +56,7 @@ def bursts_of(run: Run) -> list[tuple[list[float], list[float]]]:
             try:
                 changes.append((event.time_s, int(event.text.split("+-")[1].split()[0]) * 1e-9))
             except (IndexError, ValueError):
-                raise RigError(f"{run.path}: led event {event.text!r} tells no half-width; it is damaged") from None
+                raise RigError(f"{run.path}: led event {event.text!r} has no half-width; it is damaged") from None
     if not changes:
         raise RigError(f"{run.path}: recorded no LED burst; record with --led, or fit the clock to the motion")
     bursts: list[list[tuple[float, float]]] = [[changes[0]]]
@@ -117,7 +117,7 @@ def load_clock(path: Path) -> CameraClock:
     except OSError as error:
         raise RigError(f"clock {path} cannot be read: {error.strerror}; check the name") from None
     except (ValueError, KeyError, TypeError) as error:
-        raise RigError(f"clock {path} is damaged ({error}); make it anew with straw clock") from None
+        raise RigError(f"clock {path} is damaged ({error}); make it again with straw clock") from None
 
 
 def clock_data(clock: CameraClock) -> dict[str, object]:

@@ -1,4 +1,4 @@
-"""Catalogue: what recordings a folder holds, rebuilt from the files at will; its index only saves time."""
+"""Catalogue: what recordings a folder holds, rebuilt from the files at any time; its index only makes that fast."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ INDEX = ".straw-runs.json"
 RECORDINGS = (".mcap", ".mcap.part")
 #: Longer values of a recording's metadata (a straw's constants for one) are left to the recording.
 LONGEST = 200
-#: Changes when an entry's meaning does: an index of another version is built anew.
+#: Changes when an entry's meaning does: an index of another version is rebuilt.
 VERSION = 2
 
 
@@ -95,7 +95,7 @@ def known(folder: Path) -> dict[str, Entry]:
             return {}
         return {row["name"]: Entry(**{name: _tuples(name, row[name]) for name in names}) for row in data["recordings"]}
     except (OSError, ValueError, KeyError, TypeError):
-        return {}  # it is built anew from the files, which know better
+        return {}  # it is rebuilt from the files
 
 
 def save(folder: Path, entries: list[Entry]) -> None:

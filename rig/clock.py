@@ -1,4 +1,4 @@
-"""Clocks: one monotonic clock tied once to the wall, and one that moves only when it is told to."""
+"""Clocks: one monotonic clock tied once to the wall, and one that is moved by hand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Columns: what a table of recordings can show, sort by, group by and be asked about, by one set of names."""
+"""Columns: what a table of recordings can show, sort, group and filter by, under one set of names."""
 
 from __future__ import annotations
 

@@ -35,8 +35,8 @@ class Controller(ABC):
     name: str
     port: str  # where it is connected, as it was given
     span: PressureLimits  # what the instrument itself can do
-    resolution_pa: float  # smallest step the instrument can be told
-    byte_s: float = 0.0  # what one byte of an answer spends on the line
+    resolution_pa: float  # smallest step of a command
+    byte_s: float = 0.0  # how long one byte of an answer takes on the line
 
     def __init__(
         self,
@@ -90,11 +90,11 @@ class Controller(ABC):
         """Say that the script is alive, for pauses in which it neither sets nor reads."""
 
     def record_in(self, path: Path) -> None:  # noqa: B027  likewise
-        """Where whoever outlives the script may note what it did."""
+        """Where processes that outlive the script may note what they did."""
 
     @property
     def vent_command(self) -> str:
-        """What to type to let the pressure out of this instrument."""
+        """The command line that vents this instrument."""
         return f"straw rig vent --port {shlex.quote(self.port)} --controller {self.name}"
 
     @property
@@ -157,7 +157,7 @@ class Controller(ABC):
                 raise
 
     def rounded(self, pressure_pa: float) -> float:
-        """The nearest pressure (Pa) inside the limits that the instrument can be told exactly."""
+        """The nearest pressure (Pa) inside the limits that a command of the instrument can express."""
         step = self.resolution_pa
         lowest, highest = math.ceil(self.limits.min_pa / step), math.floor(self.limits.max_pa / step)
         return min(max(round(pressure_pa / step), lowest), highest) * step
@@ -304,7 +304,9 @@ def driver_of(name: str) -> Callable[..., Controller]:
             try:
                 given = entry.load()
             except Exception as error:
-                raise RigError(f"controller {name} of an installed package: {said(error)}; mend the package") from None
+                raise RigError(
+                    f"controller {name} of an installed package: {said(error)}; repair the package"
+                ) from None
             return checked_driver(getattr(given, "CONTROLLER", given), f"controller {name} = {entry.value}")
     own = importlib.import_module(f"straw.rig.controllers.{name.replace('-', '_')}")
     driver: Callable[..., Controller] = own.CONTROLLER

@@ -23,7 +23,7 @@ from straw.rig.wire import Faults, Wire
 
 
 class Emulation:
-    """``with Emulation(stepper) as e:`` serves a controller at ``e.url``; ``e.twin.history`` tells what the straw did.
+    """``with Emulation(stepper) as e:`` serves a controller at ``e.url``; ``e.twin.history`` holds what the straw did.
 
     ``name`` is a controller of ``straw.rig.controllers`` that has an emulator. Each of ``addresses`` is ``"host:port"``
     (port 0 for any) or ``"pty"``; the one device answers on all of them, ``urls`` says where. The straw hangs on
@@ -124,7 +124,7 @@ def emulator_of(name: str) -> Callable[..., Emulator]:
             try:
                 given = entry.load()
             except Exception as error:
-                raise RigError(f"emulator {name} of an installed package: {said(error)}; mend the package") from None
+                raise RigError(f"emulator {name} of an installed package: {said(error)}; repair the package") from None
             return _checked(getattr(given, "EMULATOR", given), f"{name} = {entry.value}")
     try:
         own = importlib.import_module(f"straw.rig.emulators.{name.replace('-', '_')}")

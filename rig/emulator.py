@@ -28,7 +28,7 @@ class Emulator(ABC):
 
     @abstractmethod
     def refusal(self, line: bytes) -> bytes:
-        """How it says no to this request."""
+        """The answer that refuses this request."""
 
     def zeroed(self, line: bytes, time_s: float) -> bytes:
         """The reply it gives, valid in form, when every sensor shows zero: a board that lost its regulators."""
@@ -39,7 +39,7 @@ class Emulator(ABC):
             self.plants = plants
 
     def reboot(self, time_s: float) -> None:
-        """Start anew: no channel is told anything any more."""
+        """Restart: no channel has a command."""
         for plant in self.plants.values():
             plant.hold(time_s, closed=False)
             plant.command(time_s, 0.0)

@@ -2,7 +2,7 @@
 
 
 class RigError(Exception):
-    """Bad input or a state the rig room cannot go on from; the message is one line, fit to show a user."""
+    """Bad input or a state from which the rig cannot continue; the message is one line, fit to show a user."""
 
 
 class LinkLostError(RigError):

@@ -1,4 +1,4 @@
-"""Guardian: a process of its own that holds the port and has its last word: when the script dies or hangs, it vents.
+"""Guardian: a process of its own that holds the port, and vents when the script dies or hangs.
 
 The script talks to it through two pipes (``rig/guarded.py`` is the other end), which the operating system closes when
 the script ends, however it ends: SIGKILL, a crash, the task manager. The driver and its limits live here, so nothing a
@@ -184,7 +184,7 @@ class Guardian:
         self._fresh_until_s = time.monotonic() + STUCK_S + next_s
         if self._may_hurry and self.requests.urgent:
             self._may_hurry = False
-            raise RigError("given up: a vent was asked for meanwhile")
+            raise RigError("abandoned: a vent was requested meanwhile")
 
     def _pulse(self, reply: Reply) -> None:
         """Show that we get on: to the standby always, to the script while it waits for us."""

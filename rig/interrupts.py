@@ -1,4 +1,4 @@
-"""Interrupts: Ctrl-C and kill become a question the loop asks, so that nothing can interrupt the vent."""
+"""Interrupts: Ctrl-C and kill set a flag that the loop reads, so that nothing can interrupt the vent."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The last word: vent again and again until the controller confirms it, and write down what was done."""
+"""The last word: vents repeatedly until the controller confirms it, and records what was done."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SILENT_S = 1.0  # without one for so long it hangs: five in a row are missing
 
 @dataclass(frozen=True)
 class Orders:
-    """What a guardian is told once: the driver it holds, how long the script may be silent, how long it keeps trying.
+    """Settings of a guardian: the driver it holds, how long the script may be silent, how long it keeps trying.
 
     ``heartbeat_s`` counts only while something may be under pressure; ``patience_s`` while a vent is not confirmed.
     """

@@ -1,4 +1,4 @@
-"""Let the pressure out of an instrument, or look at it, whoever drove it before and whatever became of that."""
+"""Vents an instrument, or only reads it, whatever drove it before and however that ended."""
 
 from __future__ import annotations
 

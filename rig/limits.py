@@ -70,7 +70,7 @@ class Leash:
         self._at_s = -math.inf
 
     def why_not(self, pressure_pa: float, rate_pa_s: float | None, now_s: float) -> str | None:
-        """None when the channel may be told this pressure now, else the reason; counts as told when allowed."""
+        """None when this pressure may be commanded now, else the reason; counts as commanded when allowed."""
         farthest_pa = max(self.places_pa, key=lambda place: abs(pressure_pa - place))
         change_pa = abs(pressure_pa - farthest_pa)
         if rate_pa_s is not None:

@@ -1,4 +1,4 @@
-"""Scans the bytes of an MCAP file, whole or damaged: all that can be trusted, and in plain words what is lost."""
+"""Scans the bytes of an MCAP file, whole or damaged: all that is intact, and in plain words what is lost."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def _take_chunk(found: Scan, payload: bytes, position: int) -> None:
     elif chunk.compression == "":
         data = chunk.data
     else:
-        raise RigError(f"the chunk at byte {position} is packed with {chunk.compression!r}, which is unknown here")
+        raise RigError(f"the chunk at byte {position} is packed with {chunk.compression!r}, which is not supported")
     if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
         raise RigError(f"the chunk at byte {position} fails its checksum: its messages were left out")
     inside = 0

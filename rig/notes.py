@@ -1,4 +1,4 @@
-"""Notes, tags and marks: what people say about a recording, beside it, for the recording itself is never changed."""
+"""Notes, tags and marks: what people note about a recording, beside it, as the recording itself never changes."""
 
 from __future__ import annotations
 
@@ -101,4 +101,4 @@ def _check_mark(run: Path, kind: str, mark: str) -> None:
     if mark not in MARKS:
         raise RigError(f"{kind} {mark!r}: expected one of {', '.join(MARKS)}")
     if (kind, mark) == ("mark", "archive") and "lock" in read_notes(run).marks:
-        raise RigError(f"{run.name} is locked, so it is not archived; take the lock off first")
+        raise RigError(f"{run.name} is locked, so it is not archived; unlock it first")

@@ -1,4 +1,4 @@
-"""Operator: what a person may ask of a run while it goes on, and what the run tells in return."""
+"""Operator: what a person may ask of a run in progress, and what the run reports."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class Operator:
         return found
 
     def heard(self, now_s: float, readings: Sequence[Reading], told_pa: Mapping[int, float]) -> None:
-        """The readings of a cycle (s since the start), and what each channel was told (Pa)."""
+        """The readings of a cycle (s since the start), and the command of each channel (Pa)."""
 
     def happened(self, now_s: float, kind: str, text: str) -> None:
         """An event of the run."""

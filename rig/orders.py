@@ -1,4 +1,4 @@
-"""Orders: how other processes of this machine find a run that goes on, ask how it is, and hold, stop or vent it."""
+"""Orders: how other processes of this machine find a run in progress, ask for its state, and hold, stop or vent it."""
 
 from __future__ import annotations
 

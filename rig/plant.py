@@ -88,7 +88,7 @@ class PressurePlant:
         return float(round(noisy / self.resolution_pa) * self.resolution_pa) if self.resolution_pa else float(noisy)
 
     def flow(self, time_s: float) -> float:
-        """Volume a second that the straw takes in (m^3/s), as last told by ``take``."""
+        """Volume a second that the straw takes in (m^3/s), as last stated by ``take``."""
         return self._volume[2]
 
     def take(self, time_s: float, volume_m3: float, during_s: float) -> None:

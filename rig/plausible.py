@@ -7,7 +7,7 @@ OVERSHOOT = 0.1  # of the way it has to go
 
 
 class Expectation:
-    """A healthy controller reads something between where it was and what it has been told since, give or take a margin.
+    """A healthy controller reads something between where it was and what it was commanded since, within a margin.
 
     One reading outside of that is not believed. Two in a row that agree are, for supplies do fail; but never an exact
     0 that comes from nowhere, for that is how a lost link reads.
@@ -18,11 +18,11 @@ class Expectation:
         self._doubted_pa: float | None = None
 
     def forget(self) -> None:
-        """Expect anything: the link was opened anew."""
+        """Expect anything: the link was reopened."""
         self._within, self._doubted_pa = (), None
 
     def told(self, pressure_pa: float) -> None:
-        """It was told this, or may have been."""
+        """This was commanded, or may have been."""
         if self._within:
             self._within = (*self._within, pressure_pa)
 

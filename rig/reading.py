@@ -20,7 +20,7 @@ class Stamp:
 class Reading(Stamp):
     """One measured gauge pressure (Pa) of one channel, with the raw bytes it came in; sigma NaN when unknown.
 
-    ``flow_m3_s`` is what a flow sensor on the channel shows, NaN where none is told of.
+    ``flow_m3_s`` is what a flow sensor on the channel shows, NaN without one.
     """
 
     channel: int

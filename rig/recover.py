@@ -1,4 +1,4 @@
-"""Recovery: a run that was killed, cut or damaged becomes a whole file again, which says what was lost."""
+"""Recovery: makes a whole file of a run that was killed, cut or damaged; the file says what was lost."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ CAMERAS = ("gopro", "by hand")
 
 @dataclass(frozen=True)
 class CameraFile:
-    """The camera: ``gopro`` is told over HTTP at ``address``, ``by hand`` a person presses; ``lens`` is CAMERA.json."""
+    """The camera: ``gopro`` is controlled over HTTP at ``address``, ``by hand`` by a person; ``lens``: CAMERA.json."""
 
     kind: str = "by hand"
     address: str = ""

@@ -62,7 +62,7 @@ class RunWriter:
         self._queue.append((topic, happened_ns, values, time.time_ns()))
 
     def command(self, command: Command) -> None:
-        """Queue what a controller was told."""
+        """Queue a command that was given to a controller."""
         self._told("/pressure/command", command)
 
     def reading(self, reading: Reading) -> None:

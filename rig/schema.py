@@ -158,4 +158,4 @@ def encode(topic: str, happened_ns: int, values: Mapping[str, Any]) -> bytes:
 
 def _check_time(topic: str, happened_ns: int) -> None:
     if not 0 < happened_ns <= LAST_NS:  # a message at t = 0 breaks viewers
-        raise RigError(f"{topic} at {happened_ns} ns is no time since 1970; check zero_time_ns")
+        raise RigError(f"{topic} at {happened_ns} ns is not a time since 1970; check zero_time_ns")

@@ -176,7 +176,7 @@ class _Session:
         self.event("stop", "end of protocol")
 
     def command(self, protocol_s: float) -> None:
-        """Tell each channel what its table says, when that is not what it was told last."""
+        """Command each channel what its table says, where that differs from the last command."""
         for part in self.protocol.parts:
             channel, wanted_pa = part.channel, float(part(protocol_s))
             if self.controller.rounded(wanted_pa) == self.told_pa.get(channel):

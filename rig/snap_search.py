@@ -51,7 +51,7 @@ class SnapPlan:
 
 @dataclass(frozen=True)
 class Held:
-    """One hold: pressure told (Pa), mean reading over its end (Pa), standard uncertainty of that (Pa), how it ended."""
+    """One hold: command (Pa), mean reading over its end (Pa), standard uncertainty of that (Pa), how it ended."""
 
     told_pa: float
     read_pa: float
@@ -104,7 +104,7 @@ def snap_search(
     no bisection. RigError where no snap comes up to the plan's end.
     """
     if reset is None and plan.repeats > 1:
-        raise RigError("snap search: repeats need somebody who sets the straw back in between")
+        raise RigError("snap search: repeats need somebody who resets the straw in between")
     with Interrupts("interrupted: venting first") as interrupts:
         search = _Search(controller, plan, watcher, reset, writer, progress, interrupts)
         try:

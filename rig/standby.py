@@ -30,7 +30,7 @@ Word = tuple[str, Any]
 
 
 class Standby:
-    """The guardian's end of it: started at once, told what happens, dismissed when all is well."""
+    """The guardian's end of it: started at once, informed of what happens, dismissed when all is well."""
 
     def __init__(self, orders: Orders) -> None:
         self._orders = orders

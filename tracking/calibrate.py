@@ -1,4 +1,4 @@
-"""Calibration: from pictures or videos of a checkerboard to a lens that knows how far it can be trusted."""
+"""Calibration: from pictures or videos of a checkerboard to a lens with its uncertainty."""
 
 from __future__ import annotations
 

@@ -92,7 +92,7 @@ def check_rigid(pose: Floats, where: str) -> None:
         raise TrackingError(f"{where}: shape {pose.shape}; it must be 4 rows of 4 finite numbers")
     rotation = pose[:3, :3]
     if not np.allclose(rotation @ rotation.T, np.eye(3), atol=_ORTHONORMAL) or np.linalg.det(rotation) < 0:
-        raise TrackingError(f"{where}: its upper left 3x3 is no rotation; take it from the file that measured it")
+        raise TrackingError(f"{where}: its upper left 3x3 is not a rotation; take it from the file that measured it")
     if not np.allclose(pose[3], (0, 0, 0, 1), atol=1e-12):
         raise TrackingError(f"{where}: its last row is {pose[3].tolist()}; it must be [0, 0, 0, 1]")
 

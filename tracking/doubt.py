@@ -1,4 +1,4 @@
-"""Which sightings are not to be believed: repeated pictures, pictures built on lost packets, boards that jump."""
+"""Which detections to reject: repeated pictures, pictures built on lost packets, boards that jump."""
 
 from __future__ import annotations
 

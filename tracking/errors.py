@@ -2,4 +2,4 @@
 
 
 class TrackingError(Exception):
-    """Bad input or a state the tracking room cannot go on from; the message is one line, fit to show a user."""
+    """Bad input or a state from which tracking cannot continue; the message is one line, fit to show a user."""

@@ -48,9 +48,9 @@ class Fields:
             return cls(json.loads(text), where)
         except json.JSONDecodeError as error:
             line = f"line {error.lineno}, column {error.colno}: {error.msg}"
-            raise TrackingError(f"{where}: not valid JSON ({line}); repair that line or save the file anew") from error
+            raise TrackingError(f"{where}: not valid JSON ({line}); repair that line or save the file again") from error
         except (RecursionError, ValueError) as error:  # nested without end, or an integer of thousands of digits
-            raise TrackingError(f"{where}: not sensible JSON; save the camera file anew") from error
+            raise TrackingError(f"{where}: not sensible JSON; save the camera file again") from error
 
     def __contains__(self, name: str) -> bool:
         return self.data.get(name) is not None

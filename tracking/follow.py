@@ -1,4 +1,4 @@
-"""Follows the board from frame to frame: predict, sharpen, check; search again when lost, never guess."""
+"""Follows the board from frame to frame: predict, refine, check; search again when lost, never guess."""
 
 from __future__ import annotations
 

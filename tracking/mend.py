@@ -1,4 +1,4 @@
-"""Poses mended by hand: frames not to be believed, poses set, points to follow; each with its reason."""
+"""Corrections by hand: frames rejected, poses set, points to follow; each with its reason."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def load_edits(path: str | os.PathLike[str]) -> list[Edit]:
     except OSError as error:
         raise TrackingError(f"{path}: cannot be read ({reason(error)}); check the name") from None
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise TrackingError(f"{path}: is no TOML ({error}); straw track --step writes one") from None
+        raise TrackingError(f"{path}: is not TOML ({error}); straw track --step writes one") from None
     edits = list(_edits(document, str(path)))
     if not edits:
         raise TrackingError(f"{path}: mends nothing; write [[invalid]], [[pose]] or [[point]]")

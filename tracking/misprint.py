@@ -1,4 +1,4 @@
-"""What a printer does to a board: each corner and each line of them lies a little off; how much, the video tells."""
+"""Printing errors of a board: small offsets of corners and of lines of corners, estimated from the video."""
 
 from __future__ import annotations
 

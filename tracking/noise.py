@@ -1,4 +1,4 @@
-"""What the video says about its own making: how long the shutter was open, and how much the codec's prediction lags."""
+"""What the video shows of how it was made: the exposure time, and the lag of the codec's prediction."""
 
 from __future__ import annotations
 

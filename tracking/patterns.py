@@ -1,4 +1,4 @@
-"""How errors of corners are alike over a board: sums over all pairs of corners, without ever making their matrix."""
+"""Correlation of corner errors over a board: sums over all pairs of corners, without forming their matrix."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ class _Model:
         curvature = np.linalg.eigvalsh(self.slopes[:, :2].T @ self.slopes[:, :2])
         if curvature[0] < _STRAIGHT * curvature[1] or curvature[1] < 1.0:
             where = f"point at {at_px[0]:g}, {at_px[1]:g}"
-            raise TrackingError(f"{where}: no dot or corner of an edge is there to be followed; choose another")
+            raise TrackingError(f"{where}: there is no dot or corner of an edge to follow; choose another")
 
     def find(self, picture: Picture, near_px: Floats) -> Point | None:
         """Return the point near where it is expected."""

@@ -1,4 +1,4 @@
-"""Fits poses to what was seen, by what a video has in common, and knows how well."""
+"""Fits a pose to every frame with the video's common constants, and gives its covariance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was seen in each frame, kept on disk: memory does not grow with the video, and work can go on later."""
+"""What was detected in each frame, on disk: memory does not grow with the video, and work can continue later."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A second board, fixed in the world, that tells where the camera stands."""
+"""A second board, fixed in the world, that gives the camera's place."""
 
 from __future__ import annotations
 

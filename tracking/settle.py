@@ -1,4 +1,4 @@
-"""Settles a followed video: the camera's place, how the board is glued and the shutter's row time, by its motion."""
+"""Estimates what a video has in common, from its motion: the camera's place, how the board is glued, the row time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The painter: takes the truth (tip pose against time) and paints the video a GoPro would have taken of it."""
+"""The painter: renders the video that a GoPro would take of a given motion of the tip."""
 
 from __future__ import annotations
 
@@ -138,7 +138,9 @@ class _Scene:
         ends_s = np.concatenate((time_s - exposure_s / 2, time_s + late_s + exposure_s / 2))
         outlines = np.array([self._pixels(to_camera) for to_camera in self._board_to_camera(ends_s)]).reshape(-1, 2)
         if not np.all(np.isfinite(outlines)):
-            raise TrackingError("paint_video: tip gives a pose that is not finite within the duration; mend the motion")
+            raise TrackingError(
+                "paint_video: tip gives a pose that is not finite within the duration; correct the motion"
+            )
         self.box = self._around(outlines, _PAD_PX)
         left, top, right, bottom = self.box
         self.rays = np.empty((max(bottom - top, 0), max(right - left, 0), SAMPLES**2, 2), np.float32)

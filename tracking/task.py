@@ -1,4 +1,4 @@
-"""What to track and by what; and what a video says about the tip."""
+"""What to track and with what; and the result, the tip's motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""TipTrace: the tip's X, Z and Phi over time, each sample with its sigma and a flag that says whether to trust it."""
+"""TipTrace: the tip's X, Z and Phi over time, each sample with its sigma and a validity flag."""
 
 from __future__ import annotations
 

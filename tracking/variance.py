@@ -1,4 +1,4 @@
-"""How well a clip's corners are known: variance components, estimated from what its own corners leave."""
+"""How well a clip's corners are known: variance components, estimated from the residuals of its own corners."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Video files: luma pictures with their true times, and an honest account of what was missing or broken."""
+"""Video files: luma pictures with their true times, and a report of what was missing or broken."""
 
 from __future__ import annotations
 

@@ -186,4 +186,4 @@ def _numbers(topic: str, name: str, given: ArrayLike) -> NDArray[np.float64]:
     try:
         return np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError):
-        raise ReplayError(f"{topic}: {name} is no column of numbers") from None
+        raise ReplayError(f"{topic}: {name} is not a column of numbers") from None

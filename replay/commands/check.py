@@ -23,7 +23,9 @@ def run(args: argparse.Namespace) -> int:
     module = module_of(args.part.resolve(), "part")
     kinds = [name for name in PARTS if hasattr(module, name)]
     if not kinds:
-        raise ReplayError(f"{args.part}: gives none of {', '.join(PARTS)}; end it with LAW = straw.Law(...), for one")
+        raise ReplayError(
+            f"{args.part}: defines none of {', '.join(PARTS)}; end it, for example, with LAW = straw.Law(...)"
+        )
     said = PARTS[kinds[0]](args.part, module, args)
     if args.json:
         write_json(args.json, {"part": str(args.part), "gives": kinds[0], "good": True, "says": said})

@@ -20,7 +20,7 @@ def run(args: argparse.Namespace) -> int:
     rows, others = export_table(args.run, csv=args.csv, parquet=args.parquet, topics=args.topic)
     if args.json:
         write_json(args.json, {"rows": rows, "others": others, "files": [str(path) for path in outputs]})
-    print(f"{', '.join(map(str, outputs))}: {rows} rows, one a message")
+    print(f"{', '.join(map(str, outputs))}: {rows} rows, one per message")
     where = side_of(args.csv).name if args.csv else "the Parquet file's metadata"
     more = f", and {others} messages that are no plain fields" if others else ""
     print(f"what a table cannot hold is in {where}: metadata, attachments, schemas{more}")

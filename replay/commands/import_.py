@@ -71,7 +71,7 @@ def _own(args: argparse.Namespace, own: list[bool]) -> int:
         )
     table = args.tables[0]
     if args.dry_run:
-        print(f"{table}: straw export wrote it; it comes back as it was. Nothing is written (--dry-run)")
+        print(f"{table}: written by straw export, and restored as it was. Nothing is written (--dry-run)")
         return 0
     count, whole = import_own(table, args.output, metadata_of(args))
     if args.json:

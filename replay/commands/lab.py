@@ -79,10 +79,10 @@ def tell(folder: Path, said: dict[str, Any]) -> None:
     """What a person at the terminal should know."""
     print(f"the lab of {folder}: {said['url']}", flush=True)
     if said["remote"]:
-        print("others than this machine can reach it: who has this address has the rig", flush=True)
+        print("other machines can reach it: whoever has this address controls the rig", flush=True)
     if not said["writable"]:
-        print(f"{folder} cannot be written: look, but nothing can be noted, run or made here", flush=True)
-    print("here: V and Enter vents; Ctrl-C leaves, and a run that goes on goes on by itself", flush=True)
+        print(f"{folder} cannot be written: you can look, but take no notes and run or make nothing here", flush=True)
+    print("here: V and Enter vent; Ctrl-C ends the lab, and a run in progress continues by itself", flush=True)
 
 
 def show(url: str, args: argparse.Namespace) -> int:
@@ -115,7 +115,7 @@ def vent_all(folder: Path) -> int:
         except RigError as error:
             print(error)
     if not vented:
-        print("no run goes on here")
+        print("no run is in progress here")
     return vented
 
 

@@ -1,4 +1,4 @@
-"""straw paper: the paper's numbers beside the model's, and its figures drawn anew."""
+"""straw paper: the paper's numbers beside the model's, and its figures redrawn."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def run(args: argparse.Namespace) -> int:
     sample = files("straw.model") / "samples" / "filling.csv"
     with as_file(sample) as shipped:
         tests = read_filling_tests(args.filling or shipped)
-    table = args.filling.name if args.filling else "synthetic sample of the design"
+    table = args.filling.name if args.filling else "synthetic sample, made with 0.52 mm"
     rho_kg_per_m3 = StrawParameters().rho_kg_per_m3
     radius = channel_radius(tests, rho_kg_per_m3)
     try:
@@ -121,15 +121,15 @@ def _print_shell(found: dict[str, Any]) -> None:
 
 def _print(table: list[Number]) -> None:
     width = max(len(n.name) for n in table)
-    notes = list(dict.fromkeys(n.note for n in table if n.note))
-    print(f"{'number':<{width}}  {'where':<12} {'paper':>12} {'model':>12} {'difference':>11}")
+    ways = list(dict.fromkeys(n.how for n in table))
+    print(f"{'number':<{width}}  {'where':<12} {'paper':>8} {'model':>9} {'difference':>11}")
     for n in table:
-        note = f" [{notes.index(n.note) + 1}]" if n.note else ""
         print(
-            f"{n.name:<{width}}  {n.source:<12} {n.paper:>12.6g} {n.model:>12.6g} {n.difference:>+11.2g} "
-            f"{n.unit:<6}{'' if n.agrees else ' DIFFERS'}{note}".rstrip()
+            f"{n.name:<{width}}  {n.source:<12} {n.paper:>8.5g} {n.model:>9.6g} {n.difference:>+11.2g} "
+            f"{n.unit:<4}{'' if n.agrees else ' DIFFERS'} [{ways.index(n.how) + 1}]"
         )
-    for i, note in enumerate(notes, 1):
-        print(f"[{i}] {note}")
+    print("how the model's number was got:")
+    for i, how in enumerate(ways, 1):
+        print(f"[{i}] {how}")
     off = sum(not n.agrees for n in table)
-    print(f"{len(table)} numbers, {len(table) - off} within rounding, {off} differ; check: an independent derivation")
+    print(f"{len(table)} numbers of the paper, {len(table) - off} within its rounding, {off} differ")

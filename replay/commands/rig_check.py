@@ -42,7 +42,9 @@ def report(controller: Controller, args: argparse.Namespace) -> int:
     pressure_pa = args.pressure * 1e3
     reason = controller.limits.why_not(pressure_pa)
     if reason:
-        raise ReplayError(f"--pressure {args.pressure:g}: {reason}; give another one, or 0 to try the vent without")
+        raise ReplayError(
+            f"--pressure {args.pressure:g}: {reason}; give another one, or 0 to try the vent without pressure"
+        )
     with controller:
         found = checked(controller, pressure_pa)
     for key, value in found["instrument"].items():
@@ -97,7 +99,7 @@ def checked(controller: Controller, pressure_pa: float) -> dict[str, Any]:
 
 
 def _near(controller: Controller, channel: int, wanted_pa: float) -> float:
-    """The mean of a few readings, once the channel is where it was told to be, or has had its time."""
+    """The mean of a few readings, once the channel has reached its command, or its time is over."""
     until_s = time.monotonic() + SETTLE_S
     while True:
         found = [next(r.pressure_pa for r in controller.read() if r.channel == channel) for _ in range(TRIES)]

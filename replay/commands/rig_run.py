@@ -44,7 +44,9 @@ def run(args: argparse.Namespace) -> int:
         protocol.check_limits(rig.limits)
     camera = rig.camera if rig and not args.no_film else None
     if camera and args.fast:
-        raise ReplayError("--fast is no time to film: add --no-film, or leave out --fast")
+        raise ReplayError(
+            "--fast does not run in real time, so nothing can be filmed: add --no-film, or leave out --fast"
+        )
     with Filming(camera, args.output), live_of(args, straw, protocol) as live:
         return _run(args, straw, protocol, live)
 

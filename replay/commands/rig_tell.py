@@ -1,4 +1,4 @@
-"""straw rig tell: an order to a run that goes on, from any terminal of this machine."""
+"""straw rig tell: an order to a run in progress, from any terminal of this machine."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def run(args: argparse.Namespace) -> int:
         obeyed += 1
         print(f"{name_of(control)}: {state}")
     if not obeyed:
-        raise ReplayError(f"{args.dir}: no run goes on there that takes orders (straw rig run --live and straw lab do)")
+        raise ReplayError(f"{args.dir}: no run in progress there takes orders (straw rig run --live and straw lab do)")
     return 0
 
 

@@ -202,7 +202,7 @@ def _unknown(files: list[Path]) -> str:
     if not files:
         return ""
     names = ", ".join(path.name for path in files[:3]) + (", ..." if len(files) > 3 else "")
-    return f": no checksum was kept of {names}, so nobody can tell (straw runs attach RUN FILE keeps one)"
+    return f": no checksum was kept of {names} (straw runs attach RUN FILE keeps one)"
 
 
 def export_run(args: argparse.Namespace) -> int:

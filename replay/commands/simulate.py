@@ -33,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
         )
     if isinstance(p, LongPrediction):
         print(
-            f"{len(p.time_s)} samples, {rate_hz:.3g} a second where it moves; {p.skipped_s:.0f} s of rest skipped; "
+            f"{len(p.time_s)} samples, {rate_hz:.3g} per second where it moves; {p.skipped_s:.0f} s of rest skipped; "
             "--from and --to predict a stretch at full rate"
         )
     print(

@@ -45,7 +45,7 @@ class Log:
         self.lines, self.torn = parsed(text)
         if self.torn and not self.lines:
             self.__exit__(None, None, None)
-            raise ReplayError(f"{self.path}: is no log of straw investigate; choose another --log")
+            raise ReplayError(f"{self.path}: is not a log of straw investigate; choose another --log")
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:

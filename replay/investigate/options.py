@@ -11,17 +11,21 @@ from straw.replay.options import whole_number, workers_options
 def investigate_options(p: argparse.ArgumentParser) -> None:
     """When to stop, who says yes, what is emulated, and how the diagnosis is done."""
     p.add_argument("--specimen", metavar="NAME", help="which straw (the only one in the folder)")
-    p.add_argument("--certainty", type=float, default=0.9, metavar="P", help="how probable an answer must be (0.9)")
-    p.add_argument("--tolerance", metavar="x=0.1mm,phi=2mrad", help="a model this good is good enough, as in diagnose")
-    p.add_argument("--rounds", type=int, default=8, metavar="N", help="run at most so many experiments (8)")
-    p.add_argument("--minutes", type=float, metavar="M", help="drive the rig for at most so long")
-    p.add_argument("--snaps", type=int, metavar="N", help="let cells snap at most so often")
+    p.add_argument(
+        "--certainty", type=float, default=0.9, metavar="P", help="probability at which an answer is accepted (0.9)"
+    )
+    p.add_argument(
+        "--tolerance", metavar="x=0.1mm,phi=2mrad", help="RMS misfit that is good enough, as in straw diagnose"
+    )
+    p.add_argument("--rounds", type=int, default=8, metavar="N", help="largest number of experiments (8)")
+    p.add_argument("--minutes", type=float, metavar="M", help="longest time of driving the rig")
+    p.add_argument("--snaps", type=int, metavar="N", help="largest number of snaps")
     p.add_argument("--yes", type=whole_number, default=0, metavar="N", help="say yes to N rounds that need no hand (0)")
     p.add_argument("--wait", action="store_true", help="wait for a yes from the lab's page, or by --answer")
     p.add_argument("--answer", choices=("yes", "no"), help="answer the one that waits in this folder, and end")
     p.add_argument("--log", type=Path, metavar="L.jsonl", help="its log, to go on from (investigate-SPECIMEN.jsonl)")
     p.add_argument("--operator", default="", metavar="NAME", help="who says yes, for the record")
-    p.add_argument("--fast", action="store_true", help="with --emulate: as fast as the arithmetic, not in real time")
+    p.add_argument("--fast", action="store_true", help="with --emulate: as fast as possible instead of in real time")
     p.add_argument("--twin", type=Path, metavar="T.toml", help="with --emulate: what is emulated, unlike --straw")
     p.add_argument(
         "--without", nargs="+", action="extend", default=[], metavar="CAUSE", help="leave causes out of the library"

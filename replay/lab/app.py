@@ -1,4 +1,4 @@
-"""App: the lab's routes. GET looks and changes nothing; POST changes something; a WebSocket tells and vents."""
+"""App: the lab's routes. GET changes nothing; POST changes something; a WebSocket reports, and vents."""
 
 from __future__ import annotations
 

@@ -46,11 +46,11 @@ class Bench:
         self._closed = threading.Event()
 
     def open(self) -> None:
-        """Begin to watch: what goes on is found, what waits is started when it may."""
+        """Begin to watch: find a run in progress, and start what is queued when it may start."""
         threading.Thread(target=self._watch, name="bench", daemon=True).start()
 
     def close(self) -> None:
-        """Stop watching; a run that goes on goes on."""
+        """Stop watching; a run in progress continues."""
         self._closed.set()
 
     @property
@@ -89,7 +89,7 @@ class Bench:
         return len(self.queue.items)
 
     def order(self, who: str, do: str) -> str:
-        """Hold, resume or stop the run that goes on; RigError when there is none."""
+        """Hold, resume or stop the run in progress; RigError when there is none."""
         name = self.control.check(who)
         if do == "vent":
             return str(self.vent(name)["says"])

@@ -36,7 +36,7 @@ def film_of(recording: Path, name: str) -> Path:
     """Where a film is laid: beside its recording, under its own name after the run's; RigError where that is taken."""
     plain = Path(name.replace("\\", "/")).name
     if Path(plain).suffix.lower() not in FILMS:
-        raise RigError(f"{plain!r} is no film; expected one of {', '.join(FILMS)}")
+        raise RigError(f"{plain!r} is not a film; expected one of {', '.join(FILMS)}")
     film = recording.with_name(f"{recording.name.removesuffix('.part').removesuffix('.mcap')}-{plain}")
     if film.exists():
         raise RigError(f"{film.name} is there already and is not overwritten")

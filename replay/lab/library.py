@@ -186,7 +186,7 @@ class Library:
 
 
 def running_entry(name: str, said: dict[str, Any]) -> Entry:
-    """The entry of a run that goes on, from what it says of itself: its file is not finished."""
+    """The entry of a run in progress, from its own status: its file is not finished."""
     return Entry(
         name,
         0,

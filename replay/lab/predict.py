@@ -1,4 +1,4 @@
-"""Predict: a protocol before it is run: what the rig would be told, what the straw would do, as a page of the report.
+"""Predict: a protocol before it is run: the rig's commands and the straw's motion, as a page of the report.
 
 ``python -m straw.replay.lab.predict`` reads one task a line and answers one line each: the model is compiled once, in a
 process of its own, so that neither its memory nor its work is the server's.

@@ -67,7 +67,7 @@ class Queue:
         """Move an item up (-1) or down (+1)."""
         at = next((k for k, item in enumerate(self.items) if item.id == item_id), None)
         if at is None:
-            raise RigError("that protocol is not in the queue any more")
+            raise RigError("that protocol is no longer in the queue")
         item = self.items.pop(at)
         self.items.insert(max(0, at + by), item)
         self._save()
@@ -78,7 +78,7 @@ class Queue:
         self._save()
 
     def release(self) -> None:
-        """Let it go on."""
+        """Resume it."""
         self.held = ""
         self._save()
 

@@ -1,4 +1,4 @@
-"""Serve: an application behind its guard on one address; what uvicorn is told, in one place."""
+"""Serve: an application behind its guard on one address; uvicorn's settings in one place."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def bound(address: str, *, elsewhere: bool = True) -> tuple[socket.socket, str, 
     host, _, port = address.rpartition(":")
     host = host.strip("[]") or "127.0.0.1"
     if host not in LOOPBACK and not elsewhere:
-        raise ReplayError(f"{address} is open to others than this machine; if that is wanted, say so with --remote")
+        raise ReplayError(f"{address} can be reached from other machines; if that is wanted, add --remote")
     try:
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         listener = socket.socket(family, socket.SOCK_STREAM)
@@ -36,7 +36,7 @@ def bound(address: str, *, elsewhere: bool = True) -> tuple[socket.socket, str, 
     except (OSError, ValueError, OverflowError) as error:
         why = getattr(error, "strerror", None) or str(error)
         raise ReplayError(
-            f"{address} cannot be listened at: {why}; give HOST:PORT of this machine, or port 0"
+            f"{address} cannot be used as an address: {why}; give HOST:PORT of this machine, or port 0"
         ) from None
     return listener, host, listener.getsockname()[1]
 

@@ -58,7 +58,7 @@ def state_folder(folder: Path) -> Path | None:
 
 
 def main() -> None:
-    """Serve until stdin ends or says so; runs that go on go on."""
+    """Serve until stdin ends or says so; runs in progress continue."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that waits for it
     try:
         server, door, lab = make(json.loads(sys.stdin.readline()))

@@ -148,7 +148,7 @@ class Jobs:
         """End a job that takes too long; what it has printed stays."""
         job = self.jobs.get(job_id)
         if job is None or job.code is not None:
-            raise RigError("that job does not work any more")
+            raise RigError("that job is no longer running")
         if job.process is None:
             job.code, job.said = 130, "stopped before its turn came"
         else:

@@ -1,4 +1,4 @@
-"""How far a prediction is from a measurement; no single number says it, so several are kept together."""
+"""How far a prediction is from a measurement, as several figures, since no single one is enough."""
 
 from straw.replay.metrics.signal import Metrics, metrics_of
 

@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 class Metrics:
     """Figures of one signal in its own unit; residual = predicted - measured. NaN where something is unknown.
 
-    ``overlap_s``: seconds in which both speak. ``nrmse_of_range``: RMSE over max - min of the measurement.
+    ``overlap_s``: seconds in which both have samples. ``nrmse_of_range``: RMSE over max - min of the measurement.
     ``sprague_geers_*``: magnitude M, phase P, comprehensive C. ``lag_s`` > 0: the prediction is late; ``lag_at_bound``:
     it means nothing but "beyond". ``reduced_chi2_sigma``: scatter that mere noise of the residual's correlation gives
     the reduced chi-square about 1.

@@ -85,7 +85,7 @@ def snaps_of(time_s: Floats, x_m: Floats, z_m: Floats, phi_rad: Floats, limit_ra
 
 
 def _crossing(time_s: Floats, turn: Floats, k: int, limit_rad: float, noise_rad: float) -> tuple[float, float]:
-    """Where the turn passes the limit between samples k and k + 1 (s), and how well noise lets one tell."""
+    """Where the turn passes the limit between samples k and k + 1 (s), with its standard uncertainty from the noise."""
     low, high, step_s = turn[k], turn[k + 1], time_s[k + 1] - time_s[k]
     share = float(np.clip((limit_rad - low) / (high - low), 0, 1)) if high != low else 0.5
     rate = abs(high - low) / step_s

@@ -1,1 +1,1 @@
-"""The paper once more: its validation runs, numbers and figures, recomputed by the model."""
+"""The paper's validation runs, numbers and figures, recomputed by the model."""

@@ -1,4 +1,4 @@
-"""The paper's finite elements, drawn anew: Fig. 4 b, c and S2 by a director shell, and what its energy changes."""
+"""The paper's finite elements repeated: Fig. 4 b, c and S2 by a director shell, and what its energy changes."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ function follow(run) {
     }
     showState(run);
   };
-  orders.onclose = () => { if (!ended) sentence("The page of this run is gone; what arrived is shown. The run's own process vents, or its guardian does."); showState(run); };
+  orders.onclose = () => { if (!ended) sentence("The page of this run has ended; what had arrived is shown. The run's own process vents, or its guardian does."); showState(run); };
 }
 const sentence = (text) => { $(".sentence").textContent = text; };
 const order = (what) => { if (orders.readyState === WebSocket.OPEN) orders.send(JSON.stringify({ do: what, who: "the run's own page" })); };
@@ -83,7 +83,7 @@ function drawOrders(run) {
 function showState(run) {
   const silent = (performance.now() - heardAt) / 1e3, lost = !ended && (silent > 1.5 || orders.readyState > 1);
   $("#state").className = lost ? "off" : "";
-  $("#state").textContent = ended ? "ended" : lost ? `nothing heard for ${silent.toFixed(0)} s; on the machine: straw rig tell vent` :
+  $("#state").textContent = ended ? "ended" : lost ? `no data for ${silent.toFixed(0)} s; on the machine: straw rig tell vent` :
     `${answered || "running"}${run.guardian ? ` · guardian: process ${run.guardian.pid}, vents when the run is silent for ${run.guardian.heartbeat_s} s` : ""}`;
 }
 document.addEventListener("keydown", (e) => { if (["ArrowLeft", "n", "p", "Home", " "].includes(e.key)) following = false; if (e.key === "End") following = true; });

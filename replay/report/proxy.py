@@ -94,7 +94,7 @@ def _camera_of(c: Comparison) -> Camera:
     data = c.run.attachments.get("camera.json")
     if data is None:
         raise ReplayError(
-            f"{c.run.path}: its track says no camera; give --camera with its place (straw track --save-camera)"
+            f"{c.run.path}: its track names no camera; give --camera with its place (straw track --save-camera)"
         )
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "camera.json"

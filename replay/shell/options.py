@@ -10,8 +10,10 @@ from straw.replay.options import workers_options
 
 def shell_options(p: argparse.ArgumentParser) -> None:
     """What `straw shell` takes beside --straw and --json."""
-    p.add_argument("--cell", type=int, default=1, metavar="N", help="of which cell (1)")
-    p.add_argument("--whole", action="store_true", help="the whole cell, both frusta compliant, not its even frustum")
+    p.add_argument("--cell", type=int, default=1, metavar="N", help="which cell (1)")
+    p.add_argument(
+        "--whole", action="store_true", help="the whole cell with both frusta compliant, instead of its even frustum"
+    )
     p.add_argument(
         "--profile", type=Path, metavar="P.csv", help="a measured wall: r_m,z_m,thickness_m; an empty line is a crease"
     )
@@ -23,24 +25,37 @@ def shell_options(p: argparse.ArgumentParser) -> None:
         "--phi",
         default="material",
         metavar="READING",
-        help="material (default): a point of the base keeps its height; or plane",
+        help="meaning of phi: material (default), a point of the base keeps its height; or plane",
     )
-    p.add_argument("--rims", default="tied", metavar="HOW", help="of a cell: tied (default), free, or N/m per m of rim")
-    p.add_argument("--bases", default="free", metavar="HOW", help="radially free (default), held, or N/m per m of rim")
-    p.add_argument("--pressure-kpa", type=float, default=0.0, metavar="P", help="inside, end sealed (0)")
+    p.add_argument(
+        "--rims",
+        default="tied",
+        metavar="HOW",
+        help="rims of a cell: tied (default), free, or a stiffness in N/m per m of rim",
+    )
+    p.add_argument(
+        "--bases",
+        default="free",
+        metavar="HOW",
+        help="bases: radially free (default), held, or a stiffness in N/m per m of rim",
+    )
+    p.add_argument("--pressure-kpa", type=float, default=0.0, metavar="P", help="pressure inside, end sealed (0)")
     p.add_argument(
         "--tolerance",
         type=float,
         default=1e-3,
         metavar="SHARE",
-        help="of energy, force and moment, for the mesh (1e-3)",
+        help="relative error of energy, force and moment at which the mesh is fine enough (1e-3)",
     )
-    p.add_argument("--points", type=int, default=900, metavar="N", help="of the landscape (900)")
+    p.add_argument("--points", type=int, default=900, metavar="N", help="points of the energy landscape (900)")
     p.add_argument(
-        "--out", type=Path, metavar="DIR", help="solve the landscape over (zeta, phi), keep and draw it here"
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="solve the energy landscape over (zeta, phi), and store and draw it here",
     )
     p.add_argument(
-        "--elasticity", type=Path, metavar="E.json", help="fit the landscape for elasticity = ... in a straw file"
+        "--elasticity", type=Path, metavar="E.json", help="fit the landscape, for elasticity = ... in a straw file"
     )
     jobs_options(p)
 
@@ -52,13 +67,13 @@ def jobs_options(p: argparse.ArgumentParser) -> None:
 
 def design_options(p: argparse.ArgumentParser) -> None:
     """What `straw design` takes beside --straw and --json."""
-    p.add_argument("wish", type=Path, metavar="WISH.toml", help="[wanted] and [vary], or [order]; see the README")
+    p.add_argument("wish", type=Path, metavar="WISH.toml", help="[wanted] and [vary], or [order]; see the guide")
     p.add_argument(
-        "--out", type=Path, default=Path("design"), metavar="DIR", help="for straw files, table and map (design)"
+        "--out", type=Path, default=Path("design"), metavar="DIR", help="folder for straw files, table and map (design)"
     )
-    p.add_argument("--count", type=int, default=2048, metavar="N", help="designs swept (2048)")
+    p.add_argument("--count", type=int, default=2048, metavar="N", help="designs tried (2048)")
     p.add_argument("--keep", type=int, default=5, metavar="N", help="designs shown (5)")
-    p.add_argument("--check", type=int, default=2, metavar="N", help="of them by finite elements (2)")
+    p.add_argument("--check", type=int, default=2, metavar="N", help="designs checked by finite elements (2)")
     jobs_options(p)
 
 
@@ -70,7 +85,7 @@ def solid_options(p: argparse.ArgumentParser) -> None:
     p.add_argument(
         "--folded",
         action="store_true",
-        help="the unloaded shape: as made it then has the parameters; else drawn deployed",
+        help="the folded, unloaded shape instead of the deployed one",
     )
     p.add_argument("--flange-mm", metavar="R,T", help="radius and thickness of the board's flange (28.2,2)")
-    p.add_argument("--around", type=int, default=180, metavar="N", help="corners of the circles in STL (180)")
+    p.add_argument("--around", type=int, default=180, metavar="N", help="segments of a circle in STL (180)")

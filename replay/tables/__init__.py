@@ -1,1 +1,1 @@
-"""What straw import and straw export show and are told: flags, words, the picture of a plan."""
+"""Options, texts and the picture of straw import and straw export."""

@@ -18,10 +18,10 @@ COLUMNS = {
     "sigma_x": argparse.SUPPRESS,
     "sigma_z": argparse.SUPPRESS,
     "sigma_phi": argparse.SUPPRESS,
-    "valid": "0 or false where the tip is not to be trusted",
+    "valid": "0 or false where the tip is not valid",
     "frame": "number of the frame",
-    "likelihood": "a column of chances: the tip is valid from --least-likelihood on",
-    "event": "words to be kept as events, where they change",
+    "likelihood": "likelihood of a detection: the tip is valid from --least-likelihood on",
+    "event": "text that becomes an event where it changes",
 }
 IMPORT = """Each column is named as its heading says, or by its number from 1; with its unit, as "P1 in mbar", where the
 heading has none; with its file where several have it, as "tip.csv:Time in s"; "none" leaves a role out.
@@ -65,46 +65,63 @@ def import_options(p: argparse.ArgumentParser) -> None:
             f"--{role.replace('_', '-')}", dest=f"as_{role}", action="append", default=[], metavar="COLUMN", help=text
         )
     columns.add_argument("--points", nargs=2, metavar=("NEAR", "FAR"), help="x, z, phi from two points of a video")
-    columns.add_argument("--points-unit", metavar="UNIT", help="of their coordinates, where the file does not say")
-    columns.add_argument("--least-likelihood", type=float, metavar="P", help="from here on a point is valid (0.6)")
-    columns.add_argument("--mm-per-px", type=float, metavar="MM", help="scale of what is in px")
+    columns.add_argument("--points-unit", metavar="UNIT", help="unit of their coordinates, where the file does not say")
+    columns.add_argument(
+        "--least-likelihood", type=float, metavar="P", help="likelihood from which a point is valid (0.6)"
+    )
+    columns.add_argument("--mm-per-px", type=float, metavar="MM", help="scale of columns in px")
     columns.add_argument("--origin-px", metavar="U,V", help="the middle of the straw's base in the picture")
-    columns.add_argument("--tip-offset", type=float, metavar="MM", help="from the tip's face to what was tracked (0)")
+    columns.add_argument(
+        "--tip-offset", type=float, metavar="MM", help="distance from the tip's face to the tracked point (0)"
+    )
     clock = p.add_argument_group("clocks")
-    clock.add_argument("--rate", action="append", default=[], metavar="HZ", help="samples or frames a second: no time")
-    clock.add_argument("--offset", action="append", default=[], metavar="S", help="added to its times; TABLE:S")
-    clock.add_argument("--start", default="", metavar="DATE", help='when the run\'s 0 was, as "2026-05-03 14:02:11"')
-    clock.add_argument("--time-zone", default="", metavar="ZONE", help="of dates that say none: Europe/Berlin, +02:00")
-    clock.add_argument("--date-order", choices=("dmy", "mdy"), help="of 3/4/2026")
-    clock.add_argument("--back", metavar="HOW", help="time runs back: drop, sort, wrap (a counter), part:N; TABLE:HOW")
-    written = p.add_argument_group("how the file is written, where that is not found out")
+    clock.add_argument(
+        "--rate",
+        action="append",
+        default=[],
+        metavar="HZ",
+        help="samples or frames per second, where there is no column of time",
+    )
+    clock.add_argument(
+        "--offset", action="append", default=[], metavar="S", help="added to the times of a table; TABLE:S"
+    )
+    clock.add_argument("--start", default="", metavar="DATE", help='date of the run\'s zero, as "2026-05-03 14:02:11"')
+    clock.add_argument("--time-zone", default="", metavar="ZONE", help="of dates without one: Europe/Berlin, +02:00")
+    clock.add_argument("--date-order", choices=("dmy", "mdy"), help="order of dates like 3/4/2026")
+    clock.add_argument(
+        "--back", metavar="HOW", help="where time runs backwards: drop, sort, wrap (a counter), part:N; TABLE:HOW"
+    )
+    written = p.add_argument_group("format of the file, where it is not recognised")
     written.add_argument(
-        "--format",
-        metavar="NAME",
-        help="csv, esi, kinovea, tracker, deeplabcut, parquet, mat; or R.py",
+        "--format", metavar="NAME", help="csv, esi, kinovea, tracker, deeplabcut, parquet, mat; or R.py"
     )
     written.add_argument("--separator", metavar="C", help="a character, or tab, semicolon, comma, bar, space")
     written.add_argument("--decimal", choices=(".", ","), help="decimal mark")
     written.add_argument(
-        "--thousands", metavar="C", help="mark between thousands; the decimal mark: then the last is one"
+        "--thousands",
+        metavar="C",
+        help="mark between thousands (if equal to the decimal mark, the last one is decimal)",
     )
-    written.add_argument("--encoding", metavar="NAME", help="as latin-1 (found out)")
-    written.add_argument("--skip", type=int, default=0, metavar="LINES", help="lines on top to pass over")
+    written.add_argument("--encoding", metavar="NAME", help="as latin-1 (detected)")
+    written.add_argument("--skip", type=int, default=0, metavar="LINES", help="lines to skip at the top")
     run = p.add_argument_group("what the run was")
     run.add_argument("--specimen", metavar="NAME", help="which straw")
     run.add_argument("--deployed", metavar="CELLS", help='cells deployed at the start, as 1,4; "none"')
-    run.add_argument("--cycle", type=int, metavar="N", help="how often it was cycled before")
-    run.add_argument("--cells", type=int, metavar="N", help="how many cells it has (9)")
-    run.add_argument("--run-id", metavar="NAME", help="its name (the file's)")
+    run.add_argument("--cycle", type=int, metavar="N", help="number of earlier cycles")
+    run.add_argument("--cells", type=int, metavar="N", help="number of cells (9)")
+    run.add_argument("--run-id", metavar="NAME", help="name of the run (the file's)")
     run.add_argument("--meta", action="append", default=[], metavar="KEY=VALUE", help="any other fact, for the record")
-    p.add_argument("--straw", type=Path, metavar="S.toml", help='whose readers = ["R.py"] are known, too')
-    p.add_argument("--map", type=Path, metavar="M.toml", help="a mapping file; flags go before it")
-    p.add_argument("--save-map", type=Path, metavar="M.toml", help="write what was understood as a mapping file")
-    p.add_argument("--as-stated", action="store_true", help="believe units although sizes look wrong")
-    p.add_argument("--yes", action="store_true", help="the guesses are right: write")
-    p.add_argument("--dry-run", action="store_true", help="print and draw, write no recording")
+    p.add_argument("--straw", type=Path, metavar="S.toml", help='a straw file whose readers = ["R.py"] are used')
+    p.add_argument("--map", type=Path, metavar="M.toml", help="a mapping file; options override it")
+    p.add_argument("--save-map", type=Path, metavar="M.toml", help="write the interpretation as a mapping file")
+    p.add_argument("--as-stated", action="store_true", help="trust stated units although the values look implausible")
+    p.add_argument("--yes", action="store_true", help="accept the guesses and write")
+    p.add_argument("--dry-run", action="store_true", help="print and draw the interpretation, write no recording")
     p.add_argument(
-        "--picture", type=Path, metavar="P.png", help="what would be written (RUN.import.png, if not written)"
+        "--picture",
+        type=Path,
+        metavar="P.png",
+        help="drawing of the interpretation (RUN.import.png where nothing is written)",
     )
 
 
@@ -112,7 +129,9 @@ def export_options(p: argparse.ArgumentParser) -> None:
     """Options of straw export."""
     p.add_argument("run", type=Path, metavar="RUN.mcap")
     p.add_argument(
-        "--csv", type=Path, metavar="T.csv", help="one row a message; beside it T.csv.json: what no table holds"
+        "--csv", type=Path, metavar="T.csv", help="one row per message; T.csv.json beside it holds what a table cannot"
     )
     p.add_argument("--parquet", type=Path, metavar="T.parquet", help="the same in one file")
-    p.add_argument("--topic", action="append", default=[], metavar="TOPIC", help="only this, as /tip/state; may repeat")
+    p.add_argument(
+        "--topic", action="append", default=[], metavar="TOPIC", help="only this topic, as /tip/state; may repeat"
+    )

@@ -1,1 +1,1 @@
-"""Cameras that can be told: start, stop, and the film of a run fetched."""
+"""Cameras under remote control: started, stopped, and the film of a run fetched."""

@@ -62,7 +62,7 @@ class GoPro:
     def start(self) -> None:
         """Start filming, and return when it does."""
         if self._flag(ENCODING):
-            raise RigError(f"the camera {self.address} films already; stop it first")
+            raise RigError(f"the camera {self.address} is already filming; stop it first")
         self._wait(BUSY, False)
         self._before = set(self.clips())
         self._ask("/gopro/camera/shutter/start")
@@ -82,9 +82,7 @@ class GoPro:
         try:
             return [Clip(d["d"], f["n"], int(f["s"])) for d in listed["media"] for f in d["fs"]]
         except (KeyError, TypeError, ValueError):
-            raise RigError(
-                f"the camera {self.address} lists its card in a way not known here: {listed!r:.120}"
-            ) from None
+            raise RigError(f"the camera {self.address} lists its card in an unknown way: {listed!r:.120}") from None
 
     def fetch(self, clip: Clip, path: Path) -> Path:
         """Copy a clip to a path, whole or not at all: broken off, it is taken up where it ended."""

@@ -98,7 +98,7 @@ class Alicat(LineController):
         super().__init__(Line(port, baud=baud), timeout_s, **settings)
         if self.channels != (1,) or not re.fullmatch("[A-Z]", unit):
             raise RigError(
-                f"Alicat {unit!r}, channels {self.channels}: it has one letter for a name and channel 1 only"
+                f"Alicat {unit!r}, channels {self.channels}: its unit is one letter, and its only channel is 1"
             )
         self.model = ""
 

@@ -76,7 +76,7 @@ class Ob1Sdk(Controller):
             raise RigError(f"{path} does not load: {error}; a 64 bit Python needs the 64 bit library") from None
         self._per_call = hasattr(self._sdk, "OB1_Get_Press")
         if not self._per_call and not hasattr(self._sdk, "OB1_Get_Data"):
-            raise RigError(f"{path} exports neither OB1_Get_Press nor OB1_Get_Data; it is no Elveflow SDK known here")
+            raise RigError(f"{path} exports neither OB1_Get_Press nor OB1_Get_Data; it is not a known Elveflow SDK")
         number = ctypes.c_int32(-1)
         codes = [ctypes.c_uint16(code) for code in self.regulators]
         self._call("OB1_Initialization", self.port.encode("ascii"), *codes, ctypes.byref(number))

@@ -53,11 +53,11 @@ class AlicatEmulator(Emulator):
         return self.refusal(line) if reply is None else reply.encode() + b"\r"
 
     def refusal(self, line: bytes) -> bytes:
-        """How it says no."""
+        """The answer that refuses."""
         return b"?\r"
 
     def reboot(self, time_s: float) -> None:
-        """Start anew, with setpoint 0."""
+        """Restart, with setpoint 0."""
         super().reboot(time_s)
         self.setpoint, self.held = 0.0, False
 

@@ -32,7 +32,7 @@ class Ob1Mk4Emulator(Emulator):
         return self.refusal(line) if value is None else f">{request[1:7]}|OK|{value}\n".encode()
 
     def refusal(self, line: bytes) -> bytes:
-        """How it says no."""
+        """The answer that refuses."""
         return b">" + line[1:7] + b"|KO|\n"
 
     def _value(self, request: str, time_s: float) -> str | None:

@@ -82,7 +82,7 @@ def load_mapping(path: Path) -> Mapping:
     except OSError as error:
         raise RigError(f"mapping {path} cannot be read: {error.strerror or error}; check the name") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise RigError(f"mapping {path} is no TOML: {' '.join(str(error).split())}") from None
+        raise RigError(f"mapping {path} is not TOML: {' '.join(str(error).split())}") from None
     at = At(f"mapping {path}")
     at.known_keys(data, (*_RUN, "start", "time_zone", "metadata", "table", "as_stated"))
     metadata = {str(key): str(value) for key, value in _dict(at, data.get("metadata", {}), "metadata").items()}

@@ -81,7 +81,7 @@ def moments(cells: Sequence[str], zone: tzinfo | None, order: str | None, where:
     found = [pattern.match(cell.strip()) for cell in cells]
     bad = next((k for k, one in enumerate(found) if one is None), None)
     if bad is not None:
-        raise RigError(f"{where}: {cells[bad]!r} in row {bad + 1} is no date as the others are; repair or cut the row")
+        raise RigError(f"{where}: {cells[bad]!r} in row {bad + 1} is not a date like the others; repair or cut the row")
     told = ""
     if pattern is _DATES[2]:
         firsts, seconds = ([int(one[key]) for one in found if one] for key in ("A", "B"))
@@ -122,7 +122,9 @@ def _minute_ns(part: dict[str, str | None], zone: tzinfo | None, where: str) -> 
 def _clock(cell: str, row: int, where: str) -> int:
     found = _CLOCK.match(cell.strip())
     if not found:
-        raise RigError(f"{where}: {cell!r} in row {row + 1} is no time of day as the others are; repair or cut the row")
+        raise RigError(
+            f"{where}: {cell!r} in row {row + 1} is not a time of day like the others; repair or cut the row"
+        )
     hour = int(found["h"])
     if found["ap"]:
         hour = hour % 12 + (12 if found["ap"].casefold() == "pm" else 0)
@@ -133,5 +135,5 @@ def _clock(cell: str, row: int, where: str) -> int:
 def _code(cell: str, row: int, where: str) -> int:
     found = _CODE.match(cell.strip())
     if not found:
-        raise RigError(f"{where}: {cell!r} in row {row + 1} is no time code as the others are; repair or cut the row")
+        raise RigError(f"{where}: {cell!r} in row {row + 1} is not a time code like the others; repair or cut the row")
     return (int(found["h"]) * 3600 + int(found["m"]) * 60 + int(found["s"])) * 10**9 + int(found["c"]) * 10**7

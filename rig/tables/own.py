@@ -1,4 +1,4 @@
-"""straw's own table of a recording: one row a message, one column a field.
+"""straw's own table of a recording: one row per message, one column a field.
 
 A table holds every message of plain fields (numbers, truth values, words, bytes). ``Side`` is what it cannot hold:
 metadata, attachments, how each topic is encoded, and messages with fields inside fields. Where a message's bytes are

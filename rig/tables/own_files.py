@@ -107,7 +107,7 @@ def _checked(row: Row, path: Path, n: int) -> Row:
         if name not in row:
             raise RigError(f"{path.name}: row {n} has no {name}; repair or cut it")
     if not 0 < row["time_ns"] < 2**63:
-        raise RigError(f"{path.name}: row {n}: time_ns = {row['time_ns']} is no time since 1970")
+        raise RigError(f"{path.name}: row {n}: time_ns = {row['time_ns']} is not a time since 1970")
     row.setdefault("log_time_ns", row["time_ns"])
     return row
 

@@ -63,7 +63,7 @@ def times(table: Table, use: Use | None, said: TableMap, zone: tzinfo | None) ->
             raise RigError(f"{where}: holds no times; name another with --time")
         unit = unit_of(use.unit or column.unit, "time")
         if use.unit and not unit:
-            raise RigError(f"{where}: {use.unit!r} is no unit of time; known: {', '.join(_UNIT_NS)}")
+            raise RigError(f"{where}: {use.unit!r} is not a unit of time; known: {', '.join(_UNIT_NS)}")
         if not unit:
             unit = _looks(column.values[keep])
             doubts.append(Doubt(f"time counts in {unit}", f'{flag} {unit}"'))

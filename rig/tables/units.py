@@ -68,7 +68,7 @@ def factor(unit: str, quantity: str, where: str) -> float:
     """What one of a unit is in SI; RigError where it is none of the quantity."""
     if known := unit_of(unit, quantity):
         return UNITS[quantity][known]
-    raise RigError(f"{where}: {unit!r} is no unit of {quantity}; known: {', '.join(UNITS[quantity])}")
+    raise RigError(f"{where}: {unit!r} is not a unit of {quantity}; known: {', '.join(UNITS[quantity])}")
 
 
 def largest(values: NDArray[np.float64]) -> float:

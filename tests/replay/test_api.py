@@ -103,7 +103,7 @@ def test_a_recording_that_is_written_reads_the_same(place: Path) -> None:
         ({"pressure": {"time_s": [1.0, 0.0], "pressure_pa": [0.0, 0.0]}}, "increase"),
         ({"pressure": {"time_s": [0.0], "pressure_pa": [np.nan]}}, "no numbers"),
         ({"pressure": {"time_s": [0.0], "pressure_kpa": [1.0]}}, "unknown column 'pressure_kpa'"),
-        ({"tip": {"time_s": ["a"], "x_m": [0], "z_m": [0], "phi_rad": [0]}}, "no column of numbers"),
+        ({"tip": {"time_s": ["a"], "x_m": [0], "z_m": [0], "phi_rad": [0]}}, "not a column of numbers"),
         ({}, "nothing to write"),
     ],
 )
@@ -121,7 +121,7 @@ def test_what_is_missing_is_said(place: Path) -> None:
         straw.simulate(None, 1e3)
     with pytest.raises(straw.ReplayError, match="give a controller"):
         straw.run_protocol(place / "p.toml", place / "no.mcap")
-    with pytest.raises(straw.ReplayError, match="no track of"):
+    with pytest.raises(straw.ReplayError, match="not a track of"):
         straw.read_recording(place / "run.mcap", place / "run.mcap")
     with pytest.raises(straw.ReplayError, match="no recording is given"):
         straw.replay([])

@@ -405,6 +405,6 @@ def test_two_at_one_log_and_a_file_that_is_no_log_are_refused(path: Path) -> Non
     with Log(path), pytest.raises(ReplayError, match="another straw investigate"), Log(path):
         pass
     path.write_text("somebody's notes\n")
-    with pytest.raises(ReplayError, match="no log"), Log(path):
+    with pytest.raises(ReplayError, match="not a log"), Log(path):
         pass
     assert path.read_text() == "somebody's notes\n"

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 
 from straw.replay.cli import parser
 
@@ -103,6 +104,24 @@ def test_the_wheel_holds_straw_alone_with_every_file_of_the_rooms(repository: Pa
     api = "replay/api/straw/"
     rooms = [n for n in tracked(repository) if n.startswith(tuple(f"{room}/" for room in ROOMS))]
     assert names == {f"straw/{n.removeprefix(api)}" if n.startswith(api) else f"straw/{n}" for n in rooms}
+
+
+def test_the_wheel_carries_types_and_the_licences_of_what_is_not_ours(wheel: Path) -> None:
+    names = zipfile.ZipFile(wheel).namelist()
+    assert "straw/py.typed" in names
+    licences = {n.partition(".dist-info/licenses/")[2] for n in names if ".dist-info/licenses/" in n}
+    assert licences == {"LICENSE", "replay/report/vendor/uPlot.LICENSE"}
+
+
+def test_the_constraints_pin_every_dependency_to_a_version_that_is_allowed(repository: Path) -> None:
+    """Those of the developers alone and of the second code, which no laboratory needs, are left out."""
+    project = tomllib.loads((repository / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = {k: v for k, v in project["optional-dependencies"].items() if k not in ("dev", "second-code")}
+    lines = (repository / ".github" / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    pins = dict(line.lower().split("==") for line in lines if not line.startswith("#"))
+    for wanted in map(Requirement, [*project["dependencies"], *(one for extra in extras.values() for one in extra)]):
+        if wanted.name != "straw":
+            assert wanted.specifier.contains(pins[wanted.name.lower()]), wanted
 
 
 def test_every_command_answers_beside_files_of_the_rooms_names(installed: dict[str, str], foreign: Path) -> None:

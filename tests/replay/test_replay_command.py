@@ -86,7 +86,7 @@ def test_what_is_uncertain_of_a_constant_is_in_the_validation_uncertainty(
     assert start["u_input"] == pytest.approx(2.7e-3, rel=0.5)
     assert known["uncertain_inputs"] == ["r_ch_m"]
     assert "expected a constant and its sigma" in refused(rig, capsys, tmp_path, "--uncertain", "r_ch_m")
-    assert "nonsense is no constant" in refused(rig, capsys, tmp_path, "--uncertain", "nonsense=1")
+    assert "nonsense is not a constant" in refused(rig, capsys, tmp_path, "--uncertain", "nonsense=1")
 
 
 def test_runs_know_whether_they_were_fitted(
@@ -99,7 +99,7 @@ def test_runs_know_whether_they_were_fitted(
     assert replay(rig, tmp_path, "--fitted", str(fit))["role"] == "held out"
     assert "none of the runs given" in refused(rig, capsys, tmp_path, "--fitted", "nobody")
     fit.write_text("[]")
-    assert "tells of no fit" in refused(rig, capsys, tmp_path, "--fitted", str(fit))
+    assert "holds no fit" in refused(rig, capsys, tmp_path, "--fitted", str(fit))
 
 
 def test_a_prediction_is_a_recording_of_its_own_on_the_same_clock(
@@ -181,4 +181,4 @@ def test_the_film_has_every_frame_and_both_tips_where_a_pinhole_would_have_them(
     )  # of the crop, in the camera's px
     assert width == pytest.approx(2 * 0.12 * 1920 + np.ptp(run.tip.x_m) * lens.fx / 0.2, rel=0.05)
     assert np.corrcoef(tips[:, 0], x_m)[0, 1] == pytest.approx(1.0, abs=1e-4)
-    assert "says no camera" in refused(rig, capsys, tmp_path, "--video", str(tmp_path / "v.mp4"))
+    assert "names no camera" in refused(rig, capsys, tmp_path, "--video", str(tmp_path / "v.mp4"))

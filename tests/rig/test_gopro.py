@@ -69,7 +69,7 @@ def test_a_cable_that_breaks_off_again_and_again_leaves_no_file_that_looks_whole
 def test_what_it_will_not_do_is_said_in_one_line(camera: GoProEmulator, tmp_path: Path) -> None:
     with GoPro(camera.url) as told:
         told.start()
-        with pytest.raises(RigError, match="films already"):
+        with pytest.raises(RigError, match="is already filming"):
             told.start()
     with pytest.raises(LinkLostError, match="does not answer"), GoPro("http://127.0.0.1:1", timeout_s=0.5):
         pass

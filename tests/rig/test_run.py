@@ -121,7 +121,7 @@ def test_a_prediction_comes_back_under_its_models_name(tmp_path: Path, trace: Ti
 
 
 def test_a_derived_file_that_fails_leaves_nothing_behind(tmp_path: Path, trace: TipTrace) -> None:
-    with pytest.raises(RigError, match="no time since 1970"):
+    with pytest.raises(RigError, match="not a time since 1970"):
         write_tip(tmp_path / "tip.mcap", trace, METADATA, "", 0)
     with pytest.raises(RigError, match="would be empty"):
         write_prediction(tmp_path / "tip.mcap", "base", METADATA, "", ZERO_NS)

@@ -267,7 +267,7 @@ def test_a_mapping_file_says_what_the_mapping_says(tmp_path: Path) -> None:
     [
         ("t [s],p\n0,0\n1,25\n", {"time": "t [s]", "pressure": "p in Pa"}, {}, "looks like kPa"),
         ("t [s],p\n0,0\n1,25\n", {"time": "t [s]", "pressure": "p2 in Pa"}, {}, "no column 'p2'"),
-        ("t [s],p\n0,0\n1,25\n", {"time": "t [s]", "pressure": "p in furlong"}, {}, "no unit of pressure"),
+        ("t [s],p\n0,0\n1,25\n", {"time": "t [s]", "pressure": "p in furlong"}, {}, "not a unit of pressure"),
         ("t [s],p\n0,101.3\n1,102\n", {"time": "t [s]", "pressure": "p in kPa"}, {}, "looks absolute"),
         ("t [s],x\n0,22\n1,25\n", {"time": "t [s]", "x": "x in mm"}, {}, "nobody named z and phi"),
         ("t [s],p [kPa]\n0,1\n2,2\n1.9,3\n5,4\n", {}, {}, "line 4"),

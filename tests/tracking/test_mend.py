@@ -141,7 +141,7 @@ def test_poses_set_and_refused_by_hand_keep_their_reason(dotted, tmp_path):
             "more than 0",
         ),
         ("[[point]]\nframes = '1-9'\nreason = 'r'\nat = [1]", "'at' is [1]"),
-        ("frames = [", "is no TOML"),
+        ("frames = [", "is not TOML"),
     ],
 )
 def test_a_file_that_mends_nothing_sensible_is_refused_in_one_line(dotted, tmp_path, text, said):

@@ -76,7 +76,7 @@ function draw() {
 function rowOf(row, k) {
   const first = !look.group || !rows[k - 1] || rows[k - 1].group !== row.group;
   const star = row.marks.includes("star"), archived = row.marks.includes("archive");
-  const flags = (row.marks.includes("lock") ? " 🔒" : "") + (row.kind === "part" ? ' <button data-recover="1" title="what is on disk becomes a whole file; the cut one stays">recover</button>' : "");
+  const flags = (row.marks.includes("lock") ? " 🔒" : "") + (row.kind === "part" ? ' <button data-recover="1" title="makes a whole file of what is on disk; the cut one stays">recover</button>' : "");
   return `<tr class="row${k === cursor ? " cursor" : ""}${selected.has(row.name) ? " selected" : ""}${archived ? " archived" : ""}" data-k="${k}">` +
     `<td><input type="checkbox" aria-label="select" ${selected.has(row.name) ? "checked" : ""}></td>` +
     `<td><button class="star${star ? " on" : ""}" title="star" aria-label="star">${star ? "★" : "☆"}</button></td>` +
@@ -120,7 +120,7 @@ function mark(what, chosen) {
     await tell("say", { names, kind: on ? "mark" : "unmark", text: what });
     if (what === "archive") {
       names.forEach((name) => selected.delete(name));
-      toast(`${names.length} ${on ? "archived: out of sight, not deleted" : "back in the table"}`, () => attempt(async () => { await tell("say", { names, kind: on ? "unmark" : "mark", text: what }); load(true); }));
+      toast(`${names.length} ${on ? "archived: hidden, not deleted" : "back in the table"}`, () => attempt(async () => { await tell("say", { names, kind: on ? "unmark" : "mark", text: what }); load(true); }));
     }
     load(true);
   });

@@ -92,7 +92,7 @@ function showBar() {
   if (lost) {
     const reached = direct && direct.readyState === WebSocket.OPEN;
     box.textContent = `The lab's server has not answered for ${silent.toFixed(0)} s. ` +
-      (directTo ? (reached ? "VENT still reaches the run itself. " : "The run goes on by itself, and vents at its end. ") : "") +
+      (directTo ? (reached ? "VENT still reaches the run itself. " : "The run continues by itself and vents at its end. ") : "") +
       "On the machine: press V and Enter in the terminal of straw lab, or run: straw rig tell vent" +
       (refused > 3 ? ". If the lab was started again, open the address that it printed." : "");
   }

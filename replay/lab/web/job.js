@@ -4,7 +4,7 @@ async function look() {
   let job;
   try { job = await ask(pageOf("/api/job", { id })); } catch (error) { $("#how").textContent = error.message; return; }
   $("#title").textContent = job.title;
-  $("#how").textContent = job.running ? `works… ${job.seconds.toFixed(0)} s` : job.well ? `done in ${job.seconds.toFixed(0)} s` : `it did not work (${job.seconds.toFixed(0)} s)`;
+  $("#how").textContent = job.running ? `running… ${job.seconds.toFixed(0)} s` : job.well ? `done in ${job.seconds.toFixed(0)} s` : `failed (${job.seconds.toFixed(0)} s)`;
   $("#text").textContent = job.said;
   $("#stop").hidden = !job.running;
   if (job.page && $("#stage").hidden) { $("#stage").hidden = false; $("#stage").src = `/made/${id}`; }

@@ -73,7 +73,7 @@ onState(({ bench: b }) => {
     (mine ? ` <button data-control="give">give it up</button>` : free ? "" : c.asking ? ` Asked; ${html(c.holder)} has ${c.answer_s} s to answer.` : ` <button data-control="take">ask for control</button>`) +
     (mine && c.asker ? ` <b class="warn">${html(c.asker)} asks for control (${c.answer_s} s)</b> <button data-control="give">give</button> <button data-control="keep">keep</button>` : "");
   const items = b.queue.items;
-  $("#held").innerHTML = !items.length ? "empty: choose a protocol below and add it" : b.queue.held ? `<b class="warn">waits: ${html(b.queue.held)}</b>` : b.queue.pause_s ? `next in ${b.queue.pause_s} s` : run || b.starting ? "goes on after this run" : b.armed ? "starting" : "waits: the rig is not armed";
+  $("#held").innerHTML = !items.length ? "empty: choose a protocol below and add it" : b.queue.held ? `<b class="warn">waits: ${html(b.queue.held)}</b>` : b.queue.pause_s ? `next in ${b.queue.pause_s} s` : run || b.starting ? "goes on after this run" : b.armed ? "starting" : "waiting: the rig is not armed";
   const text = JSON.stringify([items, can]);
   if (text !== followedQueue) {
     followedQueue = text;

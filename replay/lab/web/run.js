@@ -16,7 +16,7 @@ async function loadRun() {
     (raw && !withTip ? `<span class="soft">no tip yet: film it and track it: straw track VIDEO --run ${html(said.name)}</span>` : "");
   $("#facts").innerHTML = Object.entries(said.facts).filter(([, v]) => v).map(([k, v]) => `<dt>${html(k)}</dt><dd>${k === "specimen" ? `<a href="${html(pageOf("/specimen", { name: v }))}">${html(v)}</a>` : html(v)}</dd>`).join("") + `<dt>SHA-256</dt><dd>${html(said.sha256 || "")}</dd>`;
   $("#tags").innerHTML = said.tags.map((t) => `<span class="tag">${html(t)} <a href="#" data-untag="${html(t)}" title="take it off">×</a></span>`).join("") || '<span class="soft">none</span>';
-  $("#notes").innerHTML = said.notes.map(([line, when, text]) => `<li><span class="soft">${html(when.slice(0, 16).replace("T", " "))}</span> <span data-note="${line}" title="click to change">${html(text)}</span> <a href="#" data-unnote="${line}" title="take it away (the file keeps it)">×</a></li>`).join("") || '<li class="soft">none</li>';
+  $("#notes").innerHTML = said.notes.map(([line, when, text]) => `<li><span class="soft">${html(when.slice(0, 16).replace("T", " "))}</span> <span data-note="${line}" title="click to change">${html(text)}</span> <a href="#" data-unnote="${line}" title="remove it (the file keeps it)">×</a></li>`).join("") || '<li class="soft">none</li>';
   $("#lineage").innerHTML = said.lineage.map((l) => `<li>${html(l.relation)}: ${l.name ? `<a href="${html(pageOf("/run", { name: l.name }))}">${html(l.name)}</a>` : l.job ? `<a href="${html(pageOf("/job", { id: l.job }))}">${html(l.says || "look")}</a>` : html(l.file || "not in this folder")} <span class="soft">${html((l.sha256 || "").slice(0, 12))}</span></li>`).join("") || '<li class="soft">nothing yet</li>';
   $("#events").innerHTML = (said.events || []).map(([t, kind, text]) => `<li><b>${t.toFixed(3)} s</b> ${html(kind)}: ${html(text)}</li>`).join("");
   $("#metadata").innerHTML = Object.entries({ ...said.metadata, ...said.software }).map(([k, v]) => `<dt>${html(k)}</dt><dd>${html(v)}</dd>`).join("");
@@ -29,7 +29,7 @@ const sayIt = (kind, text, more) => attempt(async () => { await tell("say", { na
 document.addEventListener("click", (e) => {
   const { mark, job, recover, again, untag, unnote, note } = e.target.dataset;
   if (untag || unnote) e.preventDefault();
-  if (mark) sayIt(shown.marks.includes(mark) ? "unmark" : "mark", mark).then(() => mark === "archive" && toast("archived: out of sight, not deleted", () => sayIt("unmark", "archive")));
+  if (mark) sayIt(shown.marks.includes(mark) ? "unmark" : "mark", mark).then(() => mark === "archive" && toast("archived: hidden, not deleted", () => sayIt("unmark", "archive")));
   if (untag) sayIt("untag", untag);
   if (unnote) sayIt("unnote", unnote).then(() => toast("note taken away", null));
   if (note) {

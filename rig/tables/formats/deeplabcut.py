@@ -78,7 +78,7 @@ def _from_csv(path: Path, data: bytes, reading: Reading) -> tuple[list[tuple[str
                         f"{path.name}: line {above + k + 1} is a labelled picture ({cell!r}), no frame of a video; "
                         "give the file that analyze_videos wrote"
                     )
-                raise RigError(f"{path.name}: line {above + k + 1}: {cell!r} is no number; repair or cut the line")
+                raise RigError(f"{path.name}: line {above + k + 1}: {cell!r} is not a number; repair or cut the line")
             numbers[k, at] = value
     lines = np.arange(above + 1, above + 1 + len(body))
     return keys, numbers[:, 0], list(numbers[:, 1:].T), lines

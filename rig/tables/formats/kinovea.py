@@ -56,7 +56,9 @@ def read(path: Path, data: bytes, reading: Reading) -> Table:
             values = [number(cell, ".", "") for cell in texts]
             bad = [k for k, value in enumerate(values) if value is None]
             if bad and at > 0:
-                raise RigError(f"{path.name}: line {rows[bad[0]][0]}: {rows[bad[0]][1][at]!r} is no number; repair it")
+                raise RigError(
+                    f"{path.name}: line {rows[bad[0]][0]}: {rows[bad[0]][1][at]!r} is not a number; repair it"
+                )
             numbers = np.array([np.nan if value is None else value for value in values])
             columns[column] = Column(column, numbers, texts)
         points[block] = Point(names[1], names[2], time=names[0])

@@ -59,7 +59,7 @@ def _from_mat(path: Path, data: bytes) -> Iterator[tuple[str, Any]]:
         held = loadmat(stream, squeeze_me=True, struct_as_record=True)
     except Exception as error:  # SciPy leaks half a dozen kinds for a damaged file
         raise RigError(
-            f"{path.name}: is no MAT file that can be read ({type(error).__name__}); save it again"
+            f"{path.name}: is not a MAT file that can be read ({type(error).__name__}); save it again"
         ) from None
     for name, value in held.items():
         if not name.startswith("__"):
