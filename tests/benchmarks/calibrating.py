@@ -78,9 +78,14 @@ def probability(row: Mapping[str, Any], by: Calibration) -> dict[str, float]:
 
 
 def of_truth(case: Case, p: Mapping[str, float], by: Calibration) -> float:
-    """Probability given to what is true; where no search looked at it, that of what was missed."""
-    true = "+".join(case.label) or "complete"
-    return next((v for name, v in p.items() if "+".join(sorted(name.split("+"))) == true), by.missed / len(p))
+    """Probability given to what says nothing false: the truth, or one of two causes whose other may be too small to be
+    seen; where no search looked at any, that of what was missed."""
+    return max(sum(v for name, v in p.items() if right(case, name)), by.missed / len(p))
+
+
+def right(case: Case, name: str) -> bool:
+    """Whether a hypothesis names only causes that are there."""
+    return set(name.split("+")) <= set(case.label or ("complete",))
 
 
 def calibrated(rows: Rows) -> Calibration:
@@ -119,13 +124,12 @@ def told(rows: Rows, by: Calibration) -> str:
     p = [probability(row, by) for _, row in rows]
     log = np.mean([np.log(of_truth(case, one, by)) for (case, _), one in zip(rows, p, strict=True)])
     top = np.array([next(iter(one.values())) for one in p])
-    true = ["+".join(case.label) or "complete" for case, _ in rows]
-    right = np.array(["+".join(sorted(next(iter(q)).split("+"))) == t for q, t in zip(p, true, strict=True)])
-    lines = [f"  {len(rows)} campaigns: truth first in {right.sum()}, mean log probability of the truth {log:.3f}"]
+    true = np.array([right(case, next(iter(one))) for (case, _), one in zip(rows, p, strict=True)])
+    lines = [f"  {len(rows)} campaigns: nothing false first in {true.sum()}, mean log probability of it {log:.3f}"]
     for low, high in itertools.pairwise((0.0, 0.5, 0.8, 0.95, 1.0001)):
         here = (top >= low) & (top < high)
         if here.any():
-            said = f"{np.mean(top[here]):.2f} said, {np.mean(right[here]):.2f} right of {here.sum()}"
+            said = f"{np.mean(top[here]):.2f} said, {np.mean(true[here]):.2f} right of {here.sum()}"
             lines.append(f"  {low:.2f} to {min(high, 1):.2f}: {said}")
     return "\n".join(lines)
 

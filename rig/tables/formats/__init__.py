@@ -50,6 +50,6 @@ def format_of(path: Path, data: bytes, named: str | None = None) -> Format:
         if one.recognises(path, data):
             return one
     raise RigError(
-        f"{path.name}: is not a table that can be read; known: {', '.join(known)}. Save it as CSV, say --format, or give "
-        "a reader of your own, --format R.py"
+        f"{path.name}: is not a table that can be read; known: {', '.join(known)}. Save it as CSV, say --format, or "
+        "give a reader of your own, --format R.py"
     )
