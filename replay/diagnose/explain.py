@@ -205,7 +205,7 @@ def seconds(found: Inquiry, names: Sequence[str]) -> None:
             continue
         others = [campaign.hypothesis([name]) for name in names if name not in first.hypothesis.causes]
         for start in screen(campaign, first.fit, others, first.hypothesis)[:FOLLOWED]:
-            if start.gain > decisive(CALIBRATION.second) and not campaign.stop():
+            if start.gain > decisive(CALIBRATION.second, found.null.cost - first.cost) and not campaign.stop():
                 found.keep(fitted_contestant(campaign, start, ROUNDS, found.null.unknowns))
     if len(found.pairs) > before:
         nested(found)

@@ -122,10 +122,10 @@ def unknown_leaves(base: float, by: Calibration = CALIBRATION) -> float:
     return float(min(base, np.sqrt(by.imitated * base)))
 
 
-def decisive(log_prior: float, by: Calibration = CALIBRATION) -> float:
-    """Squared sigmas by which a hypothesis that costs so much prior must be better, from nothing left, to be as
-    probable."""
-    return float(by.tail * by.scale * np.expm1(2 * log_prior / by.tail))
+def decisive(log_prior: float, base: float = 0.0, by: Calibration = CALIBRATION) -> float:
+    """Squared sigmas by which a hypothesis that costs so much prior must be better, then leaving nothing, to be as
+    probable, where the base's excess is this."""
+    return float((by.tail * by.scale + by.form * base) * np.expm1(2 * log_prior / by.tail))
 
 
 def _log_likelihood(excess: float, base: float, by: Calibration) -> float:

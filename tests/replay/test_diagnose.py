@@ -209,7 +209,7 @@ def test_where_no_hypothesis_explains_much_it_is_unknown_but_never_more_surely_t
 
 
 def test_a_second_cause_that_gains_what_is_decisive_is_as_probable_as_none():
-    gain = decisive(CALIBRATION.second)
+    gain = decisive(CALIBRATION.second, 1e6)
     probability = weighed(
         {"complete": 1e6, "cohesion": gain, "cohesion+line_lag": 0.0}, {"cohesion": 1, "cohesion+line_lag": 2}
     )
