@@ -13,7 +13,7 @@ import numpy as np
 from straw.rig.run import Run
 
 from .campaign import Made, effect_sigma, make, record, repeat_sigma
-from .effects import EVERY, INSTRUMENT, PHYSICS, REST, UNKNOWN, Cause, Range
+from .effects import INSTRUMENT, PHYSICS, REST, RESTS, UNKNOWN, Cause, Range
 from .plans import RUN_IDS
 
 #: ``strong`` holds single causes of the upper third of their ranges and beyond; ``rest`` a large cause, or one outside
@@ -127,7 +127,7 @@ def _of_one_kind(split: Split, seed: int) -> list[Case]:
         low, high = (0.67, 1.2) if split == "strong" else (0.5, 1.0)
         truth = [_sized(name, sizes, low, high, rng, form)]
         if split == "rest":
-            truth.append(_sized(REST, EVERY[REST], 0.0, 1.0, rng))
+            truth.append(_sized(REST, RESTS, 0.0, 1.0, rng))
         cases.append(Case("", kind, tuple(truth), int(rng.integers(2**31))))
     order = rng.permutation(len(cases))
     return [replace(cases[k], name=f"{split}-{i:03d}") for i, k in enumerate(order)]

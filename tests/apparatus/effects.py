@@ -182,11 +182,14 @@ def _rest(rig: Rig, size: float, rng: np.random.Generator) -> Rig:
     return rig[0], replace(rig[1], rest_sigmas=size, rest_draw=int(rng.integers(2**31)))
 
 
-EVERY = {**PHYSICS, **INSTRUMENT, REST: Range(1.0, 5.0, "sigma", {"": _rest})}
+EVERY = {**PHYSICS, **INSTRUMENT}
+RESTS = Range(1.0, 5.0, "sigma", {"": _rest})
 
 
 def range_of(cause: Cause) -> Range:
-    """Where a cause's forms are; an unknown one is known by its form."""
+    """Where a cause's forms are; an unknown one is known by its form, a rest by its name."""
+    if cause.name == REST:
+        return RESTS
     return UNKNOWN[cause.form] if cause.name == "unknown" else EVERY[cause.name]
 
 

@@ -193,4 +193,4 @@ def test_check_says_that_a_law_is_good_and_what_a_file_without_one_lacks(place: 
     (place / "empty.py").write_text("")
     done = ran(place, "-m", "straw", "check", "empty.py")
     assert done.returncode == 2
-    assert "gives none of LAW" in done.stderr
+    assert "defines none of LAW" in done.stderr
