@@ -87,7 +87,7 @@ def hold_out(
 
     ``added``: fits with the first cause, with the first two, ..., all but the last, which ``better`` is, with the
     cause's name; the last's is the name of the last cause. Held out are runs in which the misfit is, of different
-    kinds, and at most a third; None with fewer than three runs.
+    kinds, and at most a quarter; None with fewer than three runs.
     """
     names = [o.name for o in campaign.observations]
     if len(names) < 3:
