@@ -5,9 +5,12 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from straw.replay.errors import ReplayError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def write_text(path: Path, text: str) -> None:
@@ -19,6 +22,14 @@ def write_text(path: Path, text: str) -> None:
     except OSError as error:
         part.unlink(missing_ok=True) if part.is_file() else None
         raise ReplayError(f"{path}: cannot be written: {error.strerror}; choose another place") from None
+
+
+def write_picture(figure: Figure, path: Path, dpi: int, option: str) -> None:
+    """Save a figure; ReplayError that names the ``option`` for another place where it cannot be."""
+    try:
+        figure.savefig(path, dpi=dpi)
+    except (OSError, ValueError) as error:
+        raise ReplayError(f"{path}: the picture cannot be written: {error}; give another name with {option}") from None
 
 
 def check_new(path: Path) -> None:

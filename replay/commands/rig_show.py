@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.replay.errors import ReplayError
-from straw.replay.output import write_json
+from straw.replay.output import write_json, write_picture
 from straw.replay.protocol_figure import UNITS_S, protocol_figure
 from straw.rig.protocol import PressureProtocol
 from straw.rig.protocol_toml import load_protocol
@@ -62,11 +61,7 @@ def fastest_ramp(width_s: Floats, change_pa: Floats) -> float:
 
 def draw(protocol: PressureProtocol, path: Path) -> None:
     """Save the protocol's picture; ReplayError where that cannot be."""
-    figure = protocol_figure(protocol)
-    try:
-        figure.savefig(path, dpi=130)
-    except (OSError, ValueError) as error:
-        raise ReplayError(f"{path}: the picture cannot be written: {error}; give another name with -o") from None
+    write_picture(protocol_figure(protocol), path, 130, "-o")
 
 
 def length_of(time_s: float) -> str:

@@ -187,8 +187,7 @@ def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], proposed: Seq
     for first in found.contestants[:2]:
         others = [campaign.hypothesis([name]) for name in names if name not in first.hypothesis.causes]
         for start in screen(campaign, first.fit, others, first.hypothesis)[:FOLLOWED]:
-            unknowns = (*first.fit.unknowns, *start.hypothesis.unknowns[len(first.hypothesis.unknowns) :])
-            found.keep(Contestant(start.hypothesis, fitted(campaign, unknowns, start.u, rounds=FIRST_ROUNDS)))
+            found.keep(fitted_contestant(campaign, start, FIRST_ROUNDS, found.null.unknowns))
     two = [s for s in proposed if len(s.hypothesis.causes) == 2]
     base = found.null.unknowns
     for start in two[:FOLLOWED]:
@@ -212,8 +211,8 @@ def seconds(found: Inquiry, names: Sequence[str]) -> None:
 
 
 def nested(found: Inquiry) -> None:
-    """Each cause of the best pair alone, from the pair's constants: where the other of the two does nothing, a search
-    for the one alone had only ended in another valley."""
+    """Each cause of the best pair alone, from the pair's constants: where the other of the two does nothing, the
+    search for the one alone had only ended in another local minimum."""
     best = found.contestants[0]
     if len(best.hypothesis.causes) == 1:
         return
@@ -227,7 +226,7 @@ def nested(found: Inquiry) -> None:
 
 def from_each_other(found: Inquiry) -> None:
     """The base, and the best rivals, once more from the constants that the best of all leaves: that a search ended in
-    another valley is no evidence against a hypothesis."""
+    another local minimum is no evidence against a hypothesis."""
     campaign, n = found.campaign, len(found.null.unknowns)
     best = found.contestants[:FOLLOWED]
     if not best or found.null.cost < best[0].cost + CALIBRATION.scale:

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm, qmc
 
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Fit, clipped, cost_at, fitted
 from straw.replay.diagnose.judge import unexplained
 from straw.replay.diagnose.robust import weights
-from straw.replay.diagnose.settings import DRAWN, FIRST_ROUNDS, FOLLOWED, NOISE_LEAVES, WIDENED
+from straw.replay.diagnose.settings import FIRST_ROUNDS, FOLLOWED, NOISE_LEAVES, WIDENED
+from straw.replay.diagnose.starts import normal
 
 Floats = NDArray[np.float64]
 
@@ -46,5 +46,4 @@ def drawn(fit: Fit, known: int) -> list[Floats]:
     covariance = np.linalg.inv(information)
     own = covariance[:known, :known]
     follow = np.linalg.solve(own, covariance[:known]).T  # (unknowns, known), the identity first
-    even = norm.ppf(qmc.Sobol(known, scramble=True, rng=np.random.default_rng(0)).random(DRAWN))
-    return [clipped(fit.unknowns, fit.u + follow @ step) for step in even @ np.linalg.cholesky(own).T]
+    return [clipped(fit.unknowns, fit.u + follow @ step) for step in normal(known) @ np.linalg.cholesky(own).T]

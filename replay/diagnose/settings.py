@@ -70,15 +70,15 @@ LONGEST_STEP = 3.0
 #: gas of no volume has no spring and a line without delay no state.
 FAINT = 0.01
 #: Points drawn from the priors of a base and from the posterior of a coarse fit (a Sobol set covers them evenly with a
-#: power of two), and by how much the latter is widened: of 1, 3 and 10 the last reached the best minimum in three of
-#: three cases that had been missed, 1 in one.
+#: power of two), and by how much the latter is widened: 3 and 10 reached the best minimum in three of three
+#: cases in which the base's fit had been stuck, 1 in two.
 DRAWN, WIDENED = 64, 10.0
 #: Step of a numerical derivative in u, a unit of which is well seen or a factor e: the cube root of a simulation's
 #: accuracy of some 1e-10, where truncation and rounding of a central difference are alike (Press et al., Numerical
 #: Recipes, section 5.7).
 STEP_U = 4e-4
 #: A derivative's cost in plain simulations (`python -m tests.benchmarks.derivatives`: 16 cost 4 to 5), and the work, in
-#: steps of plain simulations, after which a straw's search ends where it is and settles nothing. Two idle cores did
+#: steps of plain simulations, after which a straw's search ends with what it has found. Two idle cores did
 #: 40,000 to 59,000 a second on the four campaigns of `../shared/recordings`: 130 to 190 s, where 180 are asked.
 COLUMN_COSTS, MOST_WORK = 0.25, 7.5e6
 

@@ -38,13 +38,18 @@ def logarithmic(campaign: Campaign, points: Sequence[Floats]) -> list[float]:
 
 def scattered(unknowns: Sequence[Unknown]) -> list[Floats]:
     """Points u from the priors, evenly."""
-    from scipy.stats import norm, qmc
-
     if not unknowns:
         return []
-    even = qmc.Sobol(len(unknowns), scramble=True, rng=np.random.default_rng(0)).random(DRAWN)
     sd, mean = np.array([k.sd for k in unknowns]), np.array([k.mean for k in unknowns])
-    return [clipped(unknowns, mean + sd * row) for row in norm.ppf(even)]
+    return [clipped(unknowns, mean + sd * row) for row in normal(len(unknowns))]
+
+
+def normal(dimensions: int) -> Floats:
+    """Points of a standard normal distribution, evenly: (DRAWN, dimensions)."""
+    from scipy.stats import norm, qmc  # takes its time
+
+    even = qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng(0)).random(DRAWN)
+    return np.asarray(norm.ppf(even))
 
 
 def check_simulated(campaign: Campaign, fit: Fit) -> None:

@@ -153,7 +153,7 @@ class System(ABC):
 
     @property
     def most_work(self) -> float:
-        """Steps of plain simulations after which a search ends and settles nothing; by default it goes on."""
+        """Steps of plain simulations after which a search ends with what it has found; by default it goes on."""
         return float("inf")
 
     @property

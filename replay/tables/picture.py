@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from straw.replay.errors import ReplayError
+from straw.replay.output import write_picture
 from straw.replay.tables.words import shown
 from straw.rig.tables import Plan
 from straw.rig.tables.signals import Signal
@@ -36,11 +36,7 @@ DRAWN = 4000  # points of a curve that are told apart on the picture
 
 def draw(plan: Plan, path: Path) -> None:
     """Write the picture; ReplayError where it cannot be."""
-    drawn = figure(plan)
-    try:
-        drawn.savefig(path, dpi=110)
-    except (OSError, ValueError) as error:
-        raise ReplayError(f"{path}: the picture cannot be written: {error}; give another name with --picture") from None
+    write_picture(figure(plan), path, 110, "--picture")
 
 
 def figure(plan: Plan) -> Figure:

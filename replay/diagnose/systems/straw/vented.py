@@ -15,7 +15,8 @@ from straw.rig.run import PressureLog
 
 Floats = NDArray[np.float64]
 
-#: How far from ambient a line is that a controller holds at nothing, Pa: a tenth of a percent of an OB1's 100 kPa.
+#: How far a sound gauge may read from nothing on a vented line, Pa: 0.1 % of a range of 100 kPa, chosen without a
+#: maker's figure; an offset of three times as much is noticed in a single run.
 VENTED_PA = 100.0
 #: Readings that are needed to tell an offset, and standard errors by which it must differ from nothing: a regulator
 #: that trusts the same gauge makes it read nothing whatever its offset, so that is no evidence of a sound one.
