@@ -217,9 +217,9 @@ def rest_columns(c: Constants, given: Given, q: Floats, first_pa: float, by_firs
     P, hg = len(by_first_pa), REST_S
     s, b = stages_for(c, len(q)), bench_for(c, given, P)
     s.q[0], s.inside_pa[0] = q, first_pa
-    rows = rows_of(c, b.links)
-    _linearised(c, given, s, 0, hg, b, rows)
-    _answered(c, given, s, 0, hg, b, rows)
+    rows, first = rows_of(c, b.links), np.int64(0)  # numba would compile everything once more for a 0 written here
+    _linearised(c, given, s, first, hg, b, rows)
+    _answered(c, given, s, first, hg, b, rows)
     out = np.empty((c.cells, 2 * c.active, P))
     for i in range(c.cells):
         for x in range(2 * c.active):

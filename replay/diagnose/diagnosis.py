@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.explain import explain
+from straw.replay.diagnose.explain import explain, nested
 from straw.replay.diagnose.inquiry import Inquiry, Told, silent
 from straw.replay.diagnose.system import Recording, System
 
@@ -36,4 +36,6 @@ def inquire(
     found = explain(campaign, names, told, proposal)
     found.whole, found.spent = not stop(), campaign.tally["work"] > system.most_work
     campaign.stop = stop  # what is asked of the inquiry later has a budget of its own
+    if found.spent:  # a pair is not named for want of time to try each of its causes alone
+        nested(found)
     return found

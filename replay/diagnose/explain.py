@@ -102,8 +102,20 @@ def _large(
         for one in tournament(wide, known, group, given):
             found.keep(Contestant(one.hypothesis, refined(found.campaign, one.fit, FIRST_ROUNDS)))
         finish(found)
+        alternate(found)
         if not _unexplained(found):
             return
+
+
+def alternate(found: Inquiry) -> None:
+    """The best carried on between the coarse comparison of all runs and all their samples, while it gains more than
+    noise: the tournament saw only the runs that tell most, and where these let the others ring is another minimum."""
+    campaign, gain = found.campaign, np.inf
+    while gain > NOISE_LEAVES and _unexplained(found):
+        best = found.contestants[0]
+        coarse = fitted(campaign.coarse(), best.fit.unknowns, best.fit.u, rounds=COARSE_ROUNDS[-1])
+        found.keep(Contestant(best.hypothesis, refined(campaign, coarse, ROUNDS)))
+        gain = best.cost - found.best.cost
 
 
 class _Steps:
@@ -200,7 +212,8 @@ def seconds(found: Inquiry, names: Sequence[str]) -> None:
     its first cause alone: promised to first order beside the best single causes, then fitted."""
     campaign, before = found.campaign, len(found.pairs)
     for first in found.contestants[:2]:
-        if len(first.hypothesis.causes) > 1 or first.cost > found.null.cost - decisive(CALIBRATION.cause):
+        enough = min(found.null.cost - decisive(CALIBRATION.cause), found.best.cost + FAR)
+        if len(first.hypothesis.causes) > 1 or first.cost > enough:
             continue
         others = [campaign.hypothesis([name]) for name in names if name not in first.hypothesis.causes]
         for start in screen(campaign, first.fit, others, first.hypothesis)[:FOLLOWED]:

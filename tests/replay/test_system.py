@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import straw.replay.diagnose
+from straw.replay.diagnose import diagnosis
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.diagnosis import inquire
 from straw.replay.diagnose.explain import absent, nested
@@ -57,20 +58,42 @@ def test_a_spring_that_stiffens_is_named_and_a_linear_one_is_complete(cubic, ver
         assert found["unit"] == "N/m^3"
 
 
+def only_in_a_pair(campaign: Campaign) -> tuple[Inquiry, float]:
+    """A search that found a stiffening spring only beside friction that does nothing, and what that costs."""
+    base = campaign.system.base
+    null = fitted(campaign, base, np.zeros(len(base)), rounds=20)
+    alone, other = (campaign.hypothesis([name]) for name in ("cubic_stiffness", "dry_friction"))
+    found = Inquiry(campaign, null)
+    found.keep(absent(null, alone))  # as a search that never got away from nothing leaves it
+    unknowns = (*base, *alone.unknowns, *other.unknowns)
+    u = np.concatenate([null.u, alone.starts[-1], np.zeros(len(other.unknowns))])
+    both = fitted(campaign, unknowns, u, rounds=40)
+    found.keep(Contestant(other.beside(alone), both))
+    return found, both.cost
+
+
 def test_a_cause_whose_own_search_was_stuck_is_fitted_from_a_pair_in_which_the_other_does_nothing():
     with ThreadPoolExecutor() as pool:
-        campaign = Campaign(stiffening(5e9), OscillatorSystem(), pool)
-        base = campaign.system.base
-        null = fitted(campaign, base, np.zeros(len(base)), rounds=20)
-        alone, other = (campaign.hypothesis([name]) for name in ("cubic_stiffness", "dry_friction"))
-        found = Inquiry(campaign, null)
-        found.keep(absent(null, alone))  # as a search that never got away from nothing leaves it
-        unknowns = (*base, *alone.unknowns, *other.unknowns)
-        u = np.concatenate([null.u, alone.starts[-1], np.zeros(len(other.unknowns))])
-        both = fitted(campaign, unknowns, u, rounds=40)
-        found.keep(Contestant(other.beside(alone), both))
+        found, both = only_in_a_pair(Campaign(stiffening(5e9), OscillatorSystem(), pool))
         nested(found)
-    assert found.singles["cubic_stiffness"].cost < both.cost + 1.0  # friction that is not there gains less than this
+    assert found.singles["cubic_stiffness"].cost < both + 1.0  # friction that is not there gains less than this
+
+
+def test_a_spent_budget_still_tries_each_cause_of_the_best_pair_alone(monkeypatch):
+    class Hurried(OscillatorSystem):
+        most_work = 1.0
+
+    def explain(campaign, *_):
+        stop, campaign.stop = campaign.stop, lambda: False
+        found, _ = only_in_a_pair(campaign)
+        campaign.stop = stop
+        return found
+
+    monkeypatch.setattr(diagnosis, "explain", explain)
+    with ThreadPoolExecutor() as pool:
+        found = diagnosis.inquire(stiffening(5e9), Hurried(), executor=pool)
+    assert found.spent
+    assert found.singles["cubic_stiffness"].cost < found.pairs["cubic_stiffness+dry_friction"].cost + 1.0
 
 
 def test_derivatives_of_the_oscillator_are_those_of_wider_differences():
