@@ -217,7 +217,8 @@ def rest_columns(c: Constants, given: Given, q: Floats, first_pa: float, by_firs
     P, hg = len(by_first_pa), REST_S
     s, b = stages_for(c, len(q)), bench_for(c, given, P)
     s.q[0], s.inside_pa[0] = q, first_pa
-    rows, first = rows_of(c, b.links), np.int64(0)  # numba would compile everything once more for a 0 written here
+    rows = rows_of(c, b.links)
+    first: int = np.int64(0)  # type: ignore[assignment]  # numba would compile all of it once more for a literal 0
     _linearised(c, given, s, first, hg, b, rows)
     _answered(c, given, s, first, hg, b, rows)
     out = np.empty((c.cells, 2 * c.active, P))
