@@ -36,6 +36,6 @@ def inquire(
     found = explain(campaign, names, told, proposal)
     found.whole, found.spent = not stop(), campaign.tally["work"] > system.most_work
     campaign.stop = stop  # what is asked of the inquiry later has a budget of its own
-    if found.spent:  # a pair is not named for want of time to try each of its causes alone
+    if found.spent:  # without each cause fitted alone, one that does nothing would be named beside the other
         nested(found)
     return found

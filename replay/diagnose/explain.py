@@ -108,8 +108,10 @@ def _large(
 
 
 def alternate(found: Inquiry) -> None:
-    """The best carried on between the coarse comparison of all runs and all their samples, while it gains more than
-    noise: the tournament saw only the runs that tell most, and where these let the others ring is another minimum."""
+    """The best fitted to the coarse comparison and to all samples in turn, while it gains more than noise.
+
+    The tournament compares only the runs that tell most; its constants may leave the others in a local minimum.
+    """
     campaign, gain = found.campaign, np.inf
     while gain > NOISE_LEAVES and _unexplained(found):
         best = found.contestants[0]
@@ -212,8 +214,8 @@ def seconds(found: Inquiry, names: Sequence[str]) -> None:
     its first cause alone: promised to first order beside the best single causes, then fitted."""
     campaign, before = found.campaign, len(found.pairs)
     for first in found.contestants[:2]:
-        enough = min(found.null.cost - decisive(CALIBRATION.cause), found.best.cost + FAR)
-        if len(first.hypothesis.causes) > 1 or first.cost > enough:
+        highest = min(found.null.cost - decisive(CALIBRATION.cause), found.best.cost + FAR)
+        if len(first.hypothesis.causes) > 1 or first.cost > highest:
             continue
         others = [campaign.hypothesis([name]) for name in names if name not in first.hypothesis.causes]
         for start in screen(campaign, first.fit, others, first.hypothesis)[:FOLLOWED]:
