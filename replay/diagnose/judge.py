@@ -25,14 +25,14 @@ class Calibration:
     `python -m tests.benchmarks.calibrating` finds them and writes `calibration.toml`.
     """
 
-    tail: float  # degrees of freedom of the t-like likelihood: no law of the library has exactly nature's form
-    scale: float  # squared sigmas that count as one: searches end, solvers err and runs repeat only to this
+    scale: float  # squared sigmas that count as one: solvers err and runs repeat only to this
     cause: float  # what a cause, a second one beside it, each constant beyond a cause's first, and one that the library
     second: float  # does not hold cost in logarithms of prior probability, "complete" costing nothing
     constant: float
     unknown: float
-    imitated: float  # an unknown cause is taken to leave sqrt(imitated * base's excess), sigmas squared
-    form: float  # share of the base's excess that a right law of another form may leave, as laws have it and nature not
+    other: float  # probability that a right law has another form than nature's;
+    form: float  # it then leaves this share of what it explains, or more,
+    power: float  # the less probable by this power
     missed: float  # probability that the search missed the truth, or that it is none of the hypotheses
 
 
@@ -99,16 +99,14 @@ def weighed(
     """Probabilities, largest first, of hypotheses that leave ``excess`` and have so many ``constants``, of "complete"
     (in ``excess``) and "unknown".
 
-    Prior times (1 + excess / (tail scale + form base))^(-tail / 2), normalised, mixed with an even distribution for
-    what the search missed.
+    Prior times `_log_likelihood`, normalised, mixed with an even distribution for what the search missed.
     """
     base = excess["complete"]
-    log_p = {"complete": _log_likelihood(base, base, by)}
+    log_p = {"complete": _log_likelihood(base, 0.0, by), "unknown": -by.unknown}
     for name, count in constants.items():
         together = name.count("+") + 1
         prior = by.cause + by.second * (together - 1) + by.constant * (min(count, MOST_COUNTED) - together)
         log_p[name] = _log_likelihood(excess[name], base, by) - prior
-    log_p["unknown"] = _log_likelihood(unknown_leaves(base, by), base, by) - by.unknown
     top = max(log_p.values())
     total = sum(np.exp(v - top) for v in log_p.values())
     even = by.missed / len(log_p)
@@ -116,20 +114,28 @@ def weighed(
     return dict(sorted(probability.items(), key=lambda kv: -kv[1]))
 
 
-def unknown_leaves(base: float, by: Calibration = CALIBRATION) -> float:
-    """Excess misfit that the library's best is taken to leave of a cause it does not hold, where the base leaves this:
-    the larger the cause, the better (in share) something else imitates it."""
-    return float(min(base, np.sqrt(by.imitated * base)))
-
-
 def decisive(log_prior: float, base: float = 0.0, by: Calibration = CALIBRATION) -> float:
     """Squared sigmas by which a hypothesis that costs so much prior must be better, then leaving nothing, to be as
-    probable, where the base's excess is this."""
-    return float((by.tail * by.scale + by.form * base) * np.expm1(2 * log_prior / by.tail))
+    probable, where the base's excess is this; none: that of the other is the base."""
+    from scipy.optimize import brentq  # takes its time
+
+    most = 2 * by.scale * log_prior + by.form * base * np.expm1(log_prior / by.power)
+    return float(brentq(lambda excess: _log_likelihood(excess, base, by) + log_prior, 0.0, most + 1.0))
 
 
 def _log_likelihood(excess: float, base: float, by: Calibration) -> float:
-    return float(-by.tail / 2 * np.log1p(excess / (by.tail * by.scale + by.form * base)))
+    """How much more probable it is that a right hypothesis leaves this than that a wrong one does, in logarithms.
+
+    A mixture: laws of nature's own form leave noise; those of another leave a part that stands to what they explain in
+    any ratio, small ones being the more typical of right laws and the rarer among wrong ones by a power law. A base of
+    0 stands for one that may be right: it has no other form, and leaves noise.
+    """
+    noise = -excess / (2 * by.scale)
+    if base == 0:
+        return float(noise)
+    explained = max(base - excess, 1e-9 * base)
+    other = np.log(by.other) - by.power * np.log1p(excess / (by.form * explained))
+    return float(np.logaddexp(np.log1p(-by.other) + noise, other))
 
 
 def by_cause(probability: Mapping[str, float]) -> dict[str, float]:

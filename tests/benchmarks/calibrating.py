@@ -30,9 +30,9 @@ from tests.apparatus.cases import Case, deck
 
 Rows = Sequence[tuple[Case, Mapping[str, Any]]]
 #: What one would guess before any deck, and how many factors of e (of log priors: how many units) it may be off.
-GUESS = Calibration(tail=10, scale=20, cause=4, second=4, constant=0.5, unknown=4, imitated=25, form=0.003, missed=0.05)
-OFF = Calibration(tail=1, scale=1, cause=3, second=3, constant=1, unknown=3, imitated=1.5, form=1.5, missed=1.5)
-LOGARITHMIC = ("tail", "scale", "imitated", "form", "missed")
+GUESS = Calibration(scale=20, cause=4, second=4, constant=0.5, unknown=6, other=0.2, form=0.01, power=1.5, missed=0.05)
+OFF = Calibration(scale=1, cause=3, second=3, constant=1, unknown=3, other=1, form=1.5, power=0.5, missed=1.5)
+LOGARITHMIC = ("scale", "other", "form", "power", "missed")
 
 
 def main() -> None:
@@ -100,7 +100,7 @@ def at(x: NDArray[np.float64]) -> Calibration:
     for field, step in zip(dataclasses.fields(GUESS), x, strict=True):
         guess, off = getattr(GUESS, field.name), getattr(OFF, field.name) * step
         values[field.name] = float(guess * np.exp(off)) if field.name in LOGARITHMIC else float(guess + off)
-    return Calibration(**{**values, "missed": min(values["missed"], 0.5)})
+    return Calibration(**{**values, "missed": min(values["missed"], 0.5), "other": min(values["other"], 0.9)})
 
 
 def loss(rows: Rows, x: NDArray[np.float64]) -> float:
