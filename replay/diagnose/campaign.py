@@ -142,4 +142,8 @@ class Campaign:
 def _one(
     system: System, recording: Recording, unknowns: tuple[Unknown, ...], at: Floats, level: Level, derivatives: bool
 ) -> Misfit | None:
-    return system.misfit(recording, unknowns, at, level=level, derivatives=derivatives)
+    """A run's misfit; where it, or a derivative, is not finite the model cannot follow."""
+    found = system.misfit(recording, unknowns, at, level=level, derivatives=derivatives)
+    if found is None or not np.isfinite(found.vector).all() or not np.isfinite(found.jacobian).all():
+        return None
+    return found

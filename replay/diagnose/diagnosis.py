@@ -6,8 +6,9 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.explain import explain, nested
+from straw.replay.diagnose.explain import explain
 from straw.replay.diagnose.inquiry import Inquiry, Told, silent
+from straw.replay.diagnose.pairs import nested
 from straw.replay.diagnose.system import Recording, System
 
 

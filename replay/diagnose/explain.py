@@ -17,9 +17,10 @@ from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Contestant, Fit, evaluated, fitted
 from straw.replay.diagnose.hypothesis import Hypothesis
 from straw.replay.diagnose.inquiry import Inquiry, Told
-from straw.replay.diagnose.judge import CALIBRATION, decisive, unexplained
+from straw.replay.diagnose.judge import CALIBRATION, unexplained
+from straw.replay.diagnose.pairs import pairs, seconds, telling
 from straw.replay.diagnose.propose.proposal import Proposal
-from straw.replay.diagnose.refine import refined
+from straw.replay.diagnose.refine import finish, refine, refined
 from straw.replay.diagnose.screen import Start, screen
 from straw.replay.diagnose.settings import (
     COARSE_ROUNDS,
@@ -31,12 +32,12 @@ from straw.replay.diagnose.settings import (
     SHORTLIST,
 )
 from straw.replay.diagnose.starts import check_simulated
-from straw.replay.diagnose.tournament import finished, fitted_contestant, tournament
+from straw.replay.diagnose.tournament import fitted_contestant, tournament
 
 Floats = NDArray[np.float64]
 
 #: Stages that progress is told in, at most.
-STAGES = 7
+STAGES = 8
 
 
 def explain(campaign: Campaign, names: Sequence[str], told: Told, proposal: Proposal | None = None) -> Inquiry:
@@ -65,10 +66,7 @@ def explain(campaign: Campaign, names: Sequence[str], told: Told, proposal: Prop
     if not far and _unexplained(found):
         _large(found, hypotheses, wide_known, proposal, steps)
     if _unexplained(found):
-        steps("pairs", found)
-        in_pairs(found, _telling(found), names, _starts(campaign, proposal))
-        finish(found)
-        nested(found)
+        _in_pairs(found, names, proposal, steps)
     elif not campaign.stop():
         steps("second causes that are small", found)
         seconds(found, names)
@@ -80,11 +78,6 @@ def explain(campaign: Campaign, names: Sequence[str], told: Told, proposal: Prop
     return found
 
 
-def _telling(found: Inquiry) -> Campaign:
-    """The runs that tell most, compared coarsely."""
-    return found.campaign.only(found.campaign.system.telling(found.campaign, found.null)).coarse()
-
-
 def _large(
     found: Inquiry, hypotheses: Sequence[Hypothesis], base: Fit, proposal: Proposal | None, steps: _Steps
 ) -> None:
@@ -92,32 +85,38 @@ def _large(
 
     Where the base explains the coarse comparison to noise (reduced chi-square below one), no cause can show there.
     """
-    wide = _telling(found)
+    wide = telling(found)
     known = evaluated(wide, base.unknowns, base.u)
     if known.cost < len(known.residual):
         return
     given = _starts(found.campaign, proposal)
     for group in _in_turn(hypotheses, proposal):
         steps("causes that are large", found)
-        for one in tournament(wide, known, group, given):
-            found.keep(Contestant(one.hypothesis, refined(found.campaign, one.fit, FIRST_ROUNDS)))
+        refine(found, tournament(wide, known, group, given))
         finish(found)
+        if next(iter(found.judgement().probability)) == "unknown":  # no cause alone is likely: before others are tried
+            _in_pairs(found, [h.name for h in hypotheses], proposal, steps)
         alternate(found)
         if not _unexplained(found):
             return
 
 
+def _in_pairs(found: Inquiry, names: Sequence[str], proposal: Proposal | None, steps: _Steps) -> None:
+    steps("pairs", found)
+    first = list(proposal.scores)[:SHORTLIST] if proposal and proposal.familiar else names
+    pairs(found, names, first, _starts(found.campaign, proposal))
+
+
 def alternate(found: Inquiry) -> None:
-    """The best fitted to the coarse comparison and to all samples in turn, while it gains more than noise.
+    """The best fitted to the coarse comparison and to all samples in turn, while that takes away half of what is left.
 
     The tournament compares only the runs that tell most; its constants may leave the others in a local minimum.
     """
-    campaign, gain = found.campaign, np.inf
-    while gain > NOISE_LEAVES and _unexplained(found):
-        best = found.contestants[0]
+    campaign, before = found.campaign, np.inf
+    while _unexplained(found) and (left := unexplained(campaign, found.best)) < before / 2:
+        best, before = found.contestants[0], left
         coarse = fitted(campaign.coarse(), best.fit.unknowns, best.fit.u, rounds=COARSE_ROUNDS[-1])
         found.keep(Contestant(best.hypothesis, refined(campaign, coarse, ROUNDS)))
-        gain = best.cost - found.best.cost
 
 
 class _Steps:
@@ -173,70 +172,6 @@ def random_effects(campaign: Campaign, fit: Fit) -> None:
     directions = campaign.system.repeats(campaign, fit)
     if directions is not None:
         campaign.allow(directions)
-
-
-def finish(found: Inquiry) -> None:
-    """Carry the best few to their end, until no other is close."""
-    done: set[str] = set()
-    while not found.campaign.stop() and len(done) < FOLLOWED:
-        waiting = [c for c in found.contestants if c.name not in done]
-        if not waiting or (done and waiting[0].cost > _best_cost(found, done) + reach(found)):
-            return
-        found.keep(finished(found.campaign, waiting[0], ROUNDS))
-        done.add(waiting[0].name)
-
-
-def _best_cost(found: Inquiry, done: set[str]) -> float:
-    return min(c.cost for c in found.contestants if c.name in done)
-
-
-def reach(found: Inquiry) -> float:
-    """How much more than the best a hypothesis may cost that is still carried on."""
-    return max(NOISE_LEAVES, unexplained(found.campaign, found.best))
-
-
-def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], proposed: Sequence[Start]) -> None:
-    """Second causes beside the best: by first order in all that is seen, and by a coarse tournament."""
-    campaign = found.campaign
-    for first in found.contestants[:2]:
-        others = [campaign.hypothesis([name]) for name in names if name not in first.hypothesis.causes]
-        for start in screen(campaign, first.fit, others, first.hypothesis)[:FOLLOWED]:
-            found.keep(fitted_contestant(campaign, start, FIRST_ROUNDS, found.null.unknowns))
-    two = [s for s in proposed if len(s.hypothesis.causes) == 2]
-    base = found.null.unknowns
-    for start in two[:FOLLOWED]:
-        coarse = fitted_contestant(wide, start, sum(COARSE_ROUNDS), base)
-        found.keep(Contestant(coarse.hypothesis, refined(campaign, coarse.fit, FIRST_ROUNDS)))
-
-
-def seconds(found: Inquiry, names: Sequence[str]) -> None:
-    """Second causes that stay within the noise of a sample, yet gain over all of them what makes a pair as probable as
-    its first cause alone: promised to first order beside the best single causes, then fitted."""
-    campaign, before = found.campaign, len(found.pairs)
-    for first in found.contestants[:2]:
-        highest = min(found.null.cost - decisive(CALIBRATION.cause), found.best.cost + FAR)
-        if len(first.hypothesis.causes) > 1 or first.cost > highest:
-            continue
-        others = [campaign.hypothesis([name]) for name in names if name not in first.hypothesis.causes]
-        for start in screen(campaign, first.fit, others, first.hypothesis)[:FOLLOWED]:
-            if start.gain > decisive(CALIBRATION.second, found.null.cost - first.cost) and not campaign.stop():
-                found.keep(fitted_contestant(campaign, start, ROUNDS, found.null.unknowns))
-    if len(found.pairs) > before:
-        nested(found)
-
-
-def nested(found: Inquiry) -> None:
-    """Each cause of the best pair alone, from the pair's constants: where the other of the two does nothing, the
-    search for the one alone had only ended in another local minimum."""
-    best = found.contestants[0]
-    if len(best.hypothesis.causes) == 1:
-        return
-    at = {unknown.target: float(u) for unknown, u in zip(best.fit.unknowns, best.fit.u, strict=True)}
-    for cause in best.hypothesis.causes:
-        alone = found.campaign.hypothesis([cause])
-        unknowns = (*found.null.unknowns, *alone.unknowns)
-        u = np.array([at[unknown.target] for unknown in unknowns])
-        found.keep(Contestant(alone, fitted(found.campaign, unknowns, u, rounds=ROUNDS)))
 
 
 def from_each_other(found: Inquiry) -> None:

@@ -123,7 +123,7 @@ def conclude(
         missing = system.missing(campaign, found.null, told)
     if missing and missing.formula:
         curve = missing.curve
-        tried = hold_out(curve.campaign, found.null, curve.fit, located)
+        tried = hold_out(curve.campaign, found.null, curve.fit, located, smooth=curve.smooth)
         if tried is None or not tried.better:
             notes.append("the curve of what is missing does not make the runs held out better: located, not explained")
         else:

@@ -82,11 +82,13 @@ def hold_out(
     better: Fit,
     located: Sequence[Located],
     added: Sequence[tuple[str, Fit]] = (),
+    smooth: Floats | None = None,
 ) -> Held | None:
     """Base and improved model (or the base again) fitted once more without some runs, and how far each is off on those.
 
     ``added``: fits with the first cause, with the first two, ..., all but the last, which ``better`` is, with the
-    cause's name; the last's is the name of the last cause. Held out are runs in which the misfit is, of different
+    cause's name; the last's is the name of the last cause. ``smooth``: what a curve in it is charged for being rough,
+    as in `fitted`. Held out are runs in which the misfit is, of different
     kinds, and at most a quarter; None with fewer than three runs.
     """
     names = [o.name for o in campaign.observations]
@@ -99,7 +101,7 @@ def hold_out(
     last, after = base, before
     steps = []
     for cause, fit in added or ([] if better is null else [("", better)]):
-        last = fitted(train, fit.unknowns, fit.u, rounds=FIRST_ROUNDS)
+        last = fitted(train, fit.unknowns, fit.u, rounds=FIRST_ROUNDS, smooth=smooth)
         after = plain_rms(rest, fit.unknowns, last.u)
         steps.append((cause, after))
     return Held(

@@ -7,15 +7,19 @@ its best: there starts are drawn, and the best are followed.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.fit import Fit, clipped, cost_at, fitted
+from straw.replay.diagnose.fit import Contestant, Fit, clipped, cost_at, fitted
+from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.judge import unexplained
 from straw.replay.diagnose.robust import weights
-from straw.replay.diagnose.settings import FIRST_ROUNDS, FOLLOWED, NOISE_LEAVES, WIDENED
+from straw.replay.diagnose.settings import FIRST_ROUNDS, FOLLOWED, NOISE_LEAVES, ROUNDS, WIDENED
 from straw.replay.diagnose.starts import normal
+from straw.replay.diagnose.tournament import finished
 
 Floats = NDArray[np.float64]
 
@@ -47,3 +51,32 @@ def drawn(fit: Fit, known: int) -> list[Floats]:
     own = covariance[:known, :known]
     follow = np.linalg.solve(own, covariance[:known]).T  # (unknowns, known), the identity first
     return [clipped(fit.unknowns, fit.u + follow @ step) for step in normal(known) @ np.linalg.cholesky(own).T]
+
+
+def refine(found: Inquiry, coarse: Sequence[Contestant]) -> None:
+    """What was fitted coarsely, fitted to all samples: carefully what is near the best."""
+    for one in coarse:
+        if one.cost < 2 * coarse[0].cost:
+            found.keep(Contestant(one.hypothesis, refined(found.campaign, one.fit, FIRST_ROUNDS)))
+        else:
+            found.keep(finished(found.campaign, one, FIRST_ROUNDS))
+
+
+def finish(found: Inquiry) -> None:
+    """Carry the best few to their end, until no other is close."""
+    done: set[str] = set()
+    while not found.campaign.stop() and len(done) < FOLLOWED:
+        waiting = [c for c in found.contestants if c.name not in done]
+        if not waiting or (done and waiting[0].cost > _best_cost(found, done) + reach(found)):
+            return
+        found.keep(finished(found.campaign, waiting[0], ROUNDS))
+        done.add(waiting[0].name)
+
+
+def _best_cost(found: Inquiry, done: set[str]) -> float:
+    return min(c.cost for c in found.contestants if c.name in done)
+
+
+def reach(found: Inquiry) -> float:
+    """How much more than the best a hypothesis may cost that is still carried on."""
+    return max(NOISE_LEAVES, unexplained(found.campaign, found.best))

@@ -4,7 +4,8 @@
 
 Per law: the state it acts over, the state chosen, how much of the misfit the curve takes away, the curve's largest
 error against the law where it is known, in shares of the law's largest value, and the formula. About a minute of CPU
-each. Cohesion and squeeze film are causes of the library, here taken out of it.
+each; and X on runs held out: base, curve, noise. Cohesion and squeeze film are causes of the library, here taken out of
+it.
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ import numpy as np
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.explain import random_effects
 from straw.replay.diagnose.fit import fitted
+from straw.replay.diagnose.heldout import hold_out
 from straw.replay.diagnose.judge import unexplained
+from straw.replay.diagnose.locate import locate
 from straw.replay.diagnose.settings import ROUNDS
 from straw.replay.diagnose.systems.straw.base import base_fit
 from straw.replay.diagnose.systems.straw.missing import Missing, missing_force
@@ -94,7 +97,7 @@ def main() -> None:
     ask.add_argument("--states", nargs="*", default=[])
     args = ask.parse_args()
     states = [s for s in STATES if not args.states or s.name in args.states]
-    right = tried = 0
+    right = tried = good = 0
     for planted in PLANTED:
         name = planted.cause.form if planted.cause.name == "unknown" else planted.cause.name
         if args.only and name not in args.only:
@@ -107,18 +110,26 @@ def main() -> None:
             null = fitted(here, null.unknowns, null.u, rounds=ROUNDS)
             left, start, before = unexplained(here, null), time.process_time(), here.tally["played"]
             found = missing_force(here, null, states=states)
-        assert found is not None
+            assert found is not None
+            curve = found.curve
+            held = hold_out(curve.campaign, null, curve.fit, locate(here, null), smooth=curve.smooth)
+        assert held is not None
         tried += 1
         right += found.curve.state.name == planted.state
         cpu = time.process_time() - start
         print(f"{name}: the base leaves {left:.0f} sigmas squared; over {planted.state!r} it should be")
         print(f"  {found.says}")
+        x = [row["x_m"] for row in (held.before, held.after, held.floor)]
+        better = held.better and (x[1] < x[0] / 3 or x[1] < 1.3 * x[2])
+        good += better
+        shown = "shown" if found.formula and held.better else "not shown as an improvement"
+        print(f"  held out, X: {', '.join(f'{1e3 * v:.3f}' for v in x)} mm: {shown}")
         if planted.law:
             print(f"  largest error of the curve: {100 * error(found, planted.law):.0f} % of the law's size")
         if found.formula:
             print(f"  {found.formula.text}  (keeps {100 * found.formula.keeps:.0f} %)")
         print(f"  {cpu:.0f} s CPU, {here.tally['played'] - before} runs played", flush=True)
-    print(f"the state was right in {right} of {tried}")
+    print(f"the state was right in {right} of {tried}; held out 3 times better, or near noise, in {good}")
 
 
 if __name__ == "__main__":

@@ -14,10 +14,11 @@ import straw.replay.diagnose
 from straw.replay.diagnose import diagnosis
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.diagnosis import inquire
-from straw.replay.diagnose.explain import absent, nested
+from straw.replay.diagnose.explain import absent
 from straw.replay.diagnose.findings import conclude
 from straw.replay.diagnose.fit import Contestant, fitted
 from straw.replay.diagnose.inquiry import Inquiry
+from straw.replay.diagnose.pairs import nested
 from straw.replay.diagnose.systems.oscillator.system import (
     FINE,
     LIBRARY,

@@ -1,0 +1,90 @@
+"""Two causes at once: second causes beside the best single ones, large or small, and each cause of a pair alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.fit import Contestant, evaluated, fitted
+from straw.replay.diagnose.inquiry import Inquiry
+from straw.replay.diagnose.judge import CALIBRATION, decisive, unexplained
+from straw.replay.diagnose.refine import finish, refine, refined
+from straw.replay.diagnose.screen import Start, screen
+from straw.replay.diagnose.settings import COARSE_ROUNDS, FAR, FIRST_ROUNDS, FOLLOWED, NOISE_LEAVES, ROUNDS
+from straw.replay.diagnose.tournament import fitted_contestant, tournament
+
+
+def telling(found: Inquiry) -> Campaign:
+    """The runs that tell most, compared coarsely."""
+    return found.campaign.only(found.campaign.system.telling(found.campaign, found.null)).coarse()
+
+
+def pairs(found: Inquiry, names: Sequence[str], first: Sequence[str], proposed: Sequence[Start]) -> None:
+    """Second causes beside the best: fitted coarsely where it is far off (those among ``first``), by first order where
+    that tells."""
+    if unexplained(found.campaign, found.best) > FAR:
+        beside_best(found, first)
+        finish(found)
+        nested(found)
+    if not found.campaign.stop() and unexplained(found.campaign, found.best) > NOISE_LEAVES:
+        in_pairs(found, telling(found), names, proposed)
+        finish(found)
+        nested(found)
+
+
+def beside_best(found: Inquiry, names: Sequence[str]) -> None:
+    """Second causes, large ones too, beside the best single cause: a tournament as of single causes, once."""
+    best = next((c for c in found.contestants if len(c.hypothesis.causes) == 1), None)
+    if best is None or any(best.name in pair.hypothesis.causes for pair in found.pairs.values()):
+        return
+    wide = telling(found)
+    known = evaluated(wide, best.fit.unknowns, best.fit.u)
+    others = [found.campaign.hypothesis([name]) for name in names if name not in best.hypothesis.causes]
+    both = [Contestant(c.hypothesis.beside(best.hypothesis), c.fit) for c in tournament(wide, known, others, [])]
+    refine(found, both)
+
+
+def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], proposed: Sequence[Start]) -> None:
+    """Second causes beside the best: by first order in all that is seen, and by a coarse tournament."""
+    campaign = found.campaign
+    for first in [c for c in found.contestants if len(c.hypothesis.causes) == 1][:2]:
+        others = [campaign.hypothesis([name]) for name in names if name not in first.hypothesis.causes]
+        for start in screen(campaign, first.fit, others, first.hypothesis)[:FOLLOWED]:
+            found.keep(fitted_contestant(campaign, start, FIRST_ROUNDS, found.null.unknowns))
+    two = [s for s in proposed if len(s.hypothesis.causes) == 2]
+    base = found.null.unknowns
+    for start in two[:FOLLOWED]:
+        coarse = fitted_contestant(wide, start, sum(COARSE_ROUNDS), base)
+        found.keep(Contestant(coarse.hypothesis, refined(campaign, coarse.fit, FIRST_ROUNDS)))
+
+
+def seconds(found: Inquiry, names: Sequence[str]) -> None:
+    """Second causes that stay within the noise of a sample, yet gain over all of them what makes a pair as probable as
+    its first cause alone: promised to first order beside the best single causes, then fitted."""
+    campaign, before = found.campaign, len(found.pairs)
+    for first in found.contestants[:2]:
+        highest = min(found.null.cost - decisive(CALIBRATION.cause), found.best.cost + FAR)
+        if len(first.hypothesis.causes) > 1 or first.cost > highest:
+            continue
+        others = [campaign.hypothesis([name]) for name in names if name not in first.hypothesis.causes]
+        for start in screen(campaign, first.fit, others, first.hypothesis)[:FOLLOWED]:
+            if start.gain > decisive(CALIBRATION.second, found.null.cost - first.cost) and not campaign.stop():
+                found.keep(fitted_contestant(campaign, start, ROUNDS, found.null.unknowns))
+    if len(found.pairs) > before:
+        nested(found)
+
+
+def nested(found: Inquiry) -> None:
+    """Each cause of the best pair alone, from the pair's constants: where the other of the two does nothing, the
+    search for the one alone had only ended in another local minimum."""
+    best = found.contestants[0]
+    if len(best.hypothesis.causes) == 1:
+        return
+    at = {unknown.target: float(u) for unknown, u in zip(best.fit.unknowns, best.fit.u, strict=True)}
+    for cause in best.hypothesis.causes:
+        alone = found.campaign.hypothesis([cause])
+        unknowns = (*found.null.unknowns, *alone.unknowns)
+        u = np.array([at[unknown.target] for unknown in unknowns])
+        found.keep(Contestant(alone, fitted(found.campaign, unknowns, u, rounds=ROUNDS)))
