@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import secrets
 import shutil
 import subprocess
@@ -14,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from straw.replay.progress import TOLD_IN
 from straw.rig.errors import RigError
 
 #: Whoever drives a rig goes first, also on a small machine.
@@ -23,6 +25,7 @@ STRAW = (sys.executable, "-P", "-m", "straw.replay.cli")
 IDLE_S = 300.0
 MOST_JOBS = 2
 KEPT = 40
+PROGRESS = "progress.json"
 
 
 class Predictor:
@@ -100,10 +103,20 @@ class Job:
             "title": self.title,
             "seconds": round(self.took_s or time.monotonic() - self.began_s, 1),
             "running": self.code is None,
+            "waits": self.code is None and self.process is None,
+            "progress": self._progress() if self.code is None else None,
             "well": self.code in (0, 1),  # 1: the answer is no
             "said": self.said[-4000:],
             "page": bool(self.code in (0, 1) and self.page and self.page.is_file()),
         }
+
+    def _progress(self) -> dict[str, Any] | None:
+        """How far the command says that it is: what it does, done, of how much in all."""
+        try:
+            said: dict[str, Any] = json.loads((self.folder / PROGRESS).read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return None
+        return said
 
 
 class Jobs:
@@ -166,6 +179,7 @@ class Jobs:
                     stdout=subprocess.PIPE,
                     stderr=subprocess.STDOUT,
                     text=True,
+                    env={**os.environ, TOLD_IN: str(job.folder / PROGRESS)},
                 )
                 job.said = job.process.communicate()[0]
                 job.code = job.process.returncode
