@@ -11,7 +11,7 @@ from straw.replay.lab.findings import findings
 from straw.replay.lab.library import Library
 from straw.replay.lab.lineage import lineage
 from straw.replay.lab.table import UNTELLING, row
-from straw.rig.catalogue import Entry
+from straw.rig.catalogue import Entry, latest_tracks
 from straw.rig.columns import COLUMNS, value_of
 from straw.rig.errors import RigError
 from straw.rig.notes import read_notes
@@ -114,7 +114,7 @@ def _signals(library: Library, entry: Entry) -> dict[str, Any]:
     """A recording's signals, with the tip of its track on its own clock."""
     said = library.details(entry, details)
     signals = dict(said.get("signals", {}))
-    for track in _tracks(library, entry)[:1]:
+    if track := latest_tracks(library.entries).get(entry.sha256):
         signals |= _shifted(library.details(track, details), int(said.get("zero_ns", 0)))
     return signals
 
@@ -129,4 +129,4 @@ def _shifted(said: dict[str, Any], zero_ns: int) -> dict[str, Any]:
 def _plain(value: Any) -> str:
     if value is None:
         return ""
-    return f"{value:g}" if isinstance(value, float) else ", ".join(value) if isinstance(value, tuple) else str(value)
+    return f"{value:.4g}" if isinstance(value, float) else ", ".join(value) if isinstance(value, tuple) else str(value)
