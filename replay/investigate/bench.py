@@ -74,7 +74,8 @@ class Bench:
         self._known = [text for run in runs if (text := run.attachments.get("protocol.toml", b"").decode())]
         self._inquiry = None
         if len(runs) < FEWEST:
-            return Found("too_few", says=f"{len(runs)} runs of {self.folder.specimen} so far", recordings=sums)
+            so_far = f"{len(runs)} {'run' if len(runs) == 1 else 'runs'} of {self.folder.specimen} so far"
+            return Found("too_few", says=so_far, recordings=sums)
         check_campaign(runs, self.straw.cells)
         system = StrawSystem(self.straw)
         with progress_bar("diagnose", "step") as update, Interrupts() as interrupts:

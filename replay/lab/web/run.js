@@ -14,6 +14,7 @@ async function loadRun() {
     (said.kind === "part" ? ' <button data-recover="1" class="go">recover: what is on disk becomes a whole file</button>' : "") +
     (said.attachments && said.attachments["protocol.toml"] ? ' <button data-again="1">run its protocol again</button>' : "") +
     (raw && !withTip ? `<span class="soft">no tip yet: film it and track it: straw track VIDEO --run ${html(said.name)}</span>` : "");
+  $("#drop").hidden = !(raw || said.kind === "part");
   $("#facts").innerHTML = Object.entries(said.facts).filter(([, v]) => v).map(([k, v]) => `<dt>${html(k)}</dt><dd>${k === "specimen" ? `<a href="${html(pageOf("/specimen", { name: v }))}">${html(v)}</a>` : html(v)}</dd>`).join("") + `<dt>SHA-256</dt><dd>${html(said.sha256 || "")}</dd>`;
   $("#tags").innerHTML = said.tags.map((t) => `<span class="tag">${html(t)} <a href="#" data-untag="${html(t)}" title="take it off">×</a></span>`).join("") || '<span class="soft">none</span>';
   $("#notes").innerHTML = said.notes.map(([line, when, text]) => `<li><span class="soft">${html(when.slice(0, 16).replace("T", " "))}</span> <span data-note="${line}" title="click to change">${html(text)}</span> <a href="#" data-unnote="${line}" title="remove it (the file keeps it)">×</a></li>`).join("") || '<li class="soft">none</li>';
