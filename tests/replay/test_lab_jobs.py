@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 
@@ -41,3 +42,20 @@ def test_how_far_a_job_is_is_seen_while_it_runs_and_others_wait_for_their_turn(
     ServedLab.until(lambda: not jobs.as_data(second.id)["running"])
     said = jobs.as_data(first.id)
     assert (said["well"], said["said"].strip(), said["progress"]) == (True, "named", None)
+
+
+def test_a_job_outlives_its_lab_and_is_found_by_the_next(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(work, "STRAW", (sys.executable, "-P", "-c", SLOW))
+    go = tmp_path / "go"
+    job = Jobs(tmp_path / "work").start("slow", [str(go)])
+    ServedLab.until(lambda: work.progress_in(job.folder))
+    later = Jobs(tmp_path / "work")
+    if os.name == "posix":
+        assert (later.as_data(job.id)["running"], later.as_data(job.id)["progress"]["done"]) == (True, 3)
+        other = Jobs(tmp_path / "work").start("other", [str(go)])
+        ServedLab.until(lambda: work.progress_in(other.folder))
+        later.stop(other.id)
+        ServedLab.until(lambda: not later.as_data(other.id)["running"])
+    go.touch()
+    ServedLab.until(lambda: "named" in later.as_data(job.id)["said"])
+    ServedLab.until(lambda: not later.as_data(job.id)["running"])

@@ -5,7 +5,7 @@ async function look() {
   let job;
   try { job = await ask(pageOf("/api/job", { id })); } catch (error) { $("#how").textContent = error.message; return; }
   $("#title").textContent = job.title;
-  $("#how").textContent = job.waits ? "waits until one of two others is done" : job.running ? `running… ${job.seconds.toFixed(0)} s${far(job.progress)}` : job.well ? `done in ${job.seconds.toFixed(0)} s` : `failed (${job.seconds.toFixed(0)} s)`;
+  $("#how").textContent = job.waits ? "waits until one of two others is done" : job.running ? `running… ${job.seconds.toFixed(0)} s${far(job.progress)}` : job.well ? job.seconds ? `done in ${job.seconds.toFixed(0)} s` : "done" : `failed (${job.seconds.toFixed(0)} s)`;
   $("#text").textContent = job.said;
   $("#stop").hidden = !job.running;
   if (job.page && $("#stage").hidden) { $("#stage").hidden = false; $("#stage").src = `/made/${id}`; }
