@@ -177,7 +177,8 @@ class Jobs:
         alive, page = alive_in(folder), bool(list(folder.glob("*.html")))
         progress = progress_in(folder) if alive else None
         about = {"running": alive, "waits": False, "progress": progress, "well": True, "page": page and not alive}
-        return {"id": job_id, "title": title, "seconds": 0, **about, "said": said_in(folder)}
+        seconds = round(time.time() - (folder / PID).stat().st_mtime, 1) if alive else 0
+        return {"id": job_id, "title": title, "seconds": seconds, **about, "said": said_in(folder)}
 
     def stop(self, job_id: str) -> dict[str, Any]:
         """End a job that takes too long; what it has printed stays."""
