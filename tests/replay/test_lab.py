@@ -122,7 +122,8 @@ def test_files_that_come_and_go_below_are_seen(lab: ServedLab) -> None:
 def test_a_film_is_laid_beside_its_run_and_entered_in_its_manifest(lab: ServedLab) -> None:
     headers = {**lab.own, "Content-Type": "application/octet-stream"}
     said = lab.raw("POST", "/api/film?name=a.mcap&file=..%2F..%2FGX01.MP4", headers, "frames")
-    assert said == (200, {"film": "a-GX01.MP4"})
+    track = "straw track a-GX01.MP4 --run a.mcap --camera CAMERA.json --start S -o a-tip.mcap"
+    assert said == (200, {"film": "a-GX01.MP4", "track": track})
     assert (lab.lab.library.folder / "a-GX01.MP4").read_text() == "frames"
     assert lab.raw("POST", "/api/film?name=a.mcap&file=GX01.MP4", headers, "again")[0] == 400
     assert lab.raw("POST", "/api/film?name=a.mcap&file=x.html", headers, "page")[0] == 400
