@@ -35,7 +35,7 @@ def score(cases: Sequence[Case], told: Rows, ways: Sequence[str]) -> str:
     for other in ways:
         both = [c for c in cases if {(c.name, "loop"), (c.name, other)} <= set(told)]
         if other != "loop" and both:
-            lines += _against(other, [(c, told[c.name, "loop"], told[c.name, other]) for c in both])
+            lines.append(_against(other, [(c, told[c.name, "loop"], told[c.name, other]) for c in both]))
     lines.append("")
     for case in cases:
         rows = [(way, told[case.name, way]) for way in ways if (case.name, way) in told]
@@ -58,18 +58,18 @@ def _way(way: str, done: Sequence[tuple[Case, Row]]) -> str:
     return f"{line}   {spent[0]:g}, {spent[1]:.2f}, {spent[2]:g}; {of_right}   {cpu:.0f}"
 
 
-def _against(other: str, both: Sequence[tuple[Case, Row, Row]]) -> list[str]:
+def _against(other: str, both: Sequence[tuple[Case, Row, Row]]) -> str:
     """Costs where both are right, and wrong names that only the loop gives."""
     right = [(mine, theirs) for c, mine, theirs in both if end_of(c, mine) == end_of(c, theirs) == "right"]
     gained = [c for c, mine, theirs in both if end_of(c, mine) == "wrong name" != end_of(c, theirs)]
-    lines = [f"loop against {other}: wrong names gained {len(gained)} of {len(both)}"]
-    lines[0] += f" ({', '.join(c.name for c in gained)})" if gained else ""
+    line = f"loop against {other}: wrong names gained {len(gained)} of {len(both)}"
+    line += f" ({', '.join(c.name for c in gained)})" if gained else ""
+    line += f"; both right in {len(right)}"
     for what in ("rounds", "minutes", "snaps"):
         mine, theirs = sum(m[what] for m, _ in right), sum(t[what] for _, t in right)
         if theirs:
-            lines[0] += f"; {what} {mine:.3g} of {theirs:.3g} ({100 * mine / theirs:.0f} %)"
-    lines[0] += f" where both are right ({len(right)} cases)"
-    return lines
+            line += f"; {what} {mine:.3g} of {theirs:.3g} ({100 * mine / theirs:.0f} %)"
+    return line
 
 
 def _spent(row: Row) -> str:
