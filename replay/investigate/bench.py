@@ -72,7 +72,7 @@ class Bench:
         sums, paths = self.folder.sums(), self.folder.paths()
         runs = gather(paths) if paths else []
         self._known = [text for run in runs if (text := run.attachments.get("protocol.toml", b"").decode())]
-        self._inquiry = None
+        before, self._inquiry = self._inquiry, None
         if len(runs) < FEWEST:
             so_far = f"{len(runs)} {'run' if len(runs) == 1 else 'runs'} of {self.folder.specimen} so far"
             return Found("too_few", says=so_far, recordings=sums)
@@ -86,6 +86,7 @@ class Bench:
                 executor=self.pool,
                 told=lambda what, done, total: self._tell(update, what, done, total),
                 stop=lambda: interrupts.pending is not None,
+                before=before,
             )
             interrupts.check()
             findings = conclude(found, brief=True, tolerance=self._tolerance())
