@@ -1,12 +1,16 @@
-"""Progress on stderr for anything slow: a bar where a person watches, nothing where a log is kept."""
+"""Progress for anything slow: a bar where a person watches, a file where a page does, nothing where a log is kept."""
 
 from __future__ import annotations
 
+import json
+import os
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import NoReturn
 
 from tqdm import tqdm
@@ -14,16 +18,21 @@ from tqdm import tqdm
 from straw.model.compiled import COMPILED_BEFORE
 
 Progress = Callable[[int, int], None]
+#: Names a file in which a command says how far it is: whoever starts it for a page sets this.
+TOLD_IN = "STRAW_PROGRESS"
+TELL_S = 0.3
 
 
 @contextmanager
 def progress_bar(title: str, unit: str = "it") -> Iterator[Progress]:
     """A bar to be called with (done, total); it closes with the block, also on an error."""
     with _bar(title, unit) as bar:
+        tell = _teller()
 
         def update(done: int, total: int) -> None:
             bar.total = total
             bar.update(done - bar.n)
+            tell(title, done, total)
 
         yield update
 
@@ -32,8 +41,10 @@ def progress_bar(title: str, unit: str = "it") -> Iterator[Progress]:
 def stage_bar(title: str) -> Iterator[Callable[[str, int, int], None]]:
     """A bar to be called with (what is being done, stages done, stages in all)."""
     with _bar(title, "stage", "{n_fmt} of {total_fmt} stages, {elapsed}: {desc}") as bar:
+        tell = _teller()
 
         def update(what: str, done: int, total: int) -> None:
+            tell(what, done, total)
             bar.total = total
             bar.set_description_str(what, refresh=False)
             bar.update(done - bar.n)
@@ -55,6 +66,22 @@ def _bar(title: str, unit: str, form: str | None = None) -> Iterator[tqdm[NoRetu
         bar_format=form,
     ) as bar:
         yield bar
+
+
+def _teller() -> Callable[[str, int, int], None]:
+    """Writes how far it is into the file of `TOLD_IN`, now and then; does nothing where none is named."""
+    named, last_s = os.environ.get(TOLD_IN), -TELL_S
+
+    def tell(what: str, done: int, total: int) -> None:
+        nonlocal last_s
+        if not named or time.monotonic() - last_s < TELL_S:
+            return
+        last_s, part = time.monotonic(), Path(f"{named}.part")
+        with suppress(OSError):
+            part.write_text(json.dumps({"what": what, "done": done, "total": total}), encoding="utf-8")
+            part.replace(named)
+
+    return tell
 
 
 def say(text: str) -> None:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from straw.replay.output import check_new
 from straw.replay.progress import Progress, progress_bar, say
 from straw.rig.camera_clock import CameraClock
+from straw.rig.manifest import sha256_of
 from straw.rig.run import Run
 from straw.rig.run_track import write_track
 from straw.tracking.board import Board
@@ -40,17 +41,20 @@ def track_to_file(
     board: Board | None = None,
     clock: CameraClock | None = None,
     mend: Path | None = None,
+    calibration: Path | None = None,
     progress: Progress | None = None,
     **task: Any,
 ) -> Track:
     """Track a video and write the tip on the run's clock; without a run, on the wall clock of now.
 
     ``mend``: a file of changes by hand (see ``straw.tracking.mend``), which goes on record with the track;
+    ``calibration``: the file that ``camera`` was read from, whose name and SHA-256 do, too;
     ``progress``: told (frames done, frames in all) in place of a bar.
     The track's record is left open, for more to be made of it; an interrupted one stays beside ``output``.
     """
     check_new(output)
     edits = load_edits(mend) if mend else []
+    sha256 = sha256_of(calibration) if calibration else ""  # as it was when the camera was read, not hours later
     files = in_order([videos] if isinstance(videos, Path) else videos)
     record = output.with_name(output.name + ".corners")
     if beside := siblings(files):
@@ -81,6 +85,7 @@ def track_to_file(
         "clock": str(clock or f"first frame given at {start_s:g} s"),
         "camera": str(tracked.telemetry),
     }
+    metadata |= {"calibration": calibration.name, "calibration_sha256": sha256} if calibration else {}
     if not filmed:
         say(f"{files[0].name}: without --run nothing says when it was filmed; its times count from now")
     zero_ns = filmed.zero_time_ns if filmed else time.time_ns()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -138,6 +138,12 @@ def family(path: Path, folder: Path) -> Iterator[Path]:
             if entry.sha256 not in parents:
                 parents.add(entry.sha256)
                 yield folder / entry.name
+
+
+def latest_tracks(entries: Iterable[Entry]) -> dict[str, Entry]:
+    """Of the tracks of each run the one that was made last and is not archived, by the run's SHA-256."""
+    tracks = [e for e in entries if e.kind == "track" and e.parent and "archive" not in e.marks]
+    return {track.parent: track for track in sorted(tracks, key=lambda e: (e.changed_ns, e.name))}
 
 
 def kind_of(run: Run) -> str:

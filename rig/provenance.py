@@ -35,7 +35,9 @@ def _git(*arguments: str) -> str:
     if not (root / ".git").exists():  # an installed package may lie inside somebody else's repository
         return ""
     try:
-        said = subprocess.run(["git", "-C", str(root), *arguments], capture_output=True, text=True, timeout=5.0)
+        # without locks, as a run that is killed meanwhile, or finds the disk full, would leave one for good
+        command = ["git", "--no-optional-locks", "-C", str(root), *arguments]
+        said = subprocess.run(command, capture_output=True, text=True, timeout=5.0)
     except (OSError, subprocess.TimeoutExpired):
         return ""
     return said.stdout.strip() if said.returncode == 0 else ""

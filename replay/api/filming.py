@@ -89,6 +89,7 @@ def track(
         edits = load_edits(by_whom) if by_whom else []
         found = track_only(files, lens, board or Board(), rest_pose=pose, start_s=start_s, progress=progress, **how)
         return remade(Track, by_hand(found, files, edits, start_s))  # type: ignore[no-any-return]
+    how |= {"calibration": None if isinstance(camera, Camera) else Path(camera)}
     found = track_to_file(
         files, lens, pose, Path(output), filmed, start_s, board=board, mend=by_whom, progress=progress, **how
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Collection
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +38,7 @@ from straw.tracking.trace import TipTrace
 def run(args: argparse.Namespace) -> int:
     """Run the protocol and say what was recorded."""
     rig = take_rig(args)
-    protocol = load_protocol(args.protocol)
+    protocol = of_specimen(args, load_protocol(args.protocol))
     straw = load_straw(args.straw)
     about_run(args)  # what is wrong with it is said before anything else happens
     if rig is not None:
@@ -95,10 +96,15 @@ def channels_of(args: argparse.Namespace, protocol: PressureProtocol) -> dict[st
     return {"channels": tuple(part.channel for part in protocol.parts), **settings_of(args)}
 
 
+def of_specimen(args: argparse.Namespace, protocol: PressureProtocol) -> PressureProtocol:
+    """The protocol of the specimen that the command line names, over what its file says."""
+    specimen = protocol.specimen if args.specimen is None else args.specimen
+    return replace(protocol, specimen=specimen, cycle=protocol.cycle if args.cycle is None else args.cycle)
+
+
 def about_of(args: argparse.Namespace) -> dict[str, str]:
-    """What the command line says of the specimen, over what the protocol says."""
-    given = {"specimen": args.specimen, "cycle": args.cycle, "rig": args.rig}
-    return {key: str(value) for key, value in given.items() if value is not None} | about_run(args)
+    """What the command line says of the run, and of the rig."""
+    return ({"rig": str(args.rig)} if args.rig is not None else {}) | about_run(args)
 
 
 def drive_emulated(
@@ -109,8 +115,7 @@ def drive_emulated(
     if args.tip:
         check_new(args.tip)
     settings = channels_of(args, protocol)
-    cycle = protocol.cycle if args.cycle is None else args.cycle
-    worn = straw.replace(cycle=float(cycle))  # as what is recorded says
+    worn = straw.replace(cycle=float(protocol.cycle))  # as what is recorded says
     with emulation(
         worn, protocol.initial_deployed, args.controller, clock=clock, channels=settings["channels"]
     ) as emulated:

@@ -6,13 +6,12 @@ import argparse
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import asdict
-from datetime import UTC, datetime
 from pathlib import Path
 
 from straw.replay.commands.runs_compare import compare_runs
+from straw.replay.commands.runs_show import catalogue_of, show, when
 from straw.replay.output import write_json
-from straw.replay.progress import progress_bar
-from straw.rig.catalogue import Entry, catalogue, family, find, kind_of, span_s
+from straw.rig.catalogue import Entry, family, find
 from straw.rig.columns import COLUMNS, metadata_names, ordered
 from straw.rig.crate import export
 from straw.rig.errors import RigError
@@ -30,7 +29,7 @@ def run(args: argparse.Namespace) -> int:
 
 def list_runs(args: argparse.Namespace) -> int:
     """One line for each recording."""
-    entries = [entry for entry in _catalogue(args) if _wanted(entry, args)]
+    entries = [entry for entry in catalogue_of(args) if _wanted(entry, args)]
     where = compiled(args.where, metadata_names(entries))
     entries = [entry for entry in entries if where(entry)]
     if args.sort:
@@ -44,7 +43,7 @@ def list_runs(args: argparse.Namespace) -> int:
     rows = [("start (UTC)", "kind", "run", "specimen", "s", "status", "tags", "file")]
     rows += [
         (
-            _when(entry.start_ns),
+            when(entry.start_ns),
             entry.kind,
             entry.run_id or "?",
             entry.specimen or "-",
@@ -58,60 +57,6 @@ def list_runs(args: argparse.Namespace) -> int:
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     for row in rows:
         print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
-    return 0
-
-
-def show(args: argparse.Namespace) -> int:
-    """All that is known of one recording."""
-    path = find(args.dir, args.run)
-    found, notes = read_run(path), read_notes(path)
-    start_s, end_s = span_s(found)
-    try:
-        files = {one.path.name: one.problem or "as recorded" for one in check(path)}
-    except RigError as error:
-        files = {manifest_of(path).name: str(error)}
-    derived = [str(one) for one in family(path, args.dir)]
-    data = {
-        "file": str(path),
-        "kind": kind_of(found),
-        "sha256": found.sha256,
-        "start": _when(found.zero_time_ns + round(start_s * 1e9)),
-        "duration_s": end_s - start_s,
-        "samples": {
-            "pressure": len(found.pressure or ()),
-            "command": len(found.command or ()),
-            "tip": len(found.tip or ()),
-        },
-        "metadata": dict(found.metadata),
-        "software": dict(found.software),
-        "attachments": sorted(found.attachments),
-        "events": [{"time_s": event.time_s, "kind": event.kind, "text": event.text} for event in found.events],
-        "tags": list(notes.tags),
-        "notes": [f"{when} {text}" for when, text in notes.notes],
-        "manifest": files,
-        "derived": derived,
-        "lost": list(found.lost),
-    }
-    if args.json:
-        write_json(args.json, data)
-    for key, value in data.items():
-        if isinstance(value, dict):
-            print(f"{key}:" + (" -" if not value else ""))
-            for name, text in value.items():
-                print(f"  {name:<20} {text}")
-        elif key == "events":
-            print("events:" + (" -" if not found.events else ""))
-            for event in found.events[: args.events]:
-                print(f"  {event.time_s:9.3f} s  {event.kind:<8} {event.text}")
-            if len(found.events) > args.events:
-                print(f"  ... and {len(found.events) - args.events} more (--events N)")
-        elif isinstance(value, list):
-            print(f"{key}: {', '.join(value) if key in ('tags', 'attachments') else ''}" + (" -" if not value else ""))
-            if key not in ("tags", "attachments"):
-                for text in value:
-                    print(f"  {text}")
-        else:
-            print(f"{key}: {value:.3f}" if isinstance(value, float) else f"{key}: {value}")
     return 0
 
 
@@ -150,7 +95,7 @@ def attach(args: argparse.Namespace) -> int:
 
 def verify(args: argparse.Namespace) -> int:
     """Every file against its sum, every recording against its checksums; 1 when something is wrong."""
-    entries = _catalogue(args, rebuild=True)
+    entries = catalogue_of(args, rebuild=True)
     wanted = {find(args.dir, name, entries).resolve() for name in args.runs}
     problems: list[str] = []
     recorded: list[Path] = []
@@ -230,11 +175,6 @@ def recover_runs(args: argparse.Namespace) -> int:
     return 0
 
 
-def _catalogue(args: argparse.Namespace, rebuild: bool = False) -> list[Entry]:
-    with progress_bar(f"read {args.dir}", "recording") as progress:
-        return catalogue(args.dir, rebuild=rebuild or getattr(args, "rebuild", False), progress=progress)
-
-
 def _wanted(entry: Entry, args: argparse.Namespace) -> bool:
     return (not args.tag or args.tag in entry.tags) and (not args.specimen or args.specimen == entry.specimen)
 
@@ -243,10 +183,6 @@ def check_column(name: str, entries: list[Entry]) -> None:
     """Raise RigError where a name is neither a column nor among the recordings' metadata."""
     if name not in COLUMNS and name not in metadata_names(entries):
         raise RigError(f"no such column: {name}; known: {', '.join(COLUMNS)}, and what the recordings' metadata say")
-
-
-def _when(wall_ns: int) -> str:
-    return datetime.fromtimestamp(wall_ns * 1e-9, UTC).strftime("%Y-%m-%d %H:%M:%S") if wall_ns else "-"
 
 
 ACTIONS: dict[str, Callable[[argparse.Namespace], int]] = {

@@ -30,7 +30,7 @@ def runs_options(commands: argparse._SubParsersAction[Parser]) -> None:
     p.add_argument("--sort", metavar="COLUMN", help="a column or key of the metadata; --sort=-start: latest first")
     p.add_argument("--rebuild", action="store_true", help="read every file again")
     json_option(p)
-    p = action("show", "show all that is known of a recording")
+    p = action("show", "show all that is known of a recording, or the tracks made with a calibration (CAMERA.json)")
     p.add_argument("--events", type=int, default=20, metavar="N", help="number of events (20)")
     json_option(p)
     p = action("tag", "tag a recording")

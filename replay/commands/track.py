@@ -51,7 +51,8 @@ def run(args: argparse.Namespace) -> int:
             stretch_of(args.step_frames, film.expected)
     for path in outputs:
         check_folder(path)
-    tracked = track_to_file(args.videos, camera, rest, args.output, filmed, args.start, board=board, **task)
+    task |= {"board": board, "calibration": args.camera}
+    tracked = track_to_file(args.videos, camera, rest, args.output, filmed, args.start, **task)
     assert tracked.record is not None
     if filmed:
         for line in against_model(filmed, tracked.trace, load_straw(args.straw), tracked.camera):

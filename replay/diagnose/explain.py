@@ -40,8 +40,17 @@ Floats = NDArray[np.float64]
 STAGES = 8
 
 
-def explain(campaign: Campaign, names: Sequence[str], told: Told, proposal: Proposal | None = None) -> Inquiry:
+def explain(
+    campaign: Campaign,
+    names: Sequence[str],
+    told: Told,
+    proposal: Proposal | None = None,
+    known: Floats | None = None,
+) -> Inquiry:
     """Fit the base and every cause, alone and in pairs, until done or stopped.
+
+    ``known``: constants u of the base as fewer runs of the same specimen had them. One run more can make the search for
+    them end in a worse minimum, in which something seems to be missing.
 
     A ``proposal`` adds starts, and says which causes come first: where they explain the runs the others are left out,
     but not where it has seen nothing like these runs.
@@ -49,6 +58,8 @@ def explain(campaign: Campaign, names: Sequence[str], told: Told, proposal: Prop
     steps = _Steps(told, campaign)
     steps("base model")
     null, wide_known = campaign.system.fit_base(campaign, _base_start(proposal))
+    if known is not None and len(known) == len(null.unknowns):
+        null = min(null, fitted(campaign, null.unknowns, known, rounds=ROUNDS), key=lambda fit: fit.cost)
     check_simulated(campaign, null)
     random_effects(campaign, null)
     found = Inquiry(campaign, fitted(campaign, null.unknowns, null.u, rounds=ROUNDS))

@@ -31,7 +31,8 @@ table{border-collapse:collapse;font-variant-numeric:tabular-nums}
 td,th{text-align:right;padding:3px 14px 3px 0;border-bottom:1px solid var(--line)}
 td:first-child,th:first-child{text-align:left}th{font-weight:600;color:var(--soft);font-size:14px}
 .bar{display:inline-block;height:10px;background:var(--mark)}img{max-width:100%}figure{margin:8px 0 16px}
-pre{font-size:13px;border:1px solid var(--line);padding:10px;overflow-x:auto}@media print{pre{white-space:pre-wrap}}
+pre{font-size:13px;border:1px solid var(--line);padding:10px;overflow-x:auto}
+@media (max-width:600px){body{padding:14px}table{display:block;overflow-x:auto}}@media print{pre{white-space:pre-wrap}}
 """
 
 
@@ -103,9 +104,10 @@ def _probabilities(f: Findings) -> str:
     rows = ""
     for name, p in list(f.judgement.probability.items())[:8]:
         left = f.judgement.excess.get(name)
+        wide = f"max(1px,{p:.3f} * min(260px, 24vw))"
         rows += (
             f"<tr><td>{_text(name.replace('_', ' ').replace('+', ' and '))}</td><td>{p:.3f}</td>"
-            f"<td style='text-align:left'><span class=bar style='width:{max(1, round(260 * p))}px'></span></td>"
+            f"<td style='text-align:left'><span class=bar style='width:{wide}'></span></td>"
             f"<td>{'' if left is None else f'{left:.0f}'}</td></tr>"
         )
     head = "<tr><th>hypothesis</th><th>probability</th><th></th><th>left unexplained, sigmas squared</th></tr>"

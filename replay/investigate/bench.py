@@ -72,9 +72,10 @@ class Bench:
         sums, paths = self.folder.sums(), self.folder.paths()
         runs = gather(paths) if paths else []
         self._known = [text for run in runs if (text := run.attachments.get("protocol.toml", b"").decode())]
-        self._inquiry = None
+        before, self._inquiry = self._inquiry, None
         if len(runs) < FEWEST:
-            return Found("too_few", says=f"{len(runs)} runs of {self.folder.specimen} so far", recordings=sums)
+            so_far = f"{len(runs)} {'run' if len(runs) == 1 else 'runs'} of {self.folder.specimen} so far"
+            return Found("too_few", says=so_far, recordings=sums)
         check_campaign(runs, self.straw.cells)
         system = StrawSystem(self.straw)
         with progress_bar("diagnose", "step") as update, Interrupts() as interrupts:
@@ -85,6 +86,7 @@ class Bench:
                 executor=self.pool,
                 told=lambda what, done, total: self._tell(update, what, done, total),
                 stop=lambda: interrupts.pending is not None,
+                before=before,
             )
             interrupts.check()
             findings = conclude(found, brief=True, tolerance=self._tolerance())

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from straw.replay.errors import ReplayError
-from straw.rig.catalogue import Entry, catalogue
+from straw.rig.catalogue import Entry, catalogue, latest_tracks
 from straw.rig.run_read import read_run
 
 FILMS = (".mp4", ".mov", ".avi", ".mkv", ".360")
@@ -26,7 +26,7 @@ class Folder:
 
     def tracks(self) -> dict[str, Entry]:
         """The latest track of each run, by the run's SHA-256."""
-        return {e.parent: e for e in catalogue(self.path) if e.kind == "track" and "archive" not in e.marks}
+        return latest_tracks(catalogue(self.path))
 
     def paths(self) -> list[Path]:
         """Files a diagnosis is given: runs with a tip, and their tracks."""

@@ -70,12 +70,12 @@ def openings(cells: int, limits: PressureLimits, known: Sequence[str]) -> list[P
     """What is run before anything can be diagnosed: one run in each direction that was not run yet."""
     by_name = {c.name: c for c in menu(cells) if allowed(c, limits)}
     out = []
-    for direction in ("deploy", "fold"):
+    for direction, first in (("deploy", "a first deployment"), ("fold", "a first folding")):
         mine = [by_name[name] for name in OPENINGS if name.startswith(direction) and name in by_name]
         texts = [written(c, limits) for c in mine]
         if not mine or any(text in known for text in texts):
             continue
-        why = f"{mine[0].why}; nothing is known yet, so both directions come first"
+        why = f"{first}: nothing is known yet, so both directions come first"
         minutes = (1.0 + sum(s for _, s in mine[0].holds)) / 60
         out.append(Proposal(texts[0], mine[0].deployed, why, 0.0, 0.0, minutes, 0, opening=True))
     return out

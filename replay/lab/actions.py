@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from straw.replay.lab.protocols import drawn
+from straw.rig.catalogue import latest_tracks
 from straw.rig.errors import RigError
 from straw.rig.recover import recover
 
@@ -62,12 +63,12 @@ def _job(lab: Lab, asked: dict[str, Any]) -> Any:
     """Replay, diagnose or identify chosen runs, with their tracks, as the command of that name does."""
     kind = str(asked["kind"])
     entries = [lab.library.entry(str(name)) for name in asked["names"]]
-    tracks = [
-        e for e in lab.library.entries if e.kind == "track" and e.parent in {r.sha256 for r in entries if r.sha256}
-    ]
+    latest = latest_tracks(lab.library.entries)
+    chosen = {e.parent for e in entries if e.kind == "track"}  # whoever chose a track as well means that one
+    tracks = [latest[e.sha256] for e in entries if e.sha256 in latest and e.sha256 not in chosen]
     if not entries or kind not in JOBS:
         raise RigError(f"{kind} of {len(entries)} recordings: choose some, and one of {', '.join(JOBS)}")
-    paths = [str(lab.library.path(e)) for e in (*entries, *(t for t in tracks if t not in entries))]
+    paths = [str(lab.library.path(e)) for e in (*entries, *tracks)]
     words, options, made = JOBS[kind]
     straw = lab.bench.rig.straw if lab.bench.rig else None
     command = [*words, *paths, *options, *(["--straw", str(straw)] if straw else [])]

@@ -23,7 +23,7 @@ from straw.model.errors import ModelError
 from straw.replay.errors import ReplayError
 from straw.replay.lab.actions import ACTIONS
 from straw.replay.lab.bench import Bench
-from straw.replay.lab.films import taken
+from straw.replay.lab.films import how_to_track, taken
 from straw.replay.lab.guard import FILM, Door, Guard
 from straw.replay.lab.library import Library
 from straw.replay.lab.loops import Loops
@@ -129,7 +129,9 @@ class Lab:
     async def _film(self, request: Request) -> Response:
         """A film that was dropped on a run's page."""
         try:
-            return JSONResponse(await taken(self.library, request))
+            said = await taken(self.library, request)
+            track = how_to_track(request.query_params["name"], said["film"], self.bench.rig)
+            return JSONResponse({**said, "track": track})
         except COMPLAINTS as error:
             return complained(error)
 

@@ -161,7 +161,7 @@ class Bench:
             "starting": starting and self._recording is not None and self._recording.name,
             "finishing": starting and self._seen,
             "run": self._run and {key: self._run.get(key) for key in SHOWN},
-            "queue": self.queue.as_data(),
+            "queue": {**self.queue.as_data(), "running": self._item},
             "control": self.control.as_data(who),
             "said": self.said[-30:],
         }

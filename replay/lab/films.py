@@ -10,6 +10,7 @@ from starlette.requests import Request
 from straw.replay.lab.library import Library
 from straw.rig.errors import RigError
 from straw.rig.manifest import seal
+from straw.rig.rig_file import RigFile
 
 FILMS = (".mp4", ".mov", ".avi", ".mkv", ".360")
 
@@ -30,6 +31,16 @@ async def taken(library: Library, request: Request) -> dict[str, str]:
         part.unlink(missing_ok=True)
     await asyncio.to_thread(seal, recording, [film])
     return {"film": film.name}
+
+
+def how_to_track(recording: str, film: str, rig: RigFile | None) -> str:
+    """The command that tracks a film, with the rig's lens and straw: of another straw it would place the camera by the
+    wrong pose at rest."""
+    lens = rig.camera.lens if rig and rig.camera else None
+    stem = recording.removesuffix(".mcap")
+    words = ["straw", "track", film, "--run", recording, "--camera", str(lens or "CAMERA.json"), "--start", "S"]
+    words += ["-o", f"{stem}-tip.mcap", *(["--straw", str(rig.straw)] if rig and rig.straw else [])]
+    return " ".join(words)
 
 
 def film_of(recording: Path, name: str) -> Path:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -14,6 +15,8 @@ from typing import Any, BinaryIO
 from straw.rig.orders import control_of as control_file
 from straw.rig.orders import read_control, running
 
+#: Less than this on a disk is nothing, in bytes: files take whole blocks of some kB.
+FULL = 100_000
 STRAW = (sys.executable, "-P", "-m", "straw.replay.cli")
 
 
@@ -45,6 +48,14 @@ def going_on(recording: Path) -> dict[str, Any] | None:
 def plain(name: str) -> str:
     """A name as part of a file's."""
     return "".join(c if c.isalnum() or c in "-_." else "-" for c in name).strip("-.") or "run"
+
+
+def silent_end(code: int, log: Path) -> str:
+    """What can be said of a command that has ended and left no line: a full disk takes its last words, too."""
+    with suppress(OSError):
+        if shutil.disk_usage(log.parent).free < FULL:
+            return f"the run ended with code {code} and could not say why: the disk of {log.parent} is full; make room"
+    return f"the run ended with code {code} and said nothing; straw rig run in a terminal says more"
 
 
 def interrupt(pid: int) -> None:

@@ -120,9 +120,12 @@ class Queue:
         if self.path is None:
             return
         part = self.path.with_suffix(".part")
-        with suppress(OSError):  # a folder that cannot be written has a queue for as long as the lab is open
+        try:
             part.write_text(json.dumps([asdict(item) for item in self.items]), encoding="utf-8")
             part.replace(self.path)
+        except OSError:  # a folder that cannot be written has a queue for as long as the lab is open
+            with suppress(OSError):
+                part.unlink()
 
     def _load(self) -> None:
         if self.path is None:

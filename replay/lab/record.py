@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from straw.replay.lab.findings import findings
 from straw.replay.lab.library import Library
+from straw.replay.lab.lineage import lineage
 from straw.replay.lab.table import UNTELLING, row
-from straw.rig.catalogue import Entry
+from straw.rig.catalogue import Entry, latest_tracks
 from straw.rig.columns import COLUMNS, value_of
 from straw.rig.errors import RigError
-from straw.rig.manifest import read_manifest
 from straw.rig.notes import read_notes
 from straw.rig.run_channels import details
 
 #: Runs whose curves are laid over each other at a time.
 MOST = 24
-FINDINGS = "findings.json"
 FACTS = ("run", "start", "specimen", "protocol", "cycle", "deployed", "duration", "lowest", "highest", "status")
 
 
@@ -43,38 +42,6 @@ def record(library: Library, name: str, work: Path | None) -> dict[str, Any]:
         **said,
         "signals": _signals(library, entry),
     }
-
-
-def lineage(library: Library, entry: Entry, work: Path | None) -> list[dict[str, str]]:
-    """What a recording came from and what came from it, each as (relation, name, SHA-256)."""
-    by_sha = {e.sha256: e for e in library.entries if e.sha256}
-    found = []
-    above, seen = entry, {entry.sha256}
-    while above.parent and above.parent not in seen:
-        seen.add(above.parent)
-        parent = by_sha.get(above.parent)
-        relation = "derived from" if above is entry else "which was derived from"
-        found.append({"relation": relation, "name": parent.name if parent else "", "sha256": above.parent})
-        if parent is None:
-            break
-        above = parent
-    path = library.path(entry)
-    with suppress(RigError):
-        for name, digest in read_manifest(path).items():
-            if name != path.name:
-                found.append({"relation": "belongs to it", "name": "", "file": name, "sha256": digest})
-    waiting = [entry.sha256]
-    while waiting:
-        sha = waiting.pop()
-        for child in library.entries:
-            if sha and child.parent == sha and child.sha256 not in seen:
-                seen.add(child.sha256)
-                waiting.append(child.sha256)
-                found.append({"relation": child.kind, "name": child.name, "sha256": child.sha256})
-    for made in findings(work):
-        if entry.sha256 in made["inputs"].values():
-            found.append({"relation": made["title"], "name": "", "job": made["id"], "says": made["verdict"]})
-    return found
 
 
 def compared(library: Library, names: Sequence[str]) -> dict[str, Any]:
@@ -117,28 +84,6 @@ def specimen(library: Library, name: str, work: Path | None) -> dict[str, Any]:
     }
 
 
-def findings(work: Path | None) -> list[dict[str, Any]]:
-    """Every job of the lab that found something: its inputs by SHA-256, its verdict, its constants; oldest first."""
-    found = []
-    for path in sorted(work.glob(f"*/{FINDINGS}")) if work and work.is_dir() else []:
-        try:
-            said = json.loads(path.read_text(encoding="utf-8"))
-            about = json.loads((path.parent / "inputs.json").read_text(encoding="utf-8"))
-            found.append(
-                {
-                    "id": path.parent.name,
-                    "title": str(about["title"]),
-                    "inputs": dict(about["inputs"] or {}),
-                    "verdict": str(said.get("verdict", "")),
-                    "causes": [str(cause) for cause in said.get("causes", [])],
-                    "said": said,
-                }
-            )
-        except (OSError, ValueError, KeyError, TypeError):
-            continue  # cut off while it was written
-    return found
-
-
 def _constants(made: list[dict[str, Any]], runs: list[Entry]) -> dict[str, list[dict[str, Any]]]:
     """Points of each constant over cycles: value with its band, from ``straw identify runs`` and ``straw diagnose``."""
     cycle = {e.run_id: e.cycle for e in runs}
@@ -169,7 +114,7 @@ def _signals(library: Library, entry: Entry) -> dict[str, Any]:
     """A recording's signals, with the tip of its track on its own clock."""
     said = library.details(entry, details)
     signals = dict(said.get("signals", {}))
-    for track in _tracks(library, entry)[:1]:
+    if track := latest_tracks(library.entries).get(entry.sha256):
         signals |= _shifted(library.details(track, details), int(said.get("zero_ns", 0)))
     return signals
 
@@ -184,4 +129,4 @@ def _shifted(said: dict[str, Any], zero_ns: int) -> dict[str, Any]:
 def _plain(value: Any) -> str:
     if value is None:
         return ""
-    return f"{value:g}" if isinstance(value, float) else ", ".join(value) if isinstance(value, tuple) else str(value)
+    return f"{value:.4g}" if isinstance(value, float) else ", ".join(value) if isinstance(value, tuple) else str(value)

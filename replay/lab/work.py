@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import secrets
 import shutil
+import signal
 import subprocess
 import sys
 import threading
@@ -14,6 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from straw.replay.progress import TOLD_IN
 from straw.rig.errors import RigError
 
 #: Whoever drives a rig goes first, also on a small machine.
@@ -23,6 +26,8 @@ STRAW = (sys.executable, "-P", "-m", "straw.replay.cli")
 IDLE_S = 300.0
 MOST_JOBS = 2
 KEPT = 40
+#: In a job's folder: how far it is, what it prints, its process, its exit code.
+PROGRESS, SAID, PID, ENDED = "progress.json", "said.txt", "pid", "ended"
 
 
 class Predictor:
@@ -90,8 +95,8 @@ class Job:
     began_s: float = field(default_factory=time.monotonic)
     took_s: float = 0.0
     code: int | None = None
-    said: str = ""
-    process: subprocess.Popen[str] | None = field(default=None, repr=False)
+    trouble: str = ""  # why there is no output of its own
+    process: subprocess.Popen[bytes] | None = field(default=None, repr=False)
 
     def as_data(self) -> dict[str, Any]:
         """For the page."""
@@ -100,14 +105,42 @@ class Job:
             "title": self.title,
             "seconds": round(self.took_s or time.monotonic() - self.began_s, 1),
             "running": self.code is None,
+            "waits": self.code is None and self.process is None,
+            "progress": progress_in(self.folder) if self.code is None else None,
             "well": self.code in (0, 1),  # 1: the answer is no
-            "said": self.said[-4000:],
+            "said": self.trouble or said_in(self.folder),
             "page": bool(self.code in (0, 1) and self.page and self.page.is_file()),
         }
 
 
+def progress_in(folder: Path) -> dict[str, Any] | None:
+    """How far a job's command says that it is: what it does, done, of how much in all."""
+    try:
+        said: dict[str, Any] = json.loads((folder / PROGRESS).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return said
+
+
+def said_in(folder: Path) -> str:
+    """The end of what a job's command has printed so far."""
+    try:
+        return (folder / SAID).read_text(encoding="utf-8", errors="replace")[-4000:]
+    except OSError:
+        return ""
+
+
+def alive_in(folder: Path) -> bool:
+    """Whether the command of a job that an earlier lab started goes on; not known on Windows."""
+    with suppress(OSError, ValueError):
+        if os.name == "posix" and not (folder / ENDED).exists():
+            os.kill(int((folder / PID).read_text(encoding="utf-8")), 0)
+            return True
+    return False
+
+
 class Jobs:
-    """Jobs by id, a few at a time; each in a folder of its own below ``folder``."""
+    """Jobs by id, a few at a time; each in a folder of its own below ``folder``. What is begun outlives the lab."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -141,16 +174,22 @@ class Jobs:
             title = str(json.loads((folder / "inputs.json").read_text(encoding="utf-8"))["title"])
         except (OSError, ValueError, KeyError, TypeError):
             raise RigError(f"no job {job_id!r} is known; start it again") from None
-        page = bool(list(folder.glob("*.html")))
-        return {"id": job_id, "title": title, "seconds": 0, "running": False, "well": True, "said": "", "page": page}
+        alive, page = alive_in(folder), bool(list(folder.glob("*.html")))
+        progress = progress_in(folder) if alive else None
+        about = {"running": alive, "waits": False, "progress": progress, "well": True, "page": page and not alive}
+        seconds = round(time.time() - (folder / PID).stat().st_mtime, 1) if alive else 0
+        return {"id": job_id, "title": title, "seconds": seconds, **about, "said": said_in(folder)}
 
     def stop(self, job_id: str) -> dict[str, Any]:
         """End a job that takes too long; what it has printed stays."""
-        job = self.jobs.get(job_id)
+        job, folder = self.jobs.get(job_id), self.folder / Path(job_id).name
+        if job is None and alive_in(folder):  # an earlier lab began it
+            os.kill(int((folder / PID).read_text(encoding="utf-8")), signal.SIGTERM)
+            return self.as_data(job_id)
         if job is None or job.code is not None:
             raise RigError("that job is no longer running")
         if job.process is None:
-            job.code, job.said = 130, "stopped before its turn came"
+            job.code, job.trouble = 130, "stopped before its turn came"
         else:
             job.process.terminate()
         return job.as_data()
@@ -160,15 +199,20 @@ class Jobs:
             if job.code is not None:  # stopped before its turn came
                 return
             try:
-                job.process = subprocess.Popen(
-                    [*LAST, *STRAW, *command],
-                    stdin=subprocess.DEVNULL,
-                    stdout=subprocess.PIPE,
-                    stderr=subprocess.STDOUT,
-                    text=True,
-                )
-                job.said = job.process.communicate()[0]
-                job.code = job.process.returncode
+                with (job.folder / SAID).open("wb") as stream:  # a pipe would end it when the lab is closed
+                    job.process = subprocess.Popen(
+                        [*LAST, *STRAW, *command],
+                        stdin=subprocess.DEVNULL,
+                        stdout=stream,
+                        stderr=stream,
+                        start_new_session=True,
+                        env={**os.environ, TOLD_IN: str(job.folder / PROGRESS)},
+                    )
+                with suppress(OSError):
+                    (job.folder / PID).write_text(str(job.process.pid), encoding="utf-8")
+                job.code = job.process.wait()
+                with suppress(OSError):
+                    (job.folder / ENDED).write_text(str(job.code), encoding="utf-8")
             except OSError as error:
-                job.said, job.code = str(error), 2
+                job.trouble, job.code = str(error), 2
             job.took_s = time.monotonic() - job.began_s

@@ -49,6 +49,8 @@ class Live(Operator):
             "straw": straw.to_toml(),
             "protocol": protocol.text,
             "name": protocol.name,
+            "specimen": protocol.specimen,
+            "cycle": protocol.cycle,
             "address": address,
             "control": control,
             "watched": watched,

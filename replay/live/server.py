@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -131,7 +132,8 @@ class Page:
 def serve(task: dict[str, Any]) -> tuple[Server, Door, socket.socket, Follower]:
     """Make the page, bind its address and the feed's; ReplayError where the address cannot be had."""
     straw = straw_from_toml(task["straw"])
-    protocol = protocol_from_toml(task["protocol"], task["name"])
+    read = protocol_from_toml(task["protocol"], task["name"])
+    protocol = replace(read, specimen=task["specimen"], cycle=task["cycle"])
     listener, host, port = bound(task["address"])
     door = Door(host, port, embedded=True)
     follower = Follower(straw, protocol)

@@ -211,16 +211,16 @@ def effect_sigma(made: list[Made], plain: list[Made]) -> dict[str, float]:
 
 
 def write(run: Run, path: Path) -> Path:
-    """The run as MCAP with JSON messages, as other loggers write them."""
+    """What a run holds of command, pressure and tip, as MCAP with JSON messages, as other loggers write them."""
     from mcap.writer import Writer
 
     def rows():
-        for t, p in zip(run.command.time_s, run.command.pressure_pa, strict=True):
-            yield t, "/pressure/command", {"pressure_pa": float(p), "channel": 1}
-        for t, p in zip(run.pressure.time_s, run.pressure.pressure_pa, strict=True):
-            yield t, "/pressure/measured", {"pressure_pa": float(p), "sigma_pa": SIGMA_PA, "channel": 1}
+        logs = (("command", run.command, {}), ("measured", run.pressure, {"sigma_pa": SIGMA_PA}))
+        for topic, log, more in logs:
+            for t, p in zip(log.time_s, log.pressure_pa, strict=True) if log else ():
+                yield t, f"/pressure/{topic}", {"pressure_pa": float(p), "channel": 1, **more}
         names = ("x_m", "z_m", "phi_rad", "sigma_x_m", "sigma_z_m", "sigma_phi_rad")
-        for i, t in enumerate(run.tip.time_s):
+        for i, t in enumerate(run.tip.time_s if run.tip else ()):
             pose = {key: float(getattr(run.tip, key)[i]) for key in names}
             yield t, "/tip/state", {**pose, "valid": True, "frame": int(run.tip.frame[i])}
 
@@ -235,5 +235,7 @@ def write(run: Run, path: Path) -> Path:
             ns = run.zero_time_ns + round(float(t) * 1e9)
             writer.add_message(channels[topic], ns, json.dumps(message).encode(), ns)
         writer.add_metadata("straw.run", dict(run.metadata))
+        for name, data in run.attachments.items():
+            writer.add_attachment(run.zero_time_ns, run.zero_time_ns, name, "text/plain", data)
         writer.finish()
     return path

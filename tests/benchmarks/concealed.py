@@ -12,10 +12,8 @@ video and diagnoses its track. Rows of whole decks are kept in `decks`, named by
 from __future__ import annotations
 
 import argparse
-import json
 import time
-import traceback
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
@@ -27,10 +25,10 @@ from straw.replay.diagnose.systems.straw.library import causes
 from straw.replay.diagnose.systems.straw.observation import observe
 from straw.replay.diagnose.systems.straw.system import StrawSystem
 from straw.replay.options import workers_options
-from straw.replay.workers import workers
 from tests.apparatus.cases import RUN_IDS, Case, Split, deck, generate, opened, recorded, seal
 from tests.benchmarks.concealed_film import filmed
 from tests.benchmarks.concealed_score import ablated, judged_again, score
+from tests.benchmarks.rows import kept, worked_out
 
 #: A campaign of six of the eight runs, to save a quarter of the time.
 SIX = ("fold-25kPa", "deploy-35kPa-1", "fold-20kPa-2-5", "staircase", "deploy-35kPa-3", "deploy-30kPa-6")
@@ -89,23 +87,11 @@ def main() -> None:
     singles = [case for case in every if case.kind in ("single", "instrument")]
     cases = [case for case in (singles if args.ablate else every) if not args.only or case.name in args.only]
     cases = cases[: args.cases]
-    told = {}
-    if path.exists():
-        told = {row["name"]: row for row in map(json.loads, path.read_text().splitlines())}
-    todo = [] if args.score else [case for case in cases if case.name not in told]
-    with workers(max(2, args.jobs), args.dask) as pool, path.open("a") as out:
-        assert pool is not None
-        jobs = {pool.submit(diagnosed, case, args.ablate, args.camera): case.name for case in todo}
-        for job in as_completed(jobs):
-            try:
-                row = job.result()
-            except Exception:  # one case must not take the hours of the others with it; it is asked again next time
-                print(f"{jobs[job]}: {traceback.format_exc()}", flush=True)
-                continue
-            told[str(row["name"])] = row
-            out.write(json.dumps(row) + "\n")
-            out.flush()
-            print(f"{len(told)} of {len(cases)}", flush=True)
+    told = {row["name"]: row for row in kept(path)}
+    todo = {c.name: (c, args.ablate, args.camera) for c in cases if not (args.score or c.name in told)}
+    for row in worked_out(todo, diagnosed, path, args.jobs, args.dask):
+        told[row["name"]] = row
+        print(f"{len(told)} of {len(cases)}", flush=True)
     if args.again:
         told = {name: judged_again(row) for name, row in told.items()}
     assert len(opened(every, sealed)) == len(every)

@@ -61,9 +61,9 @@ def test_the_menu_is_cut_to_the_limits_and_ramps_where_a_rate_is_limited():
 
 def test_before_anything_is_known_one_run_in_each_direction_comes_first_and_none_twice():
     both = openings(9, PressureLimits(-40e3, 60e3), [])
-    assert [one.why.split()[0] for one in both] == ["deployment", "folding"]
+    assert [one.why.split(":")[0] for one in both] == ["a first deployment", "a first folding"]
     again = openings(9, PressureLimits(-40e3, 60e3), [both[0].protocol])
-    assert [one.why.split()[0] for one in again] == ["folding"]
+    assert [one.why.split(":")[0] for one in again] == ["a first folding"]
     assert openings(9, PressureLimits(-5e3, 5e3), []) == []
 
 

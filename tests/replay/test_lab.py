@@ -73,14 +73,20 @@ def test_what_is_said_in_the_page_lies_beside_the_file_and_can_be_taken_back(lab
 def test_lineage_goes_both_ways_by_hash(lab: ServedLab, trace: object) -> None:
     folder = lab.lab.library.folder
     parent = read_run(folder / "a.mcap")
-    write_tip(folder / "a-tip.mcap", trace, dict(parent.metadata), parent.sha256, parent.zero_time_ns)  # type: ignore[arg-type]
+    known = {**parent.metadata, "calibration": "lens.json", "calibration_sha256": "c0ffee" * 10}
+    write_tip(folder / "a-tip.mcap", trace, known, parent.sha256, parent.zero_time_ns)  # type: ignore[arg-type]
     lab.lab.library.look()
     lab.until(lambda: lab.get("/api/runs?all=1")["of"] >= 4)
     down = lab.get("/api/run?name=a.mcap")
-    assert [(line["relation"], line["name"]) for line in down["lineage"]] == [("track", "a-tip.mcap")]
+    track, lens = down["lineage"]
+    assert (track["relation"], track["name"]) == ("track", "a-tip.mcap")
+    assert (lens["relation"], lens["file"], lens["says"]) == ("calibration", "lens.json", "1 track with it")
+    made = lab.get(f"/api/runs?all=1&where={quote('calibration_sha256 = ' + lens['sha256'])}")  # and back
+    assert [row["name"] for row in made["rows"]] == ["a-tip.mcap"]
     assert {"X", "Z", "Phi", "pressure 1"} <= set(down["signals"])  # the track's tip beside the run's pressure
     up = lab.get("/api/run?name=a-tip.mcap")
     assert (up["lineage"][0]["relation"], up["lineage"][0]["sha256"]) == ("derived from", parent.sha256)
+    assert up["lineage"][1]["sha256"] == lens["sha256"]
     row = next(row for row in lab.get("/api/runs")["rows"] if row["name"] == "a.mcap")
     assert {"p", "x", "z"} <= set(row["preview"])
     life = lab.get("/api/specimen?name=s1")
@@ -116,7 +122,8 @@ def test_files_that_come_and_go_below_are_seen(lab: ServedLab) -> None:
 def test_a_film_is_laid_beside_its_run_and_entered_in_its_manifest(lab: ServedLab) -> None:
     headers = {**lab.own, "Content-Type": "application/octet-stream"}
     said = lab.raw("POST", "/api/film?name=a.mcap&file=..%2F..%2FGX01.MP4", headers, "frames")
-    assert said == (200, {"film": "a-GX01.MP4"})
+    track = "straw track a-GX01.MP4 --run a.mcap --camera CAMERA.json --start S -o a-tip.mcap"
+    assert said == (200, {"film": "a-GX01.MP4", "track": track})
     assert (lab.lab.library.folder / "a-GX01.MP4").read_text() == "frames"
     assert lab.raw("POST", "/api/film?name=a.mcap&file=GX01.MP4", headers, "again")[0] == 400
     assert lab.raw("POST", "/api/film?name=a.mcap&file=x.html", headers, "page")[0] == 400

@@ -82,6 +82,16 @@ def test_no_foreign_page_moves_the_rig_or_reads_the_catalogue(
     assert own.errors == []
 
 
+def test_the_list_of_protocols_names_the_one_that_is_shown(browser: Browser, lab: ServedLab) -> None:
+    tab = opened(browser, lab)
+    tab.until("document.documentElement.dataset.ready")
+    chosen = "document.getElementById('protocols').selectedOptions[0].textContent"
+    assert tab.js(f"field('toml').includes({chosen}.split(' ')[0])")
+    tab.js("const t = document.getElementById('toml'); t.value += '# mine'; t.dispatchEvent(new Event('input'))")
+    assert tab.js(chosen) == "as written below"
+    tab.js("sessionStorage.clear()")
+
+
 def test_one_is_in_control_the_other_watches_asks_and_may_always_vent(browser: Browser, lab: ServedLab) -> None:
     first, second = opened(browser, lab), opened(browser, lab)
     for tab, name in ((first, "Ada"), (second, "Bea")):

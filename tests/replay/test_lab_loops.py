@@ -22,7 +22,7 @@ from straw.replay.investigate.steps import Ahead, Plan, Proposal
 from straw.replay.investigate.stop import Stop
 from tests.replay.driven import Browser
 from tests.replay.lab import ServedLab
-from tests.replay.test_investigate import Fakes
+from tests.replay.loop_fakes import Fakes
 
 TOML = 'name = "a"\npressure_unit = "kPa"\ninitial_deployed = [1, 4]\nmain = [{ hold = -5, for_s = 1 }]\n'
 LOG = "investigate-s.jsonl"

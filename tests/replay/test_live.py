@@ -7,6 +7,7 @@ import threading
 import time
 import urllib.error
 import urllib.request
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +43,8 @@ def listen(url: str, heard: list[tuple[float, Any]]) -> None:
 
 
 def test_the_page_is_told_what_is_recorded_thirty_times_a_second(tmp_path: Path) -> None:
-    straw, protocol = StrawParameters(), protocol_from_toml(FOLD, "fold")
+    straw = StrawParameters()
+    protocol = replace(protocol_from_toml(FOLD, "fold"), specimen="straw-9", cycle=4)  # as the command line said
     heard: list[tuple[float, Any]] = []
     with Live(straw, protocol) as live:
         assert live.url.startswith("http://127.0.0.1:")
@@ -61,6 +63,7 @@ def test_the_page_is_told_what_is_recorded_thirty_times_a_second(tmp_path: Path)
     listener.join(timeout=10)
     assert not listener.is_alive()
     assert '"live": true' in page
+    assert '"specimen": "straw-9", "cycle": 4' in page
     assert "new WebSocket" in page
     rows = [row for _, rows in heard for row in rows]
     run = read_run(tmp_path / "run.mcap")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -63,6 +64,16 @@ def messages(path: Path) -> dict[str, list]:
         for schema, channel, message in make_reader(stream).iter_messages():
             found.setdefault(channel.topic, []).append(message_class(schema.name, schema.data).FromString(message.data))
     return found
+
+
+def test_the_track_names_its_calibration_by_hash_and_the_calibration_its_tracks(place, capsys):
+    said = read_run(place / "tip.mcap").metadata
+    sha256 = hashlib.sha256((place / "lens.json").read_bytes()).hexdigest()
+    assert (said["calibration"], said["calibration_sha256"]) == ("lens.json", sha256)
+    assert main(["runs", "show", str(place / "lens.json"), "--dir", str(place)]) == 0
+    assert "  tip.mcap\n" in capsys.readouterr().out
+    assert main(["runs", "show", str(place / "placed.json"), "--dir", str(place)]) == 0
+    assert "tracks: -" in capsys.readouterr().out
 
 
 def test_the_recording_holds_the_tip_its_quality_the_corners_and_the_camera(place):

@@ -6,13 +6,14 @@ import shutil
 import subprocess
 import sys
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from straw.replay.cli import main
-from straw.rig.catalogue import INDEX, catalogue, find
+from straw.rig.catalogue import INDEX, Entry, catalogue, find, latest_tracks
 from straw.rig.errors import RigError
 from straw.rig.manifest import check, manifest_of, read_manifest, seal
 from straw.rig.notes import Notes, notes_of, read_notes, say
@@ -294,3 +295,11 @@ def test_to_recover_nothing_is_no_success(folder: Path, capsys: pytest.CaptureFi
     assert main(["runs", "recover", str(folder / "head.mcap.part")]) == 2
     assert "no message that can be read" in capsys.readouterr().err
     assert not (folder / "head.mcap").exists()
+
+
+def test_of_two_tracks_of_a_run_the_one_made_last_counts_unless_it_is_archived() -> None:
+    first = Entry("z-tip.mcap", 1, 100, "track", parent="run")
+    second = Entry("a-tip.mcap", 1, 200, "track", parent="run")
+    others = [Entry("p.mcap", 1, 300, "prediction", parent="run"), Entry("t.mcap", 1, 300, "track")]
+    assert latest_tracks([second, first, *others]) == {"run": second}
+    assert latest_tracks([replace(second, marks=("archive",)), first]) == {"run": first}

@@ -21,7 +21,7 @@ function drawCurves(box, runs, events) {
       width: box.clientWidth, height: 170, legend: { show: false }, scales: { x: { time: false } },
       cursor: { sync: { key: "runs" }, drag: { x: true, y: false } },
       axes: [axis("time since the run's zero / s"), axis(shown[0].unit)],
-      series: [{}, ...shown.map((s) => ({ label: s.label, stroke: s.stroke, width: s.width, dash: s.dash, paths: s.paths, spanGaps: true, points: { show: false } }))],
+      series: [{}, ...shown.map((s) => ({ label: s.label, stroke: s.stroke, width: s.width, dash: s.dash, paths: s.paths, spanGaps: true, pxAlign: 0, points: { show: false } }))],
       hooks: {
         setCursor: [(u) => {
           const i = u.cursor.idx, out = place.querySelector("h3 span");

@@ -1,10 +1,11 @@
 // A command that the lab started: how it goes, what it printed, and the page that it made.
 const id = here.get("id") || "";
+const far = (p) => (p && p.total ? ` · ${p.what}: ${p.done} of ${p.total}` : "");
 async function look() {
   let job;
   try { job = await ask(pageOf("/api/job", { id })); } catch (error) { $("#how").textContent = error.message; return; }
   $("#title").textContent = job.title;
-  $("#how").textContent = job.running ? `running… ${job.seconds.toFixed(0)} s` : job.well ? `done in ${job.seconds.toFixed(0)} s` : `failed (${job.seconds.toFixed(0)} s)`;
+  $("#how").textContent = job.waits ? "waits until one of two others is done" : job.running ? `running… ${job.seconds.toFixed(0)} s${far(job.progress)}` : job.well ? job.seconds ? `done in ${job.seconds.toFixed(0)} s` : "done" : `failed (${job.seconds.toFixed(0)} s)`;
   $("#text").textContent = job.said;
   $("#stop").hidden = !job.running;
   if (job.page && $("#stage").hidden) { $("#stage").hidden = false; $("#stage").src = `/made/${id}`; }

@@ -74,10 +74,10 @@ onState(({ bench: b }) => {
     (mine && c.asker ? ` <b class="warn">${html(c.asker)} asks for control (${c.answer_s} s)</b> <button data-control="give">give</button> <button data-control="keep">keep</button>` : "");
   const items = b.queue.items;
   $("#held").innerHTML = !items.length ? "empty: choose a protocol below and add it" : b.queue.held ? `<b class="warn">waits: ${html(b.queue.held)}</b>` : b.queue.pause_s ? `next in ${b.queue.pause_s} s` : run || b.starting ? "goes on after this run" : b.armed ? "starting" : "waiting: the rig is not armed";
-  const text = JSON.stringify([items, can]);
+  const text = JSON.stringify([items, can, b.queue.running]);
   if (text !== followedQueue) {
     followedQueue = text;
-    $("#queue").innerHTML = items.map((q, k) => `<li>${k + 1}. <b>${html(q.name)}</b> ${html(q.specimen)} ${q.repeats > 1 ? `${q.done} of ${q.repeats}` : ""}${q.pause_s ? `, ${q.pause_s} s between` : ""}${q.by_hand ? ", cells set by hand" : ""} ${q.said && !q.done ? `<span class="warn">${html(q.said)}</span>` : ""}
+    $("#queue").innerHTML = items.map((q, k) => `<li>${k + 1}. <b>${html(q.name)}</b> ${html(q.specimen)} ${q.id === b.queue.running ? '<b class="ok">runs now</b>' : ""} ${q.repeats > 1 ? `${q.done} of ${q.repeats}` : ""}${q.pause_s ? `, ${q.pause_s} s between` : ""}${q.by_hand ? ", cells set by hand" : ""} ${q.said && !q.done ? `<span class="warn">${html(q.said)}</span>` : ""}
       <button data-id="${q.id}" data-by="-1" title="up">↑</button> <button data-id="${q.id}" data-by="1" title="down">↓</button> <button data-id="${q.id}" data-by="0" title="remove">×</button></li>`).join("");
     document.querySelectorAll("#queue button").forEach((x) => { x.disabled = !can; });
   }
@@ -101,17 +101,20 @@ for (const what of ["hold", "resume", "stop"]) $("#" + what).addEventListener("c
 $("#add").addEventListener("click", () => attempt(() => tell("queue", { do: "add", toml: field("toml"), specimen: field("specimen"), repeats: Number(field("repeats")), pause_s: Number(field("pause")), by_hand: $("#byHand").checked })));
 $("#predict").addEventListener("click", predict);
 let soon;
-$("#toml").addEventListener("input", () => { sessionStorage.protocol = field("toml"); clearTimeout(soon); soon = setTimeout(check, 200); });
+// What the list says is what the text says: a text that is no file's is called so.
+const nameIt = () => { const k = known.findIndex((p) => p.toml.trim() === field("toml").trim()); $("#protocols").value = k < 0 ? "" : k; };
+$("#toml").addEventListener("input", () => { nameIt(); sessionStorage.protocol = field("toml"); clearTimeout(soon); soon = setTimeout(check, 200); });
 $("#specimen").value = localStorage.specimen || "";
 $("#specimen").addEventListener("change", () => { localStorage.specimen = field("specimen"); });
-$("#protocols").addEventListener("change", (e) => { $("#toml").value = known[e.target.value].toml; sessionStorage.protocol = field("toml"); check(); });
+$("#protocols").addEventListener("change", (e) => { if (e.target.value === "") return; $("#toml").value = known[e.target.value].toml; sessionStorage.protocol = field("toml"); check(); });
 document.addEventListener("theme", check);
 addEventListener("resize", () => { clearTimeout(soon); soon = setTimeout(check, 200); });
 keys({ g: () => { location.href = "/"; } });
 attempt(async () => {
   known = await ask("/api/protocols");
-  $("#protocols").innerHTML = known.map((p, k) => `<option value="${k}">${html(p.name)}${p.source === "shipped" ? " (comes with straw)" : ""}</option>`).join("");
+  $("#protocols").innerHTML = '<option value="">as written below</option>' + known.map((p, k) => `<option value="${k}">${html(p.name)}${p.source === "shipped" ? " (comes with straw)" : ""}</option>`).join("");
   $("#toml").value = here.get("protocol") || sessionStorage.protocol || (known[0] ? known.find((p) => p.name.startsWith("fold"))?.toml || known[0].toml : "");
+  nameIt();
   await check();
   document.documentElement.dataset.ready = Math.round(performance.now());
 });

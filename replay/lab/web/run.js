@@ -14,10 +14,11 @@ async function loadRun() {
     (said.kind === "part" ? ' <button data-recover="1" class="go">recover: what is on disk becomes a whole file</button>' : "") +
     (said.attachments && said.attachments["protocol.toml"] ? ' <button data-again="1">run its protocol again</button>' : "") +
     (raw && !withTip ? `<span class="soft">no tip yet: film it and track it: straw track VIDEO --run ${html(said.name)}</span>` : "");
+  $("#drop").hidden = !(raw || said.kind === "part");
   $("#facts").innerHTML = Object.entries(said.facts).filter(([, v]) => v).map(([k, v]) => `<dt>${html(k)}</dt><dd>${k === "specimen" ? `<a href="${html(pageOf("/specimen", { name: v }))}">${html(v)}</a>` : html(v)}</dd>`).join("") + `<dt>SHA-256</dt><dd>${html(said.sha256 || "")}</dd>`;
   $("#tags").innerHTML = said.tags.map((t) => `<span class="tag">${html(t)} <a href="#" data-untag="${html(t)}" title="take it off">×</a></span>`).join("") || '<span class="soft">none</span>';
   $("#notes").innerHTML = said.notes.map(([line, when, text]) => `<li><span class="soft">${html(when.slice(0, 16).replace("T", " "))}</span> <span data-note="${line}" title="click to change">${html(text)}</span> <a href="#" data-unnote="${line}" title="remove it (the file keeps it)">×</a></li>`).join("") || '<li class="soft">none</li>';
-  $("#lineage").innerHTML = said.lineage.map((l) => `<li>${html(l.relation)}: ${l.name ? `<a href="${html(pageOf("/run", { name: l.name }))}">${html(l.name)}</a>` : l.job ? `<a href="${html(pageOf("/job", { id: l.job }))}">${html(l.says || "look")}</a>` : html(l.file || "not in this folder")} <span class="soft">${html((l.sha256 || "").slice(0, 12))}</span></li>`).join("") || '<li class="soft">nothing yet</li>';
+  $("#lineage").innerHTML = said.lineage.map((l) => `<li>${html(l.relation)}: ${l.name ? `<a href="${html(pageOf("/run", { name: l.name }))}">${html(l.name)}</a>` : l.job ? `<a href="${html(pageOf("/job", { id: l.job }))}">${html(l.says || "look")}</a>` : l.calibration ? `<a href="${html(pageOf("/", { where: `calibration_sha256 = ${l.calibration}`, all: 1 }))}" title="the tracks made with it">${html(l.file)}</a> (${html(l.says)})` : html(l.file || "not in this folder")} <span class="soft">${html((l.sha256 || "").slice(0, 12))}</span></li>`).join("") || '<li class="soft">nothing yet</li>';
   $("#events").innerHTML = (said.events || []).map(([t, kind, text]) => `<li><b>${t.toFixed(3)} s</b> ${html(kind)}: ${html(text)}</li>`).join("");
   $("#metadata").innerHTML = Object.entries({ ...said.metadata, ...said.software }).map(([k, v]) => `<dt>${html(k)}</dt><dd>${html(v)}</dd>`).join("");
   $("#attached").innerHTML = Object.entries(said.attachments || {}).map(([k, v]) => `<h3>${html(k)}</h3><pre>${html(v)}</pre>`).join("") || "none";
@@ -49,7 +50,7 @@ async function takeFilm(file) {
   $("#film").textContent = `copying ${file.name} (${(file.size / 1e6).toFixed(0)} MB)…`;
   const answer = await fetch(pageOf("/api/film", { name: shown.name, file: file.name }), { method: "POST", headers: { "Content-Type": "application/octet-stream", "X-Straw": "1" }, body: file }).catch((e) => ({ ok: false, json: () => ({ error: e.message }) }));
   const said = await answer.json();
-  $("#film").textContent = answer.ok ? `${said.film} lies beside the run. Track it: straw track ${said.film} --run ${shown.name} --camera CAMERA.json -o TIP.mcap` : said.error;
+  $("#film").textContent = answer.ok ? `${said.film} lies beside the run. Track it: ${said.track} (S: when its first frame was taken, in s after the run's zero; where an LED blinked, --clock C.json in its place, from straw clock ${said.film} --run ${shown.name} -o C.json)` : said.error;
   if (answer.ok) loadRun();
 }
 $("#pickFilm").addEventListener("change", (e) => takeFilm(e.target.files[0]));

@@ -5,10 +5,10 @@ function drawConstants() {
   box.innerHTML = all.length ? "" : '<p class="soft">none yet: choose runs with tracks in the table of runs, then "identify constants" or "diagnose"</p>';
   for (const [name, points] of all) {
     const sorted = [...points].sort((a, b) => a.cycle - b.cycle), low = Math.min(...sorted.map((p) => p.low)), high = Math.max(...sorted.map((p) => p.high)), wide = high - low || Math.abs(high) || 1;
-    const first = sorted[0].cycle, span = sorted.at(-1).cycle - first || 1, x = (c) => 20 + (260 * (c - first)) / span, y = (v) => 74 - (64 * (v - low)) / wide;
+    const first = sorted[0].cycle, span = sorted.at(-1).cycle - first || 1, x = (c) => 56 + (234 * (c - first)) / span, y = (v) => 74 - (64 * (v - low)) / wide;
     box.insertAdjacentHTML("beforeend", `<figure><b>${html(name)}</b> <span class="soft">${sorted.at(-1).value.toPrecision(4)} (${sorted.at(-1).low.toPrecision(3)} to ${sorted.at(-1).high.toPrecision(3)}) at cycle ${sorted.at(-1).cycle}</span>
-      <svg viewBox="0 0 300 90" style="width:100%;max-width:520px">${sorted.map((p) => `<line x1="${x(p.cycle)}" x2="${x(p.cycle)}" y1="${y(p.low)}" y2="${y(p.high)}" stroke="var(--inside)" stroke-width="5" opacity="0.35"/><circle cx="${x(p.cycle)}" cy="${y(p.value)}" r="3.4" fill="var(--inside)"><title>${p.value.toPrecision(5)} at cycle ${p.cycle}</title></circle>`).join("")}
-      <text x="4" y="88" font-size="9" fill="var(--soft)">cycle ${first}</text><text x="296" y="88" font-size="9" text-anchor="end" fill="var(--soft)">${first + (sorted.at(-1).cycle - first)}</text></svg></figure>`);
+      <svg viewBox="0 0 300 90" style="width:100%;max-width:520px" role="img" aria-label="${html(name)} over cycles">${[low, high].filter((v, k, both) => k === 0 || v !== both[0]).map((v) => `<line x1="46" x2="300" y1="${y(v)}" y2="${y(v)}" stroke="var(--line)"/><text x="42" y="${y(v) + 3}" font-size="9" text-anchor="end" fill="var(--soft)">${v.toPrecision(3)}</text>`).join("")}${sorted.map((p) => `<line x1="${x(p.cycle)}" x2="${x(p.cycle)}" y1="${y(p.low)}" y2="${y(p.high)}" stroke="var(--inside)" stroke-width="5" opacity="0.35"/><circle cx="${x(p.cycle)}" cy="${y(p.value)}" r="3.4" fill="var(--inside)"><title>${p.value.toPrecision(5)} at cycle ${p.cycle}</title></circle>`).join("")}
+      <text x="56" y="88" font-size="9" text-anchor="middle" fill="var(--soft)">cycle ${first}</text>${sorted.at(-1).cycle > first ? `<text x="290" y="88" font-size="9" text-anchor="middle" fill="var(--soft)">${sorted.at(-1).cycle}</text>` : ""}</svg></figure>`);
   }
 }
 attempt(async () => {
