@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from straw.model.errors import ModelError
 from straw.model.parameters import StrawParameters
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.systems.straw.instrument import Instrument
@@ -66,6 +67,15 @@ REPEATS_MOUNT = Unknown("straw.mount_rad", 2e-4, kind="linear")
 def repeat_steps(unknowns: Sequence[Unknown]) -> dict[int, float]:
     """One standard deviation of what repeats differ by as a step in u, by the place of each unknown they differ in."""
     return {k: REPEATS[one.target] / one.scale for k, one in enumerate(unknowns) if one.target in REPEATS}
+
+
+def walls_known(straw: StrawParameters) -> bool:
+    """Whether there are finite elements of the straw's geometry, so that its walls may be a share of the way there."""
+    try:
+        straw.with_term("wall_elasticity", share=1.0)
+    except ModelError:
+        return False
+    return True
 
 
 def along(where: str, cells: int) -> Floats:
