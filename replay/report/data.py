@@ -135,7 +135,8 @@ def straw_data(straw: StrawParameters) -> dict[str, Any]:
         "zeta0": straw.zeta0_m[:, 0].tolist(),
         "bent": min(bent, default=1.0),
         "frusta": [
-            {"C1": f.C1, "C2": f.C2, "rI": f.r_i, "zeta0": f.zeta0, "area": f.area_m2, "wall": wall_of(f)} for f in frusta
+            {"C1": f.C1, "C2": f.C2, "rI": f.r_i, "zeta0": f.zeta0, "area": f.area_m2, "wall": wall_of(f)}
+            for f in frusta
         ],
     }
 
