@@ -69,15 +69,6 @@ def repeat_steps(unknowns: Sequence[Unknown]) -> dict[int, float]:
     return {k: REPEATS[one.target] / one.scale for k, one in enumerate(unknowns) if one.target in REPEATS}
 
 
-def walls_known(straw: StrawParameters) -> bool:
-    """Whether there are finite elements of the straw's geometry, so that its walls may be a share of the way there."""
-    try:
-        straw.with_term("wall_elasticity", share=1.0)
-    except ModelError:
-        return False
-    return True
-
-
 def along(where: str, cells: int) -> Floats:
     """How a constant differs from cell to cell, (cells,): in one cell by its number, or smoothly from -1 at the base to
     1 at the tip (``tilt``), or bent (``bow``); neither of these two changes the mean of a long straw.
@@ -121,3 +112,14 @@ def applied(straw: StrawParameters, unknowns: Sequence[Unknown], at: Floats) -> 
     for term, constants in terms.items():
         changed = changed.with_term(term, **constants)
     return changed, Instrument.of(instrument)
+
+
+def walls_known(straw: StrawParameters) -> bool:
+    """Whether there are finite elements near the straw's geometry, as far as the base's constants may move it."""
+    near = [one for one in base_unknowns(straw) if np.isfinite(one.low)]
+    try:
+        for ends in ([one.low for one in near], [one.high for one in near]):
+            applied(straw.with_term("wall_elasticity", share=1.0), near, np.array(ends))
+    except ModelError:
+        return False
+    return True
