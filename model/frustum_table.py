@@ -74,7 +74,7 @@ class TableFrustum(Frustum):
 
     @property
     def _heights(self) -> Floats:
-        return np.linspace(1, -1, HEIGHTS) * REACH * self.row[0]
+        return np.asarray(np.linspace(1, -1, HEIGHTS) * REACH * self.row[0])
 
     def _bent_force(self, zeta: float, pressure_pa: float) -> float:
         phi = self.bent_angle(zeta)
