@@ -35,13 +35,13 @@ def unloaded(straw: StrawParameters, deployed: Collection[int], bent: Bent) -> F
     if straw.form == "full":
         q[: straw.cells] = straw.zeta0_m[:, 0]
     zeta[:] = straw.zeta0_m[:, 1]
-    known: dict[Frustum, list[Equilibrium]] = {}  # cells are mostly alike
+    known: dict[tuple[Frustum, bool], list[Equilibrium]] = {}  # cells are mostly alike
     for cell in {*deployed, *bent}:
-        frustum = Frustum.of(straw, cell)
-        if frustum not in known:
-            known[frustum] = [e for e in frustum.equilibria() if e.stable and e.zeta_m > frustum.zeta0 * (1 - 1e-6)]
-        side = bent.get(cell, 0)
-        fitting = [e for e in known[frustum] if np.sign(e.phi_rad) == side]
+        frustum, side = Frustum.of(straw, cell), bent.get(cell, 0)
+        if (frustum, side != 0) not in known:
+            found = frustum.bent() if side else frustum.straight()
+            known[frustum, side != 0] = [e for e in found if e.stable and e.zeta_m > frustum.zeta0 * (1 - 1e-6)]
+        fitting = [e for e in known[frustum, side != 0] if np.sign(e.phi_rad) == side]
         if not fitting:
             what = "bent" if side else "deployed"
             raise ModelError(f"straw: cell {cell} has no {what} state; its wall is too thick for its height")

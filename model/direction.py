@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from straw.model.constants import Constants
 from straw.model.drive import Table
+from straw.model.elasticity import EQUATION_7
 from straw.model.errors import ModelError
 from straw.model.parameters import PER_FRUSTUM, StrawParameters
 from straw.model.terms import COLUMNS, TERMS
@@ -97,8 +98,8 @@ class Direction:
         if TERMS[term].kind in ("body", "flow") and not mask.all():
             raise ModelError(f"derivative: {name} is one number for the whole straw; leave out cell and frustum")
         none = cls.none(straw)
-        if TERMS[term].kind == "walls":
-            none.wall[:, 1, SHARE_AT] = mask[:, 1]
+        if TERMS[term].kind == "walls":  # of the way from what the straw file names to the other
+            none.wall[:, 1, SHARE_AT] = mask[:, 1] if straw.elasticity == EQUATION_7 else -1.0 * mask[:, 1]
             return none
         at = np.argwhere(mask)
         column = np.full((len(at), 1), COLUMNS[term][0] + known.index(constant))
@@ -117,7 +118,10 @@ class Direction:
         frusta = np.array([(getattr(b, name) - getattr(a, name)) / step for name in FRUSTA])
         change = (b.terms - a.terms) / step
         where = np.argwhere(change != 0).astype(np.int64)
-        wall = (b.wall - a.wall) / step
+        walls = [a.wall, b.wall]
+        if np.any((a.wall[:, :, 0] == 0) != (b.wall[:, :, 0] == 0)):  # a share that begins or ends between them
+            walls = [minus.walls(), plus.walls()]
+        wall = (walls[1] - walls[0]) / step
         return cls(minus.cells, scalars, frusta, wall, where, change[tuple(where.T)], name="between")
 
     @classmethod

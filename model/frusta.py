@@ -123,12 +123,18 @@ def beyond_base_law(f: Frustum, k: Floats, known: Floats, now: Floats, step_s: f
 
 
 @allocates_nothing
-def _force(plain: bool, f: Frustum, k: Floats, known: Floats, now: Floats, step_s: float) -> tuple[float, float]:
-    elastic, damping = walls_force(f), damping_force(f)
+def _beside_walls(plain: bool, f: Frustum, k: Floats, known: Floats, now: Floats, step_s: float) -> tuple[float, float]:
+    damping = damping_force(f)
     if plain:
-        return elastic[0] + damping[0], elastic[1] + damping[1]
+        return damping
     more = beyond_base_law(f, k, known, now, step_s)
-    return elastic[0] + damping[0] + more[0], elastic[1] + damping[1] + more[1]
+    return damping[0] + more[0], damping[1] + more[1]
+
+
+@allocates_nothing
+def _force(plain: bool, f: Frustum, k: Floats, known: Floats, now: Floats, step_s: float) -> tuple[float, float]:
+    elastic, more = walls_force(f), _beside_walls(plain, f, k, known, now, step_s)
+    return elastic[0] + more[0], elastic[1] + more[1]
 
 
 @allocates_nothing
@@ -172,11 +178,17 @@ def tangent(c: Constants, m: Motion, known: Floats, now: Floats, step_s: float, 
     for i in range(c.cells):
         for j in range(2 - c.active, 2):
             row, past, scratch = c.terms[i, j], known[i, j], now[i, j]
-            force = moment = 0.0
+            force = moment = wall = turned = 0.0
             for moved in range(5):  # in one place, as compiling all laws takes long
                 dv, dw = dz / step_s if moved == 3 else 0.0, df / step_s if moved == 4 else 0.0
                 f = frustum_at(c, m, i, j, dz if moved == 1 else 0.0, df if moved == 2 else 0.0, dv, dw)
-                up, turn = _force(c.plain, f, row, past, scratch, step_s)
+                up, turn = wall, turned
+                if moved < 3:  # walls feel no rates
+                    up, turn = walls_force(f)
+                if moved == 0:
+                    wall, turned = up, turn
+                more = _beside_walls(c.plain, f, row, past, scratch, step_s)
+                up, turn = up + more[0], turn + more[1]
                 step = dz if moved == 1 or moved == 3 else df
                 if moved == 0:
                     force, moment = up, turn

@@ -85,13 +85,28 @@ class Frustum:
 
     def equilibria(self, pressure_pa: float = 0.0) -> list[Equilibrium]:
         """Every equilibrium at a pressure: first phi = 0, then pairs +-phi; each from the largest zeta down."""
+        return self.straight(pressure_pa) + self.bent(pressure_pa)
+
+    def straight(self, pressure_pa: float = 0.0) -> list[Equilibrium]:
+        """Every equilibrium with phi = 0, from the largest zeta down."""
+        found = self._straight_heights(pressure_pa)
+        return [Equilibrium(z, 0.0, _eigenvalues(self.stiffness(z, 0.0))) for z in found]
+
+    def bent(self, pressure_pa: float = 0.0) -> list[Equilibrium]:
+        """Every other equilibrium, in pairs +-phi, from the largest zeta down."""
+        pairs = [(z, phi) for z in self._bent_heights(pressure_pa) if (phi := self.bent_angle(z)) > 0]
+        found = [(z, sign * phi) for z, phi in pairs for sign in (1, -1)]
+        return [Equilibrium(z, phi, _eigenvalues(self.stiffness(z, phi))) for z, phi in found]
+
+    def _straight_heights(self, pressure_pa: float) -> list[float]:
         C1, C2, z0 = self.C1, self.C2, self.zeta0
         push = 2 * C2 * z0 + self.area_m2 * pressure_pa
-        found = [(z, 0.0) for z in _real_roots([8 * C1, 0.0, 2 * C2 - 8 * C1 * z0**2, -push])]
-        for z in _real_roots([-40 * C1, 0.0, 8 * C1 * z0**2 - 2 * C2, -push]):
-            phi = self.bent_angle(z)
-            found += [(z, phi), (z, -phi)] if phi > 0 else []
-        return [Equilibrium(z, f, _eigenvalues(self.stiffness(z, f))) for z, f in found]
+        return _real_roots([8 * C1, 0.0, 2 * C2 - 8 * C1 * z0**2, -push])
+
+    def _bent_heights(self, pressure_pa: float) -> list[float]:
+        C1, C2, z0 = self.C1, self.C2, self.zeta0
+        push = 2 * C2 * z0 + self.area_m2 * pressure_pa
+        return _real_roots([-40 * C1, 0.0, 8 * C1 * z0**2 - 2 * C2, -push])
 
     def bent_angle(self, zeta_m: float) -> float:
         """|phi| at which equation 6b vanishes beside phi = 0, rad; 0 where there is none."""

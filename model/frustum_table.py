@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
-from straw.model.frustum import Equilibrium, Frustum
+from straw.model.frustum import Frustum
 from straw.model.terms.shell_energy import SHARE, shell_energy, shell_force, shell_stiffness
 
 Floats = NDArray[np.float64]
@@ -45,8 +45,8 @@ class TableFrustum(Frustum):
     def force(self, zeta_m: float, phi_rad: float, pressure_pa: float = 0.0) -> tuple[float, float]:
         """Axial force (N) and moment (N m) that hold the frustum there."""
         F, M = shell_force(float(zeta_m), float(phi_rad), self.r_i, self.row)
-        other, turning = super().force(zeta_m, phi_rad)
         share = self.row[SHARE]
+        other, turning = super().force(zeta_m, phi_rad) if share != 1 else (0.0, 0.0)
         return -share * F + (1 - share) * other - self.area_m2 * pressure_pa, -share * M + (1 - share) * turning
 
     def stiffness(self, zeta_m: float, phi_rad: float) -> Floats:
@@ -66,26 +66,19 @@ class TableFrustum(Frustum):
 
         return _root(leverage, 1e-3, most) if leverage(1e-3) < 0 < leverage(most) else 0.0
 
-    def equilibria(self, pressure_pa: float = 0.0) -> list[Equilibrium]:
-        """Every equilibrium at a pressure: first phi = 0, then pairs +-phi; each from the largest zeta down."""
-        heights = np.linspace(1, -1, HEIGHTS) * REACH * self.row[0]
+    def _straight_heights(self, pressure_pa: float) -> list[float]:
+        return _roots(lambda zeta: self.force(zeta, 0.0, pressure_pa)[0], self._heights)
 
-        def straight(zeta: float) -> float:
-            return self.force(zeta, 0.0, pressure_pa)[0]
+    def _bent_heights(self, pressure_pa: float) -> list[float]:
+        return _roots(lambda zeta: self._bent_force(zeta, pressure_pa), self._heights)
 
-        found = [(z, 0.0) for z in _roots(straight, heights)]
-        for z in _roots(lambda zeta: self._bent_force(zeta, pressure_pa), heights):
-            phi = self.bent_angle(z)
-            found += [(z, phi), (z, -phi)] if phi > 0 else []
-        return [Equilibrium(z, f, self._eigenvalues(z, f)) for z, f in found]
+    @property
+    def _heights(self) -> Floats:
+        return np.asarray(np.linspace(1, -1, HEIGHTS) * REACH * self.row[0])
 
     def _bent_force(self, zeta: float, pressure_pa: float) -> float:
         phi = self.bent_angle(zeta)
         return self.force(zeta, phi, pressure_pa)[0] if phi > 0 else math.nan
-
-    def _eigenvalues(self, zeta: float, phi: float) -> tuple[float, float]:
-        low, high = np.linalg.eigvalsh(self.stiffness(zeta, phi))
-        return float(low), float(high)
 
     def bifurcation_pressures(self) -> tuple[float, float, float, float]:
         """The four pressures that part the five regions of Fig. 5, Pa, rising: extremes of p along each branch.

@@ -72,7 +72,7 @@ _KIND = np.array([term.kind for term in TERMS.values()])[_TERM]
 
 def given(straw: StrawParameters, table: Table, directions: Sequence[Direction]) -> Given:
     """Directions laid out; the pressure's on the grid of ``table``."""
-    c, P = straw.constants(), len(directions)
+    c, wall, P = straw.constants(), _walls(straw, directions), len(directions)
     for d in directions:
         if d.cells != straw.cells:
             raise ModelError(f"derivative: {d.name} is of {d.cells} cells, the straw has {straw.cells}")
@@ -121,7 +121,7 @@ def given(straw: StrawParameters, table: Table, directions: Sequence[Direction])
         wall_frustum=np.array([j for _, _, j in walls], np.int64),
         wall_column=np.array([p for p, _, _ in walls], np.int64),
         wall_by=np.array([directions[p].wall[i, j] for p, i, j in walls]).reshape(len(walls), ROW),
-        wall_step=np.array([_wall_step(c.wall[i, j], directions[p].wall[i, j]) for p, i, j in walls]),
+        wall_step=np.array([_wall_step(wall[i, j], directions[p].wall[i, j]) for p, i, j in walls]),
         body=np.array(body, np.int64),
         body_steps=np.array([10 * small(c, directions[p]) for p in body]),
         body_rows=rows[np.array(body, np.int64)],
@@ -184,14 +184,17 @@ def _way(straw: StrawParameters, directions: Sequence[Direction]) -> tuple[Float
     return out, tables
 
 
+def _walls(straw: StrawParameters, directions: Sequence[Direction]) -> Floats:
+    """Rows of the walls, those of share zero too where a direction moves them."""
+    wall = straw.constants().wall
+    return straw.walls() if any(d.wall[wall[:, :, 0] == 0].any() for d in directions) else wall
+
+
 def linearised(straw: StrawParameters, directions: Sequence[Direction]) -> Constants:
     """The constants to linearise at, a copy that may be moved: memories and walls that a direction brings to life are
     there, if only just."""
     c = straw.constants()
-    alive, wall = c.terms.copy(), c.wall
-    if any(d.wall[c.wall[:, :, 0] == 0].any() for d in directions):
-        wall = np.where(wall[:, :, :1] == 0, straw.with_term("wall_elasticity", share=BARELY).constants().wall, wall)
-    touched = False
+    alive, wall, touched = c.terms.copy(), _walls(straw, directions), False
     for name, (start, end) in COLUMNS.items():
         if TERMS[name].kind == "memory":
             for d in directions:

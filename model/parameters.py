@@ -38,7 +38,8 @@ class StrawParameters:
     (Fig. 6). Per-frustum constants have shape (cells, 2): ``[n - 1, 0]`` is the odd frustum of cell n (nearer the
     inlet), ``[n - 1, 1]`` the even one; a scalar or a pair (odd, even) is spread over all cells. ``form`` is "full"
     (4N coordinates) or "truncated" (odd frusta rigid at zeta0, 2N coordinates). ``elasticity`` is what the even frusta
-    obey: "equation 7", "shell" (finite elements of the paper's specimen), or a file made by `straw shell`.
+    obey: "equation 7", "shell" (finite elements of the paper's specimen), or a file made by `straw shell`; the term
+    ``wall_elasticity`` goes a share of the way from it to the other.
 
     Raises ModelError for anything that is not a straw, naming the constant.
     """
@@ -88,11 +89,11 @@ class StrawParameters:
         self._check("zeta0_m", np.all((odd > 0) & (even < 0) & (-even < odd)), "(odd, even) with 0 < -even < odd")
 
     def _check_elasticity(self) -> None:
-        if self.elasticity == EQUATION_7:
+        if self.elasticity == EQUATION_7 and not self._has("walls"):
             return
-        table = elasticity_of(self.elasticity)
+        table = elasticity_of(self.walls_table)
         for zeta0, h in {(z, h) for z, h in zip(self.zeta0_m[:, 1].tolist(), self.h_m[:, 1].tolist(), strict=True)}:
-            table.check(repr(self.elasticity), self.r_i_m, self.r_o_m, zeta0, h)
+            table.check(repr(self.walls_table), self.r_i_m, self.r_o_m, zeta0, h)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Made anew where it is unpickled: else arrays come back writable, another type to the compiled model."""
@@ -214,17 +215,34 @@ class StrawParameters:
             terms=self._packed_terms(),
         )
 
-    def _wall_rows(self, C1: Floats, C2: Floats) -> Floats:
-        """Rows of `straw.model.terms.shell_energy` for the even frusta, (cells, 2, ROW); zero for equation 7."""
+    @property
+    def walls_table(self) -> str:
+        """The finite elements this straw obeys, or may obey a share of: as `elasticity` may be, but equation 7."""
+        return SHIPPED if self.elasticity == EQUATION_7 else self.elasticity
+
+    def _wall_rows(self, C1: Floats, C2: Floats, everywhere: bool = False) -> Floats:
+        """Rows of `straw.model.terms.shell_energy` for the even frusta, (cells, 2, ROW); zero for equation 7.
+
+        ``everywhere``: a row of share zero where there is none, which is the same straw; slower, but its derivative by
+        the share is there.
+        """
         rows = np.zeros((self.cells, 2, ROW))
         given = self.terms.get("wall_elasticity", {}).get("share", 0.0)
-        share = self._per_frustum_of_term("share", given, "walls") + (self.elasticity != EQUATION_7)
-        table = elasticity_of(SHIPPED if self.elasticity == EQUATION_7 else self.elasticity)
-        for n in np.flatnonzero(share[:, 1]):
+        share = self._per_frustum_of_term("share", given, "walls")
+        share = share if self.elasticity == EQUATION_7 else 1 - share
+        places = np.flatnonzero((share[:, 1] != 0) | everywhere)
+        table = elasticity_of(self.walls_table) if len(places) else None
+        for n in places:
+            assert table is not None
             zeta0 = float(self.zeta0_m[n, 1])
             scaled = float(C1[n, 1]), float(C2[n, 1]), zeta0, self.r_i_m, self.r_o_m, float(share[n, 1])
             rows[n, 1] = table.row(*scaled)
         return rows
+
+    def walls(self) -> Floats:
+        """The rows of `Constants.wall`, (cells, 2, ROW), written out where their share is zero as well."""
+        c = self.constants()
+        return self._wall_rows(c.C1, c.C2, everywhere=True)
 
     def _has(self, kind: str) -> bool:
         """Whether a term of that kind has a strength other than zero."""

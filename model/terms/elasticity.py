@@ -32,26 +32,38 @@ def elastic_energy(zeta: float, phi: float, zeta0: float, C1: float, C2: float, 
 
 
 @allocates_nothing
-def walls_force(f: Frustum) -> tuple[float, float]:
-    """-F on zeta and -M on phi of a frustum's walls, by equation 7 or by finite elements where the straw has them."""
+def walls_force_at(zeta: float, phi: float, f: Frustum) -> tuple[float, float]:
+    """-F on zeta and -M on phi of a frustum's walls there, by equation 7 or by finite elements where it has them."""
     if f.wall[0] == 0:
-        return elastic_force(f.zeta, f.phi, f.zeta0, f.C1, f.C2, f.r_i)
-    force, moment = shell_force(f.zeta, f.phi, f.r_i, f.wall)
+        return elastic_force(zeta, phi, f.zeta0, f.C1, f.C2, f.r_i)
+    force, moment = shell_force(zeta, phi, f.r_i, f.wall)
     share = f.wall[SHARE]
     if share == 1:
         return force, moment
-    other, turning = elastic_force(f.zeta, f.phi, f.zeta0, f.C1, f.C2, f.r_i)
+    other, turning = elastic_force(zeta, phi, f.zeta0, f.C1, f.C2, f.r_i)
     return share * force + (1 - share) * other, share * moment + (1 - share) * turning
+
+
+@allocates_nothing
+def walls_force(f: Frustum) -> tuple[float, float]:
+    """-F on zeta and -M on phi of a frustum's walls where it is."""
+    return walls_force_at(f.zeta, f.phi, f)
+
+
+@compiled
+def walls_energy_at(zeta: float, phi: float, f: Frustum) -> float:
+    """Energy (J) that `walls_force_at` derives from."""
+    if f.wall[0] == 0:
+        return elastic_energy(zeta, phi, f.zeta0, f.C1, f.C2, f.r_i)
+    share = f.wall[SHARE]
+    other = elastic_energy(zeta, phi, f.zeta0, f.C1, f.C2, f.r_i)
+    return float(share * shell_energy(zeta, phi, f.r_i, f.wall) + (1 - share) * other)
 
 
 @compiled
 def walls_energy(f: Frustum) -> float:
     """Energy (J) that `walls_force` derives from."""
-    if f.wall[0] == 0:
-        return elastic_energy(f.zeta, f.phi, f.zeta0, f.C1, f.C2, f.r_i)
-    share = f.wall[SHARE]
-    other = elastic_energy(f.zeta, f.phi, f.zeta0, f.C1, f.C2, f.r_i)
-    return float(share * shell_energy(f.zeta, f.phi, f.r_i, f.wall) + (1 - share) * other)
+    return walls_energy_at(f.zeta, f.phi, f)
 
 
 @compiled

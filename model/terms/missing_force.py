@@ -1,6 +1,6 @@
 """A force of the even frusta that nobody has a formula for: tables over height, bending angle and cycles.
 
-F = f(zeta / |zeta_0|) on zeta,  M = m(phi) on phi,  and equation 6 with E (1 + e(cycle)).
+F = f(zeta / |zeta_0|) on zeta,  M = m(phi) on phi,  and the walls with E (1 + e(cycle)).
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 from straw.model.compiled import compiled
 from straw.model.table import AMOUNT, empty, names, points, table, table_area
 from straw.model.term import Floats, Frustum, Term
-from straw.model.terms.elasticity import elastic_energy, elastic_force
+from straw.model.terms.elasticity import walls_energy, walls_force
 
 
 @compiled
@@ -22,7 +22,7 @@ def _force(f: Frustum, k: Floats) -> tuple[float, float]:
         moment += table(f.phi, k, 17)
     if not empty(k, 33):
         share = table(f.cycle, k, 33)
-        elastic, bending = elastic_force(f.zeta, f.phi, f.zeta0, f.C1, f.C2, f.r_i)
+        elastic, bending = walls_force(f)
         force += share * elastic
         moment += share * bending
     return k[0] * force, k[0] * moment
@@ -34,7 +34,7 @@ def _energy(f: Frustum, k: Floats) -> float:
         return 0.0
     stored = f.zeta0 * table_area(-f.zeta / f.zeta0, k, 1) - table_area(f.phi, k, 17)
     share = table(f.cycle, k, 33)
-    return float(k[0] * (stored + share * elastic_energy(f.zeta, f.phi, f.zeta0, f.C1, f.C2, f.r_i)))
+    return float(k[0] * (stored + share * walls_energy(f)))
 
 
 #: Dense where the faces of a folded frustum nearly touch.
@@ -45,7 +45,7 @@ CYCLES = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
 TERM = Term(
     name="missing_force",
     kind="frustum",
-    law="F = f(zeta/|zeta_0|), M = m(phi), equation 6 with E (1 + e(cycle)); tables, even frusta only",
+    law="F = f(zeta/|zeta_0|), M = m(phi), walls with E (1 + e(cycle)); tables, even frusta only",
     source="fitted by `straw diagnose` where no hypothesis explains the runs",
     strengths=("amount", *names("force_{}_n"), *names("moment_{}_n_m"), *names("stiffness_{}")),
     constants=(

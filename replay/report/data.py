@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.model.frustum import Frustum
+from straw.model.frustum_table import TableFrustum
 from straw.model.parameters import StrawParameters
 from straw.replay.compare import Comparison
 from straw.replay.metrics.snaps import Snap
@@ -133,8 +134,16 @@ def straw_data(straw: StrawParameters) -> dict[str, Any]:
         "board": BOARD_M,
         "zeta0": straw.zeta0_m[:, 0].tolist(),
         "bent": min(bent, default=1.0),
-        "frusta": [{"C1": f.C1, "C2": f.C2, "rI": f.r_i, "zeta0": f.zeta0, "area": f.area_m2} for f in frusta],
+        "frusta": [
+            {"C1": f.C1, "C2": f.C2, "rI": f.r_i, "zeta0": f.zeta0, "area": f.area_m2, "wall": wall_of(f)}
+            for f in frusta
+        ],
     }
+
+
+def wall_of(frustum: Frustum) -> list[float]:
+    """A row of `straw.model.terms.shell_energy`; empty for equation 7."""
+    return list(frustum.numbers) if isinstance(frustum, TableFrustum) else []
 
 
 def packed(values: Floats) -> str:

@@ -2,10 +2,36 @@
 const PLANE = { zeta: [-3.4e-3, 3.2e-3], phi: [-0.36, 0.36], step: 2e-3 };
 let chosenCell = null;
 
-// Equation 7 with the pressure on a sealed straw's frustum, J.
-const energyOf = (f, zeta, phi, pressure) => {
+// Equation 7, J.
+const reducedEnergy = (f, zeta, phi) => {
   const k = f.C2 - 4 * f.C1 * f.zeta0 * f.zeta0, z2 = zeta * zeta, r = f.rI * f.rI * phi * phi;
-  return 2 * f.C1 * z2 * z2 + k * z2 + 0.75 * f.C1 * r * r + (k / 2) * r + 6 * f.C1 * z2 * r - (2 * f.C2 * f.zeta0 + f.area * pressure) * zeta;
+  return 2 * f.C1 * z2 * z2 + k * z2 + 0.75 * f.C1 * r * r + (k / 2) * r + 6 * f.C1 * z2 * r - 2 * f.C2 * f.zeta0 * zeta;
+};
+// Finite elements' polynomial with its end at the slant, as in model/terms/shell_energy.py, J.
+const shellEnergy = (f, zeta, phi) => {
+  const [end, width, stiff, , ...c] = f.wall, w = f.rI * phi;
+  let stored = 0;
+  const [u, v] = [zeta + w, zeta - w].map((x) => {
+    const beyond = Math.abs(x) - end;
+    if (beyond <= 0) return x;
+    stored += stiff * beyond ** 3;
+    return Math.sign(x) * (end + width * Math.tanh(beyond / width));
+  });
+  const z = (u + v) / 2 / end, w2 = ((u - v) / 2 / end) ** 2;
+  for (let j = 0, at = 0; j <= 5; at += 11 - 2 * j++) {
+    let p = 0;
+    for (let i = 10 - 2 * j; i >= 0; i--) p = p * z + c[at + i];
+    stored += w2 ** j * p;
+  }
+  return stored;
+};
+// What the walls store, with the pressure on a sealed straw's frustum, J.
+const energyOf = (f, zeta, phi, pressure) => {
+  const share = f.wall.length ? f.wall[3] : 0;
+  let stored = -f.area * pressure * zeta;
+  if (share) stored += share * shellEnergy(f, zeta, phi);
+  if (share !== 1) stored += (1 - share) * reducedEnergy(f, zeta, phi);
+  return stored;
 };
 const cellShown = (run) => Math.min(chosenCell ?? run.snapping[0] ?? 1, run.straw.cells);
 const rgb = (text) => [1, 3, 5].map((k) => parseInt(text.slice(k, k + 2), 16));
@@ -72,7 +98,7 @@ const ranges = (cells) => {
 const grid = document.createElement("canvas");
 let drawn = "";
 function landscape(c, box, frustum, pressure) {
-  const wanted = [frustum.C1, frustum.C2, Math.round(pressure / 50), color("low")].join();
+  const wanted = [frustum.C1, frustum.C2, frustum.wall, Math.round(pressure / 50), color("low")].join();
   if (wanted !== drawn) paint(frustum, pressure);
   drawn = wanted;
   c.imageSmoothingEnabled = true;

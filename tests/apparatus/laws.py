@@ -7,6 +7,7 @@ from math import exp, sqrt
 from numba import njit
 
 from . import layout as at
+from .walls import wall_force
 
 ATMOSPHERE_PA = 101_325.0
 ADIABATIC = 1.4
@@ -37,6 +38,11 @@ def frustum(active, zeta, phi, zeta_rate, phi_rate, p, d, c, cell, P, row):
     force = 4.0 * c1 * zeta * (2.0 * (zeta * zeta - zeta_0 * zeta_0) + 3.0 * r2 * bent * bent)
     force += 2.0 * c2 * (zeta - zeta_0) + row[at.C_ZETA] * zeta_rate
     moment = r2 * bent * (c1 * (12.0 * zeta * zeta - 4.0 * zeta_0 * zeta_0 + 3.0 * r2 * bent * bent) + c2)
+    if active and P[at.SHELL] != 0.0:  # a share of finite elements' walls in place of the disk spring
+        shell_force, shell_moment = wall_force(zeta, bent, P[at.R_I], P, at.SERIES)
+        spring = force - row[at.C_ZETA] * zeta_rate
+        force += P[at.SHELL] * (row[at.YOUNG] * soft * shell_force - spring)
+        moment += P[at.SHELL] * (row[at.YOUNG] * soft * shell_moment - moment)
     moment += row[at.C_PHI] * phi_rate
     s1 = s2 = s3 = bristle = 0.0
     if not active:

@@ -9,6 +9,7 @@ import numpy as np
 
 from . import layout as at
 from .integrator import integrate, rest
+from .walls import table
 
 RIGID = 1e4  # odd frusta so much stiffer than the paper's move the tip by less than 1 um at 35 kPa
 DEPLOYED_M = 0.0020248  # where an unloaded active frustum rests
@@ -42,7 +43,7 @@ class Straw:
         return replace(self, laws={**self.laws, **laws})
 
     def numbers(self) -> tuple[np.ndarray, np.ndarray]:
-        """The constants (len(layout.NAMES),) and the frusta's table (18, 7) of the compiled physics."""
+        """The constants (len(layout.NAMES),) and the frusta's table (18, 8) of the compiled physics."""
         said = {**BASE, **self.laws}
         P = np.array([said.get(name, 0.0) for name in at.NAMES])
         wide, ratio = said["R_O"] - said["R_I"], log(said["R_O"] / said["R_I"])
@@ -55,6 +56,9 @@ class Straw:
         F[: at.CELLS, at.ZETA_0], F[at.CELLS :, at.ZETA_0] = self.zeta_odd_m, self.zeta_even_m
         F[at.CELLS :, at.PHI_SHIFT], F[at.CELLS :, at.STOP] = self.lean_rad, self.stop_m
         F[:, at.C_ZETA], F[:, at.C_PHI] = self.c_zeta, self.c_phi
+        F[:, at.YOUNG] = self.young_pa * stiff
+        if P[at.SHELL]:
+            P = np.concatenate([P, table(self.zeta_even_m, self.thickness_m).ravel()])
         return P, F
 
 

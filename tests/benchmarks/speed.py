@@ -1,4 +1,4 @@
-"""How fast the model runs: against real time, against SciPy's solvers, with cells, with duration, on two cores.
+"""How fast the model runs: against real time and SciPy's solvers, with other walls, cells, duration, on two cores.
 
     python -m tests.benchmarks.speed [--quick] [--limit SECONDS]
 
@@ -98,6 +98,19 @@ def against_scipy(seconds: dict[str, float], quick: bool, limit_s: float) -> Non
             )
 
 
+def walls() -> None:
+    """Print what walls by finite elements cost beside equation 7, alternately, as ratios of least CPU times."""
+    print(f"\n{'walls':<12}{'equation 7 / ms':>17}{'shell / ms':>12}{'ratio':>7}{'steps':>12}")
+    for run in RUNS:
+        runs = [run, replace(run, straw=run.straw.replace(elasticity="shell"))]
+        tried = [[ours(one) for one in runs] for _ in range(3)]
+        (base, base_s), (shell, shell_s) = (min(column, key=lambda one: one[1]) for column in zip(*tried, strict=True))
+        print(
+            f"{run.name:<12}{1e3 * base_s:>17.2f}{1e3 * shell_s:>12.2f}{shell_s / base_s:>7.2f}"
+            f"{base.steps:>6}{shell.steps:>6}"
+        )
+
+
 def growth() -> None:
     """Print how cost grows with the number of cells and with duration."""
     columns = f"{'CPU / s':>10}{'steps':>7}{'us a step':>11}{'of N = 9':>10}"
@@ -160,6 +173,7 @@ def main() -> None:
         print("no ../shared/reference: errors are against our own solution at a hundredth of the tolerance")
     simulate(FOLDING.straw, FOLDING.pressure_pa, TIME_S[:3], FOLDING.deployed)  # compiles
     seconds = against_real_time()
+    walls()
     if not asked.quick:
         growth()
         on_two_cores()

@@ -200,6 +200,19 @@ def test_walls_by_finite_elements_have_derivatives_too(name: str) -> None:
     assert_true(got, 0, play, name, room=np.abs(value).min())
 
 
+@pytest.mark.parametrize(("elasticity", "share"), [("equation 7", 0.0), ("equation 7", 0.4), ("shell", 0.0)])
+def test_the_way_between_equation_7_and_finite_elements_has_a_derivative_at_both_ends(
+    elasticity: str, share: float
+) -> None:
+    """As the diagnosis asks for it: also from a share of zero, where there is no row to move."""
+    straw = LIVELY.replace(elasticity=elasticity)
+    start, end = (straw.with_term("wall_elasticity", share=share + x) for x in (0.0, 1e-3))
+    held = Held.of(start, pressure, TIME_S, (), TOLERANCE_M)
+    got = differentiated(start, [Direction.between(start, end, 1e-3)])
+    play = lambda x: held.play(straw.with_term("wall_elasticity", share=share + x), pressure)  # noqa: E731
+    assert_true(got, 0, play, elasticity, room=share, reach=REACH)
+
+
 def test_one_cell_or_frustum_is_moved_alone() -> None:
     straw = LIVELY.with_term("cohesion", force_n=2.0)
     held = Held.of(straw, pressure, TIME_S, (), TOLERANCE_M)

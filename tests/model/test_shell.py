@@ -136,12 +136,24 @@ def test_tied_rims_make_a_cell_nearly_twice_as_strong() -> None:
     for rims in ("tied", "free"):
         model = Problem(profile, E_PA, NU, hold=Hold(rims=rims)).axisymmetric().model()
         point, energies = None, []
-        for zeta in np.linspace(1.5e-3, 4.1e-3, 27):
+        for zeta in np.linspace(1.5e-3, 4.1e-3, 53):
             point = model.at(float(zeta), 0.0, point)
             energies.append(point.energy_j)
         tops[rims] = 1e3 * max(energies)
     assert tops["free"] == pytest.approx(21.18, abs=0.05)  # that of the even frustum alone
-    assert tops["tied"] == pytest.approx(33.0, abs=0.3)  # 33.2 in the pilot
+    assert tops["tied"] == pytest.approx(32.97, abs=0.02)
+
+
+def test_a_tied_rim_wants_a_finer_mesh_than_a_free_one_and_is_neared_from_above() -> None:
+    """Energies at 3.5455 mm, mJ: minimised over shapes that contain those before. The pilot's 33.2 is on the way."""
+    profile = cell(11.1e-3, 14.65e-3, (3.78e-3, -2.28e-3), (0.508e-3, 0.508e-3))
+    energies = []
+    for mesh in (Mesh(1, 2, 1), Mesh(2, 2, 1), Mesh(4, 2, 1), Mesh(2, 5, 1), Mesh(4, 5, 1)):
+        model = Problem(profile, E_PA, NU, mesh=mesh).model()
+        energies.append(1e3 * model.at(3.5455e-3, 0.0).energy_j)
+    assert energies[0] > 33.2 > energies[1] > energies[2] > energies[3]
+    assert energies[3] == pytest.approx(energies[4], abs=1e-4)
+    assert energies[4] == pytest.approx(32.968, abs=2e-3)
 
 
 def test_a_landscape_goes_on_where_it_was_broken_off(tmp_path: Path) -> None:

@@ -7,10 +7,12 @@ import pytest
 
 from straw.model.parameters import StrawParameters
 from straw.model.terms import CAUSES
+from straw.model.terms.shell_energy import SHARE
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.systems.straw.constants import MEASUREMENT, applied, base_unknowns
 from straw.replay.diagnose.systems.straw.instrument import Instrument
 from straw.replay.diagnose.systems.straw.library import causes, hypothesis
+from straw.replay.diagnose.systems.straw.system import StrawSystem
 
 BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)
 
@@ -70,3 +72,23 @@ def test_odd_frusta_may_be_stiffer_than_even_ones_whatever_else_is_changed():
     assert straw.form == "full"
     np.testing.assert_allclose(straw.E_pa[:, 0], 3 * straw.E_pa[:, 1])
     np.testing.assert_allclose(straw.E_pa[:, 1], np.exp(0.02) * BASE.E_pa[0, 1])
+
+
+def test_walls_of_another_elasticity_are_a_cause_where_there_are_finite_elements_of_the_geometry():
+    assert "wall_elasticity" in StrawSystem(BASE).causes
+    assert "wall_elasticity" in StrawSystem(BASE.replace(elasticity="shell")).causes
+    for other in (
+        BASE.replace(r_o_m=15.2e-3),
+        BASE.replace(h_m=np.array(0.46e-3), zeta0_m=np.array([3.78e-3, -2.2e-3])),
+    ):
+        system = StrawSystem(other)
+        assert "wall_elasticity" not in system.causes
+        assert any("straw shell" in doubt for doubt in system.doubts([]))
+
+
+def test_a_share_of_one_is_the_other_of_the_two_elasticities():
+    (share,), other = hypothesis(["wall_elasticity"], 9).unknowns, BASE.replace(elasticity="shell")
+    u = np.array([share.at(1 / share.scale)])
+    walls = [applied(straw, (share,), u)[0].constants().wall for straw in (BASE, other)]
+    np.testing.assert_allclose(walls[0], other.constants().wall)
+    assert np.abs(walls[1][:, :, SHARE]).max() < 1e-12

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -38,3 +39,18 @@ def test_a_design_without_a_wish_is_refused(tmp_path: Path, capsys: pytest.Captu
     assert main(["design", str(tmp_path / "none.toml"), "--out", str(tmp_path / "out")]) == 2
     assert "none.toml" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_a_dask_cluster_finds_the_designs_that_are_found_here(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed", reason="dask's workers are not installed")
+    wish = tmp_path / "wish.toml"
+    wish.write_text("[wanted]\ndeploy_kpa = 30.0\n[vary]\nh_mm = [0.35, 0.7]\n")
+    found = []
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+        for where in ([], ["--dask", cluster.scheduler_address]):
+            told = tmp_path / "designs.json"
+            options = ["--count", "64", "--keep", "1", "--check", "1", "--out", str(tmp_path), "--json", str(told)]
+            assert main(["design", str(wish), *options, *where]) == 0
+            found.append(json.loads(told.read_text()))
+    assert found[0] == found[1]
+    assert found[0]["designs"][0]["gives"]["deploy_kpa"] == pytest.approx(30.0, abs=1e-3)

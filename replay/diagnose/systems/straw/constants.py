@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from straw.model.errors import ModelError
 from straw.model.parameters import StrawParameters
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.systems.straw.instrument import Instrument
@@ -111,3 +112,14 @@ def applied(straw: StrawParameters, unknowns: Sequence[Unknown], at: Floats) -> 
     for term, constants in terms.items():
         changed = changed.with_term(term, **constants)
     return changed, Instrument.of(instrument)
+
+
+def walls_known(straw: StrawParameters) -> bool:
+    """Whether there are finite elements near the straw's geometry, as far as the base's constants may move it."""
+    near = [one for one in base_unknowns(straw) if np.isfinite(one.low)]
+    try:
+        for ends in ([one.low for one in near], [one.high for one in near]):
+            applied(straw.with_term("wall_elasticity", share=1.0), near, np.array(ends))
+    except ModelError:
+        return False
+    return True

@@ -17,6 +17,8 @@ NEXT_SIZE = 0.6
 LEAST = 0.3
 #: The largest, as u: a step before the bound.
 MOST = 7.4
+#: A share of the finite elements' walls that is well seen: heights at rest differ by 60 um a cell at a share of one.
+WALL_SHARE = 0.1
 
 
 def _positive(target: str, scale: float) -> Unknown:
@@ -29,6 +31,11 @@ def _signed(target: str, scale: float, sd: float = 10.0) -> Unknown:
 
 def _shape(target: str, start: float, low: float, high: float) -> Unknown:
     return Unknown(target, 1.0, start, "log", low=np.log(low / start), high=np.log(high / start), sd=1.0)
+
+
+def _walls_at_most() -> float:
+    """u of the top of the share's range: far beyond either of the two energies there is no wall."""
+    return float(np.arcsinh(CAUSES["wall_elasticity"].constants[0].high / WALL_SHARE))
 
 
 def _sizes(least: float, most: float) -> tuple[float, ...]:
@@ -160,6 +167,10 @@ def causes(cells: int) -> dict[str, tuple[tuple[Unknown, ...], tuple[tuple[float
                 _shape(t + "dry_friction.slip_m", 20e-6, 2e-6, 200e-6),
             ),
             tuple((size, 0.0) for size in _sizes(0.3, 3.0)),
+        ),
+        "wall_elasticity": (
+            (Unknown(t + "wall_elasticity.share", WALL_SHARE, low=0.0, high=_walls_at_most(), sd=10.0),),
+            tuple((size,) for size in _sizes(2.0, 10.0)),
         ),
         "ambient_drag": ((_positive(t + "ambient_drag.c_d", 3.0),), tuple((size,) for size in _sizes(0.5, 5.0))),
         "line_lag": (

@@ -25,6 +25,7 @@ from straw.replay.diagnose.systems.straw.constants import (
     applied,
     base_unknowns,
     repeat_steps,
+    walls_known,
 )
 from straw.replay.diagnose.systems.straw.experiment import Experiment, next_experiment
 from straw.replay.diagnose.systems.straw.library import causes, hypothesis
@@ -40,6 +41,8 @@ CHANNELS = (
     Channel("z_m", "Z", "mm", 1e3),
     Channel("phi_rad", "Phi", "mrad", 1e3),
 )
+#: The cause that needs finite elements of the straw's own geometry.
+WALLS = "wall_elasticity"
 #: Units of what is found in instruments.
 UNITS = {
     "clock_offset_s": "s",
@@ -80,8 +83,9 @@ class StrawSystem(System):
 
     @property
     def causes(self) -> tuple[str, ...]:
-        """The library's."""
-        return tuple(causes(self.straw.cells))
+        """The library's; walls of another elasticity where there are finite elements of this geometry."""
+        known = causes(self.straw.cells)
+        return tuple(name for name in known if name != WALLS or walls_known(self.straw))
 
     @property
     def most_work(self) -> float:
@@ -180,12 +184,17 @@ class StrawSystem(System):
         return tuple(cell for _, cell in sorted(crossed))
 
     def doubts(self, recordings: Sequence[Observation]) -> list[str]:
-        """Without snaps or wear much is untested."""
+        """Without snaps, wear or a table of the walls much is untested."""
         out = []
         if not any(len(o.snaps_s) for o in recordings):
             out.append("no run shows a snap: what acts only in snaps (film, cohesion, inertia, drag) was not tested")
         if len({o.run.cycle for o in recordings}) < 2:
             out.append("all runs are of the same cycle: wear was not tested")
+        if not walls_known(self.straw):
+            out.append(
+                f"{WALLS} was not tested: there are no finite elements of this geometry; make them with straw shell "
+                '--straw S.toml --elasticity E.json, and name them in the straw file, elasticity = "E.json"'
+            )
         return out
 
     def experiment(self, campaign: Campaign, among: Sequence[Contestant], *, explain: bool) -> Experiment | None:
