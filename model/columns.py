@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from straw.model.bench import Bench, Columns, add, bench_for
 from straw.model.channel import STATES, Channel
-from straw.model.compiled import allocates_nothing, called, compiled
+from straw.model.compiled import allocates_nothing, called, compiled, inlined
 from straw.model.constants import Constants
 from straw.model.drive import Table, pressure_in
 from straw.model.elimination import eliminate
@@ -75,7 +75,7 @@ def _answered(c: Constants, given: Given, s: Stages, stage: int, hg: float, b: B
     solve(c, b.links, b.sweeps, b.found)
 
 
-@allocates_nothing
+@inlined
 def _recalled(c: Constants, b: Bench, rows: Rows) -> None:
     """What the columns of the memories would be if nothing moved, and its force."""
     for i in range(c.cells):
@@ -88,7 +88,7 @@ def _recalled(c: Constants, b: Bench, rows: Rows) -> None:
                     add(-1.0, now, b.sweeps.block[i, rows.force + j - 2 + c.active + y * c.active])
 
 
-@allocates_nothing
+@inlined
 def _remembered(c: Constants, stage: int, hg: float, b: Bench, rows: Rows) -> None:
     """The columns of the memories at the stage's end, and their rates."""
     W = b.sweeps.block.shape[2]
@@ -152,7 +152,7 @@ def _moved_on(c: Constants, stage: int, hg: float, b: Bench, rows: Rows, P: int)
         plus(q, hg * hg, v_rate, q)
 
 
-@allocates_nothing
+@inlined
 def _solve_stage(
     c: Constants,
     given: Given,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from straw.model.articulated import articulate, momentum, solve
 from straw.model.channel import STATES, inside_pressure
-from straw.model.compiled import allocates_nothing, called
+from straw.model.compiled import allocates_nothing, called, inlined
 from straw.model.constants import Constants
 from straw.model.drive import Table, pressure_in, seen
 from straw.model.frusta import remember, tangent
@@ -55,7 +55,7 @@ def _length(state: State, table: Table, sums: Floats, limits: Limits) -> float:
     return seen(table, sums, time_s, step_s, limits.within_pa)
 
 
-@allocates_nothing
+@inlined
 def _newton_matrix(
     c: Constants, state: State, external_pa: float, hg: float, s: Stages, w: Work
 ) -> tuple[float, float]:
@@ -111,7 +111,7 @@ def _known(state: State, h: float, i: int, remembers: bool, s: Stages, w: Work) 
         recall(state.memory, w.memory_rate, h, i, s.known_memory[i])
 
 
-@allocates_nothing
+@inlined
 def _solve_stages(
     c: Constants,
     state: State,
