@@ -27,7 +27,7 @@ def tournament(
     begun: list[Contestant] = []
     for h in hypotheses:
         if wide.stop():
-            return begun
+            break
         given = [
             Start(h, clipped((*known.unknowns, *h.unknowns), s.u)) for s in proposed if s.hypothesis.name == h.name
         ]
@@ -38,7 +38,7 @@ def tournament(
     going = sorted(begun, key=lambda c: c.cost)
     for rounds, share in zip(COARSE_ROUNDS[1:], HALVINGS, strict=True):
         going = going[: max(3, round(share * len(hypotheses)))]
-        going = sorted((finished(wide, one, rounds) for one in going if not wide.stop()), key=lambda c: c.cost)
+        going = sorted((one if wide.stop() else finished(wide, one, rounds) for one in going), key=lambda c: c.cost)
     return going
 
 
