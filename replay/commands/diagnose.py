@@ -120,7 +120,8 @@ def text(f: Findings, channels: Sequence[Channel]) -> str:
             held = (f.held.before, f.held.after, f.held.floor)
             before, after, floor = (channel.shown_per_si * row[channel.name] for row in held)
             unit = channel.shown_unit
-            lines.append(f"  {channel.short:<4} {before:8.3f} -> {after:8.3f} {unit}, noise {floor:.3f} {unit}")
+            path = f"{before:8.3f} -> {after:8.3f}" if f.improved else f"base {before:8.3f}"
+            lines.append(f"  {channel.short:<4} {path} {unit}, noise {floor:.3f} {unit}")
         for one in f.held.explained():
             shares = ", ".join(f"{100 * share:.0f} % in {channel}" for channel, share in one["share"].items())
             lines.append(f"  {one['cause'].replace('_', ' ')} explains {shares} of the mean squared misfit above noise")
