@@ -1,16 +1,19 @@
 """What measured systems leave out, found from their recordings and a base model alone, beside what the literature says.
 
-    python -m tests.benchmarks.measured [NAME ...] [--report FOLDER] [--json FILE] [--jobs N]
+    python -m tests.benchmarks.measured [NAME ...] [--rows FILE.jsonl] [--report FOLDER] [--json FILE] [--jobs N]
 
 Data are read from ../shared/realdata and left out, saying so, where they are not there. A base model holds nothing of
 what is missing. Figures are RMS where nothing was fitted; "quick fit" is a hand-written model's with the answer in it.
+Each row is appended to --rows as soon as it is there, and a system that has one there is not run again.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import tempfile
 import time
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -25,6 +28,9 @@ from straw.replay.diagnose.systems.function.recording import read_recordings
 from straw.replay.diagnose.systems.function.system import FunctionSystem
 from straw.replay.output import write_json, write_text
 from tests.benchmarks.measured.cases import CASES, SHARED, Case
+
+#: How a finding compares with what the literature names.
+AGREES = ("yes", "in the set", "not told", "no", "no (claims)")
 
 
 @dataclass(frozen=True)
@@ -78,7 +84,9 @@ def agrees(case: Case, f: SystemFindings) -> str:
     if any(word in one for word in case.found for one in says):
         return "yes"
     alike = [trial.laws[-1].says for step in f.discovery.steps for trial in step.alike]
-    return "in the set" if any(word in one for word in case.found for one in alike) else "no"
+    if any(word in one for word in case.found for one in alike):
+        return "in the set"
+    return "not told" if f.verdict == "ambiguous" else "no"
 
 
 def line(row: Row) -> str:
@@ -90,10 +98,35 @@ def line(row: Row) -> str:
     )
 
 
+def kept(path: Path | None) -> dict[str, Row]:
+    """Rows of an earlier run by name; a line that was cut off is no row."""
+    out: dict[str, Row] = {}
+    for text_ in path.read_text().splitlines() if path and path.exists() else ():
+        try:
+            row = Row(**json.loads(text_))
+        except (ValueError, TypeError):
+            continue
+        out[row.name] = row
+    return out
+
+
+def summary(rows: Sequence[Row]) -> str:
+    """The table's last line."""
+    ratio = float(np.median([row.after / row.quick for row in rows]))
+    good = sum(row.after <= 1.05 * row.quick for row in rows)
+    count = {word: sum(row.agrees == word for row in rows) for word in AGREES}
+    return (
+        f"{len(rows)} systems: {', '.join(f'{word} {n}' for word, n in count.items())}; within 5 % of the quick fit or "
+        f"better {good} (median ratio {ratio:.2f}); worse than the base where nothing was fitted: "
+        f"{sum(row.after > row.base for row in rows)}; {sum(row.seconds for row in rows):.0f} s"
+    )
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", help="cases whose name holds one of these words (all)")
+    parser.add_argument("--rows", type=Path, metavar="FILE", help="JSON lines, one for each system that is done")
     parser.add_argument("--report", type=Path, metavar="FOLDER", help="a page for each")
     parser.add_argument("--json", type=Path, metavar="FILE")
     parser.add_argument("--data", type=Path, default=SHARED, metavar="FOLDER", help=f"where the data are ({SHARED})")
@@ -101,36 +134,32 @@ def main() -> None:
     args = parser.parse_args()
     head = f"{'system':<24} {'base':>8} {'after':>8} {'q. base':>8} {'q. fit':>8} {'unit':<4} {'verdict':<18} "
     print(f"{head}{'literature':<11} time   found")
-    rows: list[Row] = []
+    done, rows = kept(args.rows), []
     models: dict[tuple[Path, tuple[tuple[str, float, float, float], ...]], Model] = {}
     with tempfile.TemporaryDirectory() as scratch:
         for case in CASES:
             if args.names and not any(name in case.name for name in args.names):
                 continue
-            paths = case.paths(args.data, Path(scratch))
-            if not paths:
-                print(f"{case.name:<24} left out: no data in {args.data / case.folder}")
-                continue
-            key = case.system, case.given
-            models.setdefault(key, load_model(*key))
-            f, row = diagnosed(case, models[key], paths, args.jobs)
-            rows.append(row)
-            print(line(row), flush=True)
-            if args.report:
-                args.report.mkdir(exist_ok=True, parents=True)
-                name = case.name.replace(" ", "-").replace(",", "")
-                write_text(args.report / f"{name}.html", page(f))
-                write_text(args.report / f"{name}.txt", text(f) + "\n")
+            if case.name not in done:
+                paths = case.paths(args.data, Path(scratch))
+                if not paths:
+                    print(f"{case.name:<24} left out: no data in {args.data / case.folder}")
+                    continue
+                key = case.system, case.given
+                models.setdefault(key, load_model(*key))
+                f, done[case.name] = diagnosed(case, models[key], paths, args.jobs)
+                if args.rows:
+                    with args.rows.open("a") as file:
+                        file.write(json.dumps(asdict(done[case.name])) + "\n")
+                if args.report:
+                    args.report.mkdir(exist_ok=True, parents=True)
+                    name = case.name.replace(" ", "-").replace(",", "")
+                    write_text(args.report / f"{name}.html", page(f))
+                    write_text(args.report / f"{name}.txt", text(f) + "\n")
+            rows.append(done[case.name])
+            print(line(rows[-1]), flush=True)
     if rows:
-        ratio = float(np.median([row.after / row.quick for row in rows]))
-        good = sum(row.after <= 1.05 * row.quick for row in rows)
-        told = sum(row.agrees == "yes" for row in rows)
-        alike = sum(row.agrees == "in the set" for row in rows)
-        print(
-            f"{len(rows)} systems: as the literature says {told}, among those not told apart {alike}; within 5 % of "
-            f"the quick fit or better {good} (median ratio {ratio:.2f}); worse than the base where nothing was fitted: "
-            f"{sum(row.after > row.base for row in rows)}"
-        )
+        print(summary(rows))
     if args.json:
         write_json(args.json, [asdict(row) for row in rows])
 
