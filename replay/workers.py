@@ -37,6 +37,12 @@ def workers(jobs: int, dask: str | None = None) -> Iterator[Executor | None]:
                 f"--dask {dask}: no scheduler answers there: {error}; start one with dask scheduler"
             ) from None
         with client:
+            try:
+                client.wait_for_workers(1, timeout=10)
+            except TimeoutError:
+                raise ReplayError(
+                    f"--dask {dask}: the scheduler has no workers; start one with dask worker {dask}"
+                ) from None
             yield client.get_executor()  # type: ignore[no-untyped-call]
         return
     if jobs <= 1:
