@@ -25,12 +25,13 @@ from straw.replay.diagnose.discover.findings import SystemFindings, text
 from straw.replay.diagnose.discover.page import page
 from straw.replay.diagnose.systems.function.model import Model, load_model
 from straw.replay.diagnose.systems.function.recording import read_recordings
+from straw.replay.diagnose.systems.function.shapes import SHAPES, TABLE
 from straw.replay.diagnose.systems.function.system import FunctionSystem
 from straw.replay.output import write_json, write_text
 from tests.benchmarks.measured.cases import CASES, SHARED, Case
 
 #: How a finding compares with what the literature names.
-AGREES = ("yes", "in the set", "not told", "no", "no (claims)")
+AGREES = ("yes", "place only", "in the set", "not told", "no", "no (claims)")
 
 
 @dataclass(frozen=True)
@@ -75,15 +76,26 @@ def diagnosed(case: Case, model: Model, paths: list[Path], jobs: int) -> tuple[S
 
 
 def agrees(case: Case, f: SystemFindings) -> str:
-    """Whether the literature's answer was found: yes, among those not told apart, or no; for none, what was claimed."""
-    says = [one.law.says for one in f.laws]
+    """How the findings compare with the literature's answer, as one of `AGREES`.
+
+    Where nothing may be claimed, any law is a claim; where the law cannot be told, so is one whose form is told.
+    """
+    laws = [one.law for one in f.laws]
     if not case.found:
-        return "yes" if f.verdict in ("complete", "unknown_physics", "ambiguous") else "no (claims)"
-    if "cannot be told" in case.literature and f.verdict == "ambiguous":
-        return "yes"
-    if any(word in one for word in case.found for one in says):
-        return "yes"
-    alike = [trial.laws[-1].says for step in f.discovery.steps for trial in step.alike]
+        return "yes" if not laws or f.verdict == "ambiguous" else "no (claims)"
+    if "cannot be told" in case.literature:
+        if not laws:
+            return "no"
+        return "yes" if f.verdict == "ambiguous" or f.forms or f.alike_places else "no (claims)"
+    for number, law in enumerate(laws):
+        hits = [k for k, word in enumerate(case.found) if word in law.says]
+        if hits and case.forms:
+            wanted = {case.forms[k] for k in hits}
+            forms = {*(f.forms if number == 0 else ()), *([SHAPES[law.shape].name] if law.shape != TABLE else [])}
+            return "yes" if forms & wanted else "place only"
+        if hits:
+            return "yes"
+    alike = [*f.same, *(trial.laws[-1].says for step in f.discovery.steps for trial in step.alike)]
     if any(word in one for word in case.found for one in alike):
         return "in the set"
     return "not told" if f.verdict == "ambiguous" else "no"
