@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from straw.replay import workers
 from straw.replay.cli import main
 from straw.replay.errors import ReplayError
 from straw.replay.gather import check_run
@@ -119,3 +120,14 @@ def test_work_is_shared_among_one_or_more(jobs, capsys):
         main(["diagnose", "run.mcap", f"--jobs={jobs}"])
     assert stopped.value.code == 2
     assert "expected a whole number, one or above" in capsys.readouterr().err
+
+
+def test_a_scheduler_that_has_no_workers_is_said_instead_of_waited_for(monkeypatch):
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None) as cluster:
+        monkeypatch.setattr(workers, "ANSWERS_S", 0.3)
+        with (
+            pytest.raises(ReplayError, match="has no workers; start one with dask worker"),
+            workers.threads(1, cluster.scheduler_address),
+        ):
+            pass
