@@ -312,7 +312,7 @@ def straw_from_toml(text: str, name: str = "straw file", folder: Path | None = N
     if folder and table.get("elasticity", EQUATION_7) not in (EQUATION_7, SHIPPED):
         table = {**table, "elasticity": str((folder / table["elasticity"]).resolve())}
     try:
-        return StrawParameters(**table, **parts)
+        return StrawParameters(**table, readers=parts["readers"], figures=parts["figures"])
     except ModelError as error:
         raise ModelError(f"{name}: {error}") from None
 

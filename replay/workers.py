@@ -41,7 +41,7 @@ def workers(jobs: int, dask: str | None = None) -> Iterator[Executor | None]:
             ) from None
         with client:
             try:
-                client.wait_for_workers(1, timeout=ANSWERS_S)  # type: ignore[no-untyped-call]
+                client.wait_for_workers(1, timeout=ANSWERS_S)
             except TimeoutError:
                 raise ReplayError(
                     f"--dask {dask}: the scheduler has no workers; start one with dask worker {dask}"

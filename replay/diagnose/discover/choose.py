@@ -21,6 +21,7 @@ from straw.replay.diagnose.systems.function.kernel import (
     SHIFT,
     STRENGTH,
 )
+from straw.replay.diagnose.systems.function.laws import Law
 from straw.replay.diagnose.systems.function.shapes import SHAPES, TABLE
 
 Floats = NDArray[np.float64]
@@ -53,15 +54,15 @@ def written(trials: Sequence[Trial]) -> list[Trial]:
     if out:
         near = [one for one in out if OF_NEARLY * one.predicts <= out[0].predicts]
         out = [*sorted(near, key=simplest), *(one for one in out if one not in near)]
-        if drifts(out[0]):  # time is no cause: what is not told apart from a drift comes before it
-            causes = [one for one in out if not drifts(one) and not apart(one, out[0])]
+        if drifts(out[0].laws[-1]):  # time is no cause: what is not told apart from a drift comes before it
+            causes = [one for one in out if not drifts(one.laws[-1]) and not apart(one, out[0])]
             out = [*causes, *(one for one in out if one not in causes)]
     return out
 
 
-def drifts(one: Trial) -> bool:
-    """Whether the last law is over time, where nothing repeats and anything can be laid."""
-    return one.laws[-1].state.kind == OF_TIME and one.laws[-1].place.kind != CLOCK
+def drifts(law: Law) -> bool:
+    """Whether a law is over time, where nothing repeats and anything can be laid."""
+    return law.state.kind == OF_TIME and law.place.kind != CLOCK
 
 
 def forms_of(accepted: Trial, trials: Sequence[Trial]) -> tuple[str, ...]:
@@ -97,7 +98,7 @@ def simplest(one: Trial) -> tuple[float, ...]:
     order = (SHIFT, RATE, CHANNEL, STRENGTH, FACTOR, DELAY, INPUT, CLOCK).index(law.place.kind)
     own = law.place.kind == CHANNEL and law.state.kind == OF_SHOWN
     constants = len(law.unknowns(0)) + 2 * (law.state.lag_s is not None)
-    return float(drifts(one)), float(law.shape == TABLE), float(constants), float(order + 4 * own), one.predicts
+    return float(drifts(law)), float(law.shape == TABLE), float(constants), float(order + 4 * own), one.predicts
 
 
 def apart(one: Trial, other: Trial) -> bool:

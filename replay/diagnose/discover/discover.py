@@ -53,7 +53,8 @@ TO_NOISE = 1.3
 class Step:
     """One round: the trial accepted, if any; all that were fitted, the best first; those not told apart from it.
 
-    ``same`` are accepted's law written in another place, ``forms`` names of other shapes that it may have as well.
+    ``same`` are accepted's law written in another place, ``forms`` names of other shapes that it may have as well,
+    ``errors`` (1 + alike, blocks) those of accepted and alike on what the search looked at.
     """
 
     accepted: Trial | None
@@ -62,6 +63,7 @@ class Step:
     promised: tuple[Candidate, ...]
     same: tuple[Trial, ...] = ()
     forms: tuple[str, ...] = ()
+    errors: Floats = field(default_factory=lambda: np.zeros((1, 1)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,7 +273,8 @@ def one_round(
         alike = [one for one in alike if one not in same]
         forms = forms_of(accepted, every)
         accepted = pruned(accepted, recordings, held)
-        return Step(accepted, tuple(every), tuple(alike), tuple(promised[:FITTED]), tuple(same), forms)
+        errors = np.array([one.errors for one in (accepted, *alike)])
+        return Step(accepted, tuple(every), tuple(alike), tuple(promised[:FITTED]), tuple(same), forms, errors)
     return Step(None, tuple(every), (), tuple(promised[:FITTED]))
 
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.replay.diagnose.discover.choose import of_note
-from straw.replay.diagnose.discover.discover import TO_NOISE, Discovery
+from straw.replay.diagnose.discover.choose import drifts, of_note
+from straw.replay.diagnose.discover.discover import TO_NOISE, Discovery, Step
 from straw.replay.diagnose.discover.trial import Trial
 from straw.replay.diagnose.discover.words import Told, acts_in_recording, as_json, is_fault, law_text, told
 from straw.replay.diagnose.systems.function.places import makes_sense, passed, states, together
@@ -44,10 +44,15 @@ class SystemFindings:
         return [told(self.discovery.best, k) for k in range(len(self.discovery.best.laws))]
 
     @cached_property
+    def first_step(self) -> Step | None:
+        """The round in which the first law was accepted: those before it may have become needless."""
+        rounds = [step for step in self.discovery.steps if self.laws and step.accepted]
+        return next((r for r in rounds if r.accepted and r.accepted.laws[-1].says == self.laws[0].law.says), None)
+
+    @cached_property
     def alike(self) -> list[Trial]:
         """What explains the recordings like the first law and is not the same."""
-        first = self.discovery.steps[0] if self.discovery.steps else None
-        return list(first.alike) if first else []
+        return list(self.first_step.alike) if self.first_step else []
 
     @property
     def verdict(self) -> str:
@@ -63,7 +68,7 @@ class SystemFindings:
         faults = [is_fault(one) for one in self.laws]
         first = [acts_in_recording(one.laws[-1]) for one in self.alike]
         others = any(one != acts_in_recording(d.best.laws[0]) for one in first) or len(self.alike_places) > 2
-        if others or faults[0] is None or self.goes_with:
+        if others or faults[0] is None or self.goes_with or drifts(d.best.laws[0]):
             return "ambiguous"
         return "measurement_fault" if all(faults) else "missing_physics"
 
@@ -80,7 +85,7 @@ class SystemFindings:
     @property
     def same(self) -> list[str]:
         """Other places in which the first law is the same law, in words."""
-        return list(dict.fromkeys(one.laws[-1].says for one in self.discovery.steps[0].same)) if self.laws else []
+        return list(dict.fromkeys(one.laws[-1].says for one in self.first_step.same)) if self.first_step else []
 
     @property
     def asides(self) -> list[str]:
@@ -96,7 +101,7 @@ class SystemFindings:
     @property
     def forms(self) -> tuple[str, ...]:
         """Other forms that the first law may have as well."""
-        return self.discovery.steps[0].forms if self.laws else ()
+        return self.first_step.forms if self.first_step else ()
 
     @property
     def alike_places(self) -> list[str]:
@@ -138,17 +143,16 @@ class SystemFindings:
         """How often each law comes first when the blocks are drawn again, the largest first."""
         if self.verdict == "complete":
             return {"complete": 1.0}
-        steps = self.discovery.steps
-        if not steps or not steps[0].accepted:
+        step = self.first_step
+        if step is None:
             return {"unknown": 1.0}
-        trials = [steps[0].accepted, *steps[0].alike]
-        errors = np.array([one.errors for one in trials])
+        names, errors = [self.laws[0].law.says, *(one.laws[-1].says for one in step.alike)], step.errors
         rng = np.random.default_rng(0)
         drawn = rng.multinomial(errors.shape[1], np.full(errors.shape[1], 1 / errors.shape[1]), RESAMPLED)
         firsts = np.argmin(errors @ drawn.T, axis=0)
         out: dict[str, float] = {}
-        for k, one in enumerate(trials):
-            out[one.laws[-1].says] = out.get(one.laws[-1].says, 0.0) + float(np.mean(firsts == k))
+        for k, name in enumerate(names):
+            out[name] = out.get(name, 0.0) + float(np.mean(firsts == k))
         return dict(sorted(out.items(), key=lambda item: -item[1]))
 
     @property
@@ -193,8 +197,11 @@ class SystemFindings:
         form = "which form it has is not told; " if self.forms else ""
         gain = f"{form}with it the error on what was held out is {100 * ratio:.2g} % of the base's"
         if verdict == "ambiguous":
-            drift = "a delay" if self.laws[0].law.place.unit == "s" else "a drift"
+            first = self.laws[0].law
+            drift = "a delay" if first.place.unit == "s" else "a drift"
             others = "; or ".join(self.alike_places[:2]) or f"{drift} of the system itself"
+            if drifts(first) and not acts_in_recording(first) and not self.alike_places:
+                others = "a law over anything else that changes with time"
             if self.goes_with:
                 others = f"a law over {' or '.join(self.goes_with[:2])}, which goes together with it"
             return f"Something is missing {names[0]}; {these} cannot tell it from {others}; {gain}."
