@@ -3,12 +3,13 @@ that the recordings do not tell."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from straw.replay.diagnose.discover.choose import drifts, forms_of, written
+from straw.replay.diagnose.discover.choose import drifts, forms_of, richer, written
 from straw.replay.diagnose.systems.function.kernel import CHANNEL, CLOCK, OF_STATE, OF_TIME, RATE
 from straw.replay.diagnose.systems.function.laws import Law, Place, State
 from straw.replay.diagnose.systems.function.shapes import CUBE, LINEAR, POWER, SQUARE, TABLE
@@ -54,3 +55,10 @@ def test_other_forms_of_a_law_that_explain_as_much_are_named_and_no_others():
     ]
     assert forms_of(found, every) == ("cube",)
     assert forms_of(every[-1], every) == ()
+
+
+def test_a_law_over_history_is_no_rival_of_the_same_law_without():
+    law, late = Law(LEAK, PRESSURE, LINEAR), Law(LEAK, replace(PRESSURE, lag_s=2.0), CUBE)
+    assert richer(late, law)
+    assert not richer(law, late)
+    assert not richer(Law(SENSOR, PRESSURE, LINEAR), law)

@@ -65,6 +65,12 @@ def drifts(law: Law) -> bool:
     return law.state.kind == OF_TIME and law.place.kind != CLOCK
 
 
+def richer(law: Law, accepted: Law) -> bool:
+    """Whether a law is an accepted one, or holds it: the same over the history of its state, with a lag of nothing."""
+    same = (law.place.name, law.state.name) == (accepted.place.name, accepted.state.name)
+    return same and (accepted.state.lag_s is None or law.state.lag_s is not None)
+
+
 def forms_of(accepted: Trial, trials: Sequence[Trial]) -> tuple[str, ...]:
     """Names of other shapes of an accepted formula that are not told apart from it, the best first."""
     law = accepted.laws[-1]
