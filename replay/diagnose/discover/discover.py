@@ -280,7 +280,7 @@ def one_round(
 
 
 def at_once(trial: Trial, recordings: Sequence[Recorded], held: Floats) -> Trial:
-    """The trial with its last law over the state itself, where a lag of it is not told from none."""
+    """The trial with its last law over the state itself, where a lag takes no share of note off what is predicted."""
     law, number = trial.laws[-1], len(trial.laws) - 1
     if law.state.lag_s is None:
         return trial
@@ -289,7 +289,11 @@ def at_once(trial: Trial, recordings: Sequence[Recorded], held: Floats) -> Trial
     campaign = trial.campaign.with_system(trial.system.with_laws(*trial.laws[:-1], prompt))
     unknowns = [trial.fit.unknowns[k] for k in keep]
     fewer = with_unseen(tried(campaign, unknowns, trial.fit.u[keep], trial.unit), recordings)
-    return fewer if not apart(fewer, trial) and better(fewer, held, held_out(fewer, recordings)) else trial
+    return (
+        fewer
+        if OF_NOTE * fewer.predicts <= trial.predicts and better(fewer, held, held_out(fewer, recordings))
+        else trial
+    )
 
 
 def _fitted(current: Trial, candidate: Candidate, unit: Floats) -> Trial:
