@@ -198,13 +198,13 @@ class SystemFindings:
         gain = f"{form}with it the error on what was held out is {100 * ratio:.2g} % of the base's"
         if verdict == "ambiguous":
             first = self.laws[0].law
-            drift = "a delay" if first.place.unit == "s" else "a drift"
-            others = "; or ".join(self.alike_places[:2]) or f"{drift} of the system itself"
-            if drifts(first) and not acts_in_recording(first) and not self.alike_places:
-                others = "a law over anything else that changes with time"
-            if self.goes_with:
-                others = f"a law over {' or '.join(self.goes_with[:2])}, which goes together with it"
-            return f"Something is missing {names[0]}; {these} cannot tell it from {others}; {gain}."
+            others = [*self.alike_places[:2], *(f"a law over {one}, which goes with it" for one in self.goes_with[:1])]
+            if not others:
+                by_itself = "a delay" if first.place.unit == "s" else "a drift"
+                changing = drifts(first) and not acts_in_recording(first)
+                what = "a law over anything else that changes with time"
+                others = [what if changing else f"{by_itself} of the system itself"]
+            return f"Something is missing {names[0]}; {these} cannot tell it from {'; or '.join(others)}; {gain}."
         what = "The recording is at fault" if verdict == "measurement_fault" else "The model leaves something out"
         return f"{what} {text}; {gain}."
 
