@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from straw.replay.diagnose.discover.choose import drifts, forms_of, richer, written
+from straw.replay.diagnose.discover.choose import drifts, forms_of, rivals, written
 from straw.replay.diagnose.systems.function.kernel import CHANNEL, CLOCK, OF_STATE, OF_TIME, RATE
 from straw.replay.diagnose.systems.function.laws import Law, Place, State
 from straw.replay.diagnose.systems.function.shapes import CUBE, LINEAR, POWER, SQUARE, TABLE
@@ -57,8 +57,11 @@ def test_other_forms_of_a_law_that_explain_as_much_are_named_and_no_others():
     assert forms_of(every[-1], every) == ()
 
 
-def test_a_law_over_history_is_no_rival_of_the_same_law_without():
+def test_the_same_law_over_history_and_an_equation_over_time_are_no_rivals_but_a_drift_of_the_sensor_is():
     law, late = Law(LEAK, PRESSURE, LINEAR), Law(LEAK, replace(PRESSURE, lag_s=2.0), CUBE)
-    assert richer(late, law)
-    assert not richer(law, late)
-    assert not richer(Law(SENSOR, PRESSURE, LINEAR), law)
+    assert not rivals(late, law)
+    assert not rivals(law, law)
+    assert not rivals(Law(LEAK, TIME, LINEAR), law)
+    assert rivals(law, late)
+    assert rivals(Law(SENSOR, TIME, LINEAR), law)
+    assert rivals(Law(SENSOR, PRESSURE, LINEAR), law)

@@ -65,10 +65,15 @@ def drifts(law: Law) -> bool:
     return law.state.kind == OF_TIME and law.place.kind != CLOCK
 
 
-def richer(law: Law, accepted: Law) -> bool:
-    """Whether a law is an accepted one, or holds it: the same over the history of its state, with a lag of nothing."""
-    same = (law.place.name, law.state.name) == (accepted.place.name, accepted.state.name)
-    return same and (accepted.state.lag_s is None or law.state.lag_s is not None)
+def rivals(law: Law, accepted: Law) -> bool:
+    """Whether a law says something else than an accepted one.
+
+    The same over the history of its state holds it, with a lag of nothing. An equation over time says nothing: time is
+    no cause, and in what does not repeat itself goes with everything; an instrument may drift with it.
+    """
+    if (law.place.name, law.state.name) == (accepted.place.name, accepted.state.name):
+        return accepted.state.lag_s is not None and law.state.lag_s is None
+    return law.state.kind != OF_TIME or drifts(accepted) or law.place.kind in (CHANNEL, INPUT, CLOCK)
 
 
 def forms_of(accepted: Trial, trials: Sequence[Trial]) -> tuple[str, ...]:

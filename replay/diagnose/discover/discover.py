@@ -25,7 +25,7 @@ from straw.replay.diagnose.discover.choose import (
     forms_of,
     of_note,
     picked,
-    richer,
+    rivals,
     written,
 )
 from straw.replay.diagnose.discover.formulas import formulas
@@ -269,7 +269,7 @@ def one_round(
             every[every.index(accepted)] = left[left.index(accepted)] = last
             accepted = last
         accepted = at_once(accepted, recordings, held)
-        alike = [one for one in left if not richer(one.laws[-1], accepted.laws[-1]) and not apart(one, accepted)]
+        alike = [one for one in left if rivals(one.laws[-1], accepted.laws[-1]) and not apart(one, accepted)]
         same = [one for one in alike if written_otherwise(accepted, one, current, runs)]
         alike = [one for one in alike if one not in same]
         forms = forms_of(accepted, every)
