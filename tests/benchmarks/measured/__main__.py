@@ -28,6 +28,7 @@ from straw.replay.diagnose.systems.function.recording import read_recordings
 from straw.replay.diagnose.systems.function.shapes import SHAPES, TABLE
 from straw.replay.diagnose.systems.function.system import FunctionSystem
 from straw.replay.output import write_json, write_text
+from straw.rig.provenance import software
 from tests.benchmarks.measured.cases import CASES, SHARED, Case
 
 #: How a finding compares with what the literature names.
@@ -49,6 +50,7 @@ class Row:
     literature: str
     agrees: str
     seconds: float
+    commit: str = ""  # of the checkout that made it
 
 
 def diagnosed(case: Case, model: Model, paths: list[Path], jobs: int) -> tuple[SystemFindings, Row]:
@@ -71,6 +73,7 @@ def diagnosed(case: Case, model: Model, paths: list[Path], jobs: int) -> tuple[S
         case.literature,
         agrees(case, f),
         time.perf_counter() - begin,
+        software().get("git_commit", "")[:7],
     )
     return f, row
 
