@@ -39,7 +39,8 @@ class StrawParameters:
     inlet), ``[n - 1, 1]`` the even one; a scalar or a pair (odd, even) is spread over all cells. ``form`` is "full"
     (4N coordinates) or "truncated" (odd frusta rigid at zeta0, 2N coordinates). ``elasticity`` is what the even frusta
     obey: "equation 7", "shell" (finite elements of the paper's specimen), or a file made by `straw shell`; the term
-    ``wall_elasticity`` goes a share of the way from it to the other.
+    ``wall_elasticity`` goes a share of the way from it to the other. ``readers``
+    and ``figures`` are files of parts that are no physics, for whoever plugs them in.
 
     Raises ModelError for anything that is not a straw, naming the constant.
     """
@@ -65,6 +66,8 @@ class StrawParameters:
     cycle: float = 0.0
     elasticity: str = EQUATION_7
     terms: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    readers: tuple[str, ...] = ()
+    figures: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not 1 <= self.cells <= MAX_CELLS:
@@ -282,6 +285,8 @@ class StrawParameters:
                 continue
             if isinstance(value, str):
                 lines.append(f"{f.name} = {json.dumps(value)}")
+            elif isinstance(value, tuple):
+                lines += [f"{f.name} = {json.dumps(value)}"] if value else []
             elif isinstance(value, np.ndarray):
                 same = bool(np.all(value == value[0]))
                 lines.append(f"{f.name} = {(value[0] if same else value).tolist()!r}")
@@ -292,22 +297,24 @@ class StrawParameters:
         return "\n".join(lines) + "\n"
 
 
-#: What a straw file may name besides laws: files of parts that are no physics, for whoever plugs them in.
+#: Keys of a straw file that name files of parts besides laws.
 PARTS = ("readers", "figures")
 
 
 def straw_from_toml(text: str, name: str = "straw file", folder: Path | None = None) -> StrawParameters:
     """A straw from TOML text: any of the constants by name, the paper's value for each one left out.
 
-    An elasticity's file is looked for from ``folder``.
+    Files that it names are looked for from ``folder``.
     """
     try:
         table: Mapping[str, Any] = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ModelError(f"{name}: not TOML: {error}") from None
     _check_laws(table.get("laws", []), folder or Path(), name)
+    parts = {}
     for key in PARTS:
-        plugged.files_of(table.get(key, []), key, folder or Path(), name)
+        files = plugged.files_of(table.get(key, []), key, folder or Path(), name)
+        parts[key] = tuple(str(file.resolve() if folder else file) for file in files)
     table = {key: value for key, value in table.items() if key not in ("laws", *PARTS)}
     known = {f.name: f.type for f in fields(StrawParameters)}
     for key, value in table.items():
@@ -323,7 +330,7 @@ def straw_from_toml(text: str, name: str = "straw file", folder: Path | None = N
     if folder and table.get("elasticity", EQUATION_7) not in (EQUATION_7, SHIPPED):
         table = {**table, "elasticity": str((folder / table["elasticity"]).resolve())}
     try:
-        return StrawParameters(**table)
+        return StrawParameters(**table, readers=parts["readers"], figures=parts["figures"])
     except ModelError as error:
         raise ModelError(f"{name}: {error}") from None
 

@@ -76,9 +76,10 @@ def check_run(run: Run) -> Run:
     if run.tip is None or not run.tip.valid.any():
         raise ReplayError(f"{run.path}: no valid /tip/state to compare with; track its video, give that file too")
     if run.initial_deployed is None:
+        said = next((lost for lost in run.lost if "initial_deployed" in lost), "initial_deployed is missing")
         raise ReplayError(
-            f"{run.path}: metadata straw.run lacks initial_deployed, the configuration at the start, which a "
-            "prediction needs"
+            f"{run.path}: {said.partition(':')[0]}; a prediction needs the cells deployed at the start, as 1,4 or "
+            "empty: write them into the metadata record straw.run"
         )
     if np.count_nonzero(run.tip.valid) < 2:
         raise ReplayError(f"{run.path}: only one valid tip sample; nothing to compare")

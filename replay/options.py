@@ -67,6 +67,13 @@ def whole_number(text: str) -> int:
     return int(text)
 
 
+def one_or_more(text: str) -> int:
+    """A whole number, one or above."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text}: expected a whole number, one or above")
+    return int(text)
+
+
 def command(
     commands: argparse._SubParsersAction[Parser], name: str, text: str, module: str | None = None
 ) -> argparse.ArgumentParser:
@@ -101,7 +108,7 @@ def identified_options(p: argparse.ArgumentParser) -> None:
 
 def workers_options(p: argparse.ArgumentParser, kind: str = "threads") -> None:
     """Where the work is done."""
-    p.add_argument("--jobs", type=int, default=2, metavar="N", help=f"{kind} (2)")
+    p.add_argument("--jobs", type=one_or_more, default=2, metavar="N", help=f"{kind} (2)")
     p.add_argument("--dask", metavar="ADDRESS", help="a Dask scheduler to send the work to")
 
 

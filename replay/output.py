@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -38,6 +39,19 @@ def check_new(path: Path) -> None:
         raise ReplayError(f"{path}: exists and is not overwritten; choose another name or move it away")
     if not path.parent.is_dir():
         raise ReplayError(f"{path}: there is no folder {path.parent}; make it or choose another place")
+
+
+def check_places(*paths: Path | None, given: Sequence[Path] = ()) -> None:
+    """Raise ReplayError unless results can be written over these paths, of which none is an input: before the work."""
+    for path in paths:
+        if path is None:
+            continue
+        if path.is_dir():
+            raise ReplayError(f"{path}: is a folder; give the name of a file in it")
+        if not path.parent.is_dir():
+            raise ReplayError(f"{path}: there is no folder {path.parent}; make it or choose another place")
+        if any(path.exists() and one.exists() and path.samefile(one) for one in given):
+            raise ReplayError(f"{path}: is one of the files to be read; choose another name for the result")
 
 
 def write_json(path: Path, data: Any) -> None:

@@ -9,6 +9,9 @@ from multiprocessing import get_context
 
 from straw.replay.errors import ReplayError
 
+#: How long a scheduler, and its first worker, may take to answer, s.
+ANSWERS_S = 10.0
+
 
 @contextmanager
 def threads(jobs: int, dask: str | None = None) -> Iterator[Executor]:
@@ -31,12 +34,18 @@ def workers(jobs: int, dask: str | None = None) -> Iterator[Executor | None]:
         except ImportError:
             raise ReplayError("--dask needs the package distributed: pip install 'straw[dask]'") from None
         try:
-            client = Client(dask, timeout="10s")  # type: ignore[no-untyped-call]
+            client = Client(dask, timeout=ANSWERS_S)  # type: ignore[no-untyped-call]
         except (OSError, TimeoutError, ValueError) as error:
             raise ReplayError(
                 f"--dask {dask}: no scheduler answers there: {error}; start one with dask scheduler"
             ) from None
         with client:
+            try:
+                client.wait_for_workers(1, timeout=ANSWERS_S)
+            except TimeoutError:
+                raise ReplayError(
+                    f"--dask {dask}: the scheduler has no workers; start one with dask worker {dask}"
+                ) from None
             yield client.get_executor()  # type: ignore[no-untyped-call]
         return
     if jobs <= 1:

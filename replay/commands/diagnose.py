@@ -16,7 +16,8 @@ from straw.replay.diagnose.systems.straw.system import StrawSystem
 from straw.replay.diagnose.tolerance import parse_tolerance
 from straw.replay.errors import ReplayError
 from straw.replay.gather import gather
-from straw.replay.output import check_new, write_json, write_text
+from straw.replay.output import check_new, check_places, write_json, write_text
+from straw.replay.plausible import check_plausible
 from straw.replay.progress import prepare, say, stage_bar
 from straw.replay.workers import threads
 from straw.rig.interrupts import Interrupts
@@ -32,13 +33,17 @@ def run(args: argparse.Namespace) -> int:
         from straw.replay.commands import diagnose_system
 
         return diagnose_system.run(args)
+    for option in ("given", "hold_out"):
+        if getattr(args, option):
+            raise ReplayError(f"--{option.replace('_', '-')}: is for --system S.py; leave it out for a straw")
     straw = load_straw(args.straw)
     system = StrawSystem(straw)
     library = chosen(system, args.without)
-    tolerance = parse_tolerance(args.tolerance, system.channels) if args.tolerance else None
+    tolerance = parse_tolerance(args.tolerance, system.channels) if args.tolerance is not None else None
     for path in (args.output, args.experiment):
         if path:
             check_new(path)
+    check_places(args.report, args.json, given=args.runs)
     runs = gather(args.runs, partial=args.partial)
     check_campaign(runs, straw.cells)
     observations = [observe(one) for one in runs]
@@ -89,7 +94,7 @@ def chosen(system: System, without: Sequence[str]) -> list[str]:
 
 
 def check_campaign(runs: Sequence[Run], cells: int) -> None:
-    """Raise ReplayError where runs cannot be of one specimen, or not of this straw."""
+    """Raise ReplayError where runs cannot be of one specimen, not of this straw, or not what they say."""
     specimens = sorted({one.specimen for one in runs if one.specimen})
     if len(specimens) > 1:
         raise ReplayError(f"runs of {len(specimens)} specimens ({', '.join(specimens)}); diagnose one at a time")
@@ -100,6 +105,7 @@ def check_campaign(runs: Sequence[Run], cells: int) -> None:
     for one in runs:
         if one.cells != cells:
             raise ReplayError(f"{one.path}: recorded on {one.cells} cells, the straw has {cells}; give its --straw")
+        check_plausible(one)
 
 
 def text(f: Findings, channels: Sequence[Channel]) -> str:
@@ -120,7 +126,8 @@ def text(f: Findings, channels: Sequence[Channel]) -> str:
             held = (f.held.before, f.held.after, f.held.floor)
             before, after, floor = (channel.shown_per_si * row[channel.name] for row in held)
             unit = channel.shown_unit
-            lines.append(f"  {channel.short:<4} {before:8.3f} -> {after:8.3f} {unit}, noise {floor:.3f} {unit}")
+            path = f"{before:8.3f} -> {after:8.3f}" if f.improved else f"base {before:8.3f}"
+            lines.append(f"  {channel.short:<4} {path} {unit}, noise {floor:.3f} {unit}")
         for one in f.held.explained():
             shares = ", ".join(f"{100 * share:.0f} % in {channel}" for channel, share in one["share"].items())
             lines.append(f"  {one['cause'].replace('_', ' ')} explains {shares} of the mean squared misfit above noise")

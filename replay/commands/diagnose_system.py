@@ -13,7 +13,7 @@ from straw.replay.diagnose.systems.function.model import load_model
 from straw.replay.diagnose.systems.function.recording import read_recordings
 from straw.replay.diagnose.systems.function.system import FunctionSystem
 from straw.replay.errors import ReplayError
-from straw.replay.output import write_json, write_text
+from straw.replay.output import check_places, write_json, write_text
 from straw.replay.progress import stage_bar
 from straw.replay.workers import threads
 from straw.rig.interrupts import Interrupts
@@ -21,9 +21,13 @@ from straw.rig.interrupts import Interrupts
 
 def run(args: argparse.Namespace) -> int:
     """Diagnose; 0 when nothing is missing or all is within the tolerance, 1 when something is, or is not told."""
+    for option in ("straw", "laws", "without", "output", "experiment", "partial"):
+        if getattr(args, option):
+            raise ReplayError(f"--{option}: is for a straw; leave it out with --system")
+    check_places(args.report, args.json, given=[args.system, *args.runs])
     model = load_model(args.system, [_given(one) for one in args.given])
     recordings = read_recordings(model, args.runs, args.hold_out)
-    tolerance = dict(_tolerance(part, [y.name for y in model.channels]) for part in _parts(args.tolerance))
+    tolerance = _tolerances(args.tolerance, [y.name for y in model.channels])
     system = FunctionSystem(model)
     check_on(system, recordings)
     with (
@@ -62,19 +66,25 @@ def _given(text_: str) -> tuple[str, float, float, float]:
     return name, value, low, high
 
 
-def _parts(text_: str | None) -> Sequence[str]:
-    return text_.split(",") if text_ else ()
+def _tolerances(text_: str | None, channels: Sequence[str]) -> dict[str, float]:
+    out: dict[str, float] = {}
+    for part in text_.split(",") if text_ is not None else ():
+        name, value = _tolerance(part, channels)
+        if name in out:
+            raise ReplayError(f"--tolerance {text_}: {name} is given twice; give it once")
+        out[name] = value
+    return out
 
 
 def _tolerance(part: str, channels: Sequence[str]) -> tuple[str, float]:
     """CHANNEL=VALUE in the channel's unit."""
     name, _, number = part.partition("=")
     if name not in channels:
-        raise ReplayError(f"--tolerance {part}: no such channel; known: {', '.join(channels)}")
+        raise ReplayError(f"--tolerance {part!r}: give CHANNEL=VALUE; channels: {', '.join(channels)}")
     try:
         value = float(number)
     except ValueError:
         raise ReplayError(f"--tolerance {part}: give a number in the channel's unit, for example {name}=0.1") from None
-    if not value > 0:
-        raise ReplayError(f"--tolerance {part}: must be above zero")
+    if not 0 < value < float("inf"):
+        raise ReplayError(f"--tolerance {part}: {number} is no finite number above zero")
     return name, value

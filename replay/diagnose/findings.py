@@ -16,7 +16,8 @@ from straw.replay.diagnose.heldout import Held, hold_out, moves, noise_floor, pl
 from straw.replay.diagnose.inquiry import Inquiry, Told, silent
 from straw.replay.diagnose.judge import Judgement, by_cause, surviving
 from straw.replay.diagnose.locate import Located, Wandering, locate, sentence, wandering
-from straw.replay.diagnose.settings import COVERED, MORE_THAN_NOT, NAMED_ALONE
+from straw.replay.diagnose.said import Refuted, doubts, made_worse, says
+from straw.replay.diagnose.settings import MORE_THAN_NOT, NAMED_ALONE
 from straw.replay.diagnose.tolerance import Tolerance
 
 Floats = NDArray[np.float64]
@@ -44,6 +45,11 @@ class Findings:
     notes: tuple[str, ...]
     missing: Any = None  # what stands for the cause where it is unknown
     discovered: dict[str, Any] | None = None  # the same in the contract's words, where runs held out got better by it
+
+    @property
+    def improved(self) -> bool:
+        """Whether there is a model that improves on the base: with a cause, or with a curve of what is missing."""
+        return self.best is not None or self.discovered is not None
 
     def as_json(self) -> dict[str, Any]:
         """The contract's Findings."""
@@ -96,8 +102,8 @@ def conclude(
     """Findings of an inquiry, finished or cut short. An unknown cause is looked for as a curve, a minute, and the next
     experiment is chosen, unless ``brief``. Where the base is within the ``tolerance``, that is the verdict.
 
-    What makes runs that were held out worse is not shown as an improvement: a cause is then not named alone, and a
-    curve is located but explains nothing.
+    What makes runs held out worse is no improvement: its cause is not named however probable, the model stays the
+    refitted base, and a curve is located but explains nothing.
     """
     campaign, judgement = found.campaign, found.judgement()
     probability = judgement.probability
@@ -113,11 +119,13 @@ def conclude(
     fit, there = best.fit if best else found.null, campaign
     located = locate(campaign, found.null)
     wander = wandering(campaign, found.null)
-    notes = [*notes, *_doubts(found)]
+    notes = [*notes, *doubts(found)]
     held = hold_out(campaign, found.null, fit, located, _added(found, best)) if found.whole else None
-    if best and held and held.worse and verdict != "ambiguous":
+    refuted = None
+    if best and held and held.worse:
+        refuted = Refuted(best.name, made_worse(held, system.channels))
         verdict = "ambiguous"
-        notes.append(f"{best.name} makes {_channels(held.worse)} worse in the runs held out, so it is not named alone")
+        best, fit, held = None, found.null, held.of_base()
     missing, discovered = None, None
     if found.whole and verdict == "unknown_physics" and not brief:
         missing = system.missing(campaign, found.null, told)
@@ -144,7 +152,9 @@ def conclude(
         survivors = surviving(probability) if verdict == "ambiguous" else []
         rivals = [fitted[n] for n in survivors if n in fitted and fitted[n] is not best][:3]
         among = [c for c in (best, *rivals) if c]
-        experiment = system.experiment(campaign, among or nearest, explain=bool(among))
+        explain = len(among) > 1  # one alone is set beside what comes nearest
+        among += [] if explain else [c for c in nearest if c not in among]
+        experiment = system.experiment(campaign, among, explain=explain)
     return Findings(
         verdict=verdict,
         causes=causes,
@@ -152,7 +162,7 @@ def conclude(
         located=[] if verdict == "complete" else located,
         wandering=wander,
         where=sentence([] if verdict == "complete" else located, wander, system.channels),
-        says=_says(verdict, causes, probability, found),
+        says=says(verdict, causes, probability, found, refuted=refuted, experiment=experiment is not None),
         best=best,
         model=model,
         written=there.system.written(model),
@@ -188,10 +198,6 @@ def _within(tolerance: Tolerance, campaign: Campaign, null: Fit, held: Held | No
     return tolerance.holds(left, moves(campaign))
 
 
-def _channels(names: Sequence[str]) -> str:
-    return ", ".join(name.split("_")[0] for name in names)
-
-
 def verdict_of(probability: Mapping[str, float], faults: Collection[str]) -> tuple[str, list[str]]:
     """The contract's verdict and the causes it names, from probabilities, largest first."""
     top = next(iter(probability))
@@ -209,44 +215,3 @@ def verdict_of(probability: Mapping[str, float], faults: Collection[str]) -> tup
         return ("measurement_fault" if set(certain) <= set(faults) else "missing_physics"), certain
     told = [cause for name in names if name != "complete" for cause in name.split("+")]
     return "ambiguous", sorted(set(told), key=lambda c: -marginal.get(c, 0.0))
-
-
-def _says(verdict: str, causes: Sequence[str], probability: Any, found: Inquiry) -> str:
-    """The verdict in one sentence."""
-    words = [c.replace("_", " ") for c in causes]
-    runs = len(found.campaign.observations)
-    if not found.whole:
-        so_far = f"; so far {' and '.join(words)} would explain these runs best" if words else ""
-        return f"Stopped before every cause was looked at: nothing is named and nothing excluded{so_far}."
-    if verdict == "complete":
-        return f"Nothing is missing: the base model, its constants refitted, explains all {runs} runs to repeatability."
-    if verdict == "within_tolerance":
-        return f"Complete within the tolerance: the refitted base model is good enough for these {runs} runs."
-    if verdict == "unknown_physics":
-        return f"Something is missing that no hypothesis in the library explains in these {runs} runs; none is named."
-    sure = f"(probability {sum(p for n, p in probability.items() if set(causes) & set(n.split('+'))):.2f})"
-    if verdict == "ambiguous":
-        others = {"complete": "nothing missing", "unknown": "something no hypothesis holds"}
-        among = [*words, *(text for name, text in others.items() if probability[name] > 1 - COVERED)]
-        told = f"{' from '.join(among)} {sure if causes else ''}".rstrip()
-        return f"These runs cannot tell {told}; the next experiment below would."
-    what = "The recording is at fault" if verdict == "measurement_fault" else "The model leaves out"
-    return f"{what}{':' if verdict == 'measurement_fault' else ''} {' and '.join(words)} {sure}."
-
-
-def _doubts(found: Inquiry) -> list[str]:
-    """What a reader should know about how this was found."""
-    runs = found.campaign.observations
-    out = []
-    if not found.whole:
-        out.append("the search was cut short: causes not looked at yet count as impossible here")
-    if found.spent:
-        out.append("the search spent its budget of steps: what it had not fitted by then counts as not there")
-    if len(runs) < 3:
-        out.append(
-            f"{len(runs)} run{'s' if len(runs) > 1 else ''}: nothing could be held out, and repeats are not known"
-        )
-    out += found.campaign.system.doubts(runs)
-    if found.campaign.tally["failed"]:
-        out.append(f"{found.campaign.tally['failed']} simulations could not follow and counted as very wrong")
-    return out

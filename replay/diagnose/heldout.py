@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -49,6 +49,10 @@ class Held:
         """Whether the improved model is nearer in at least one channel, by more than chance, and worse in none."""
         gains = [WORSE * self.after[name] < before for name, before in self.before.items()]
         return any(gains) and not self.worse
+
+    def of_base(self) -> Held:
+        """The same where nothing improves on the base."""
+        return replace(self, chi2_after=self.chi2_before, after=self.before, steps=())
 
     @property
     def remainder(self) -> dict[str, float]:

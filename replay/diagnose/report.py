@@ -51,7 +51,8 @@ def report(findings: Findings, found: Inquiry) -> str:
         parts.append("<h2>What was added</h2>" + _table(("constant", "value", "one sigma", "unit"), rows))
     if f.held:
         parts.append("<h2>Before and after</h2>" + _held(f, found))
-        parts.append(_figure(_overlay(f, found), "Measured (black), base model (orange) and improved model (blue)."))
+        lines = "base model (orange) and improved model (blue)" if f.improved else "and base model (orange)"
+        parts.append(_figure(_overlay(f, found), f"Measured (black), {lines}."))
     parts.append("<h2>Where they differ</h2>")
     parts.append(_figure(_map(found), "Misfit of the base model by run and stretch, sigmas (root mean square)."))
     if f.located:
@@ -116,15 +117,17 @@ def _probabilities(f: Findings) -> str:
 
 def _held(f: Findings, found: Inquiry) -> str:
     assert f.held is not None
-    rows = []
+    held, rows = f.held, []
+    columns = {"base model": held.before, **({"improved": held.after} if f.improved else {}), "noise": held.floor}
     for channel in found.campaign.system.channels:
-        values = [channel.shown_per_si * row[channel.name] for row in (f.held.before, f.held.after, f.held.floor)]
+        values = (channel.shown_per_si * row[channel.name] for row in columns.values())
         rows.append((channel.label, *(f"{v:.3f}" for v in values)))
+    after = f" before, {held.chi2_after:.2f} after" if f.improved else ""
     return (
-        f"<p>Both models fitted to {_text(', '.join(f.held.train))} (chi-square per value {f.held.chi2_before:.2f} "
-        f"before, {f.held.chi2_after:.2f} after) and tried on {_text(', '.join(f.held.heldout))}, RMS there:</p>"
-        + _table(("", "base model", "improved", "noise"), rows)
-        + _explained(f.held, found.campaign.system.channels)
+        f"<p>{'Both models' if f.improved else 'The base model'} fitted to {_text(', '.join(held.train))} (chi-square "
+        f"per value {held.chi2_before:.2f}{after}) and tried on {_text(', '.join(held.heldout))}, RMS there:</p>"
+        + _table(("", *columns), rows)
+        + (_explained(held, found.campaign.system.channels) if f.improved else "")
     )
 
 
@@ -241,7 +244,7 @@ def _overlay(f: Findings, found: Inquiry) -> str:
     fits: list[tuple[Campaign, Fit, str]] = [(found.campaign, found.null, "#d55e00")]
     if f.best:
         fits.append((found.campaign, f.best.fit, "#0072b2"))
-    if f.missing and f.missing.formula:
+    if f.discovered:
         fits.append((f.missing.curve.campaign, f.missing.curve.fit, "#0072b2"))
     figure = Figure(figsize=(10, 2.6 * len(shown)))
     channels = found.campaign.system.channels

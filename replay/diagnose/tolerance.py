@@ -34,23 +34,26 @@ class Tolerance:
 def parse_tolerance(text: str, channels: Sequence[Channel]) -> Tolerance:
     """``x=0.1mm,z=0.1mm,phi=2mrad``, or a share of the motion, ``2%``; ReplayError for what cannot be read."""
     if share := re.fullmatch(r"\s*([\d.]+)\s*%\s*", text):
-        return Tolerance({}, _positive(share[1], text) / 100)
+        percent = _positive(share[1], text)
+        if percent > 100:
+            raise ReplayError(f"--tolerance {text.strip()}: more than all of the motion; give a share up to 100%")
+        return Tolerance({}, percent / 100)
     known = {c.short: c for c in channels}
     si = {}
     for part in text.split(","):
         found = re.fullmatch(r"\s*(\w+)\s*=\s*([\d.eE+-]+)\s*([A-Za-z]*)\s*", part)
         if not found or found[1] not in known:
             raise ReplayError(
-                f"--tolerance {part.strip()}: give CHANNEL=VALUE with its unit, for example x=0.1mm,phi=2mrad, or a "
-                f"share of the motion, for example 2%; channels: {', '.join(known)}"
+                f"--tolerance {part.strip() or repr(text)}: give CHANNEL=VALUE with its unit, for example "
+                f"x=0.1mm,phi=2mrad, or a share of the motion, for example 2%; channels: {', '.join(known)}"
             )
         channel, unit = known[found[1]], found[3]
         si_unit = channel.name.rpartition("_")[2]
         if unit not in UNITS or not unit.lower().endswith(("deg", si_unit) if si_unit == "rad" else (si_unit,)):
-            raise ReplayError(
-                f"--tolerance {part.strip()}: {unit or 'no unit'} is none of {channel.short}'s; write {si_unit} or "
-                f"{channel.shown_unit}"
-            )
+            what = f"{unit} is none of {channel.short}'s units" if unit else "has no unit"
+            raise ReplayError(f"--tolerance {part.strip()}: {what}; write {si_unit} or {channel.shown_unit}")
+        if channel.name in si:
+            raise ReplayError(f"--tolerance {text}: {channel.short} is given twice; give it once")
         si[channel.name] = _positive(found[2], part) * UNITS[unit]
     return Tolerance(si)
 
@@ -60,6 +63,6 @@ def _positive(number: str, text: str) -> float:
         value = float(number)
     except ValueError:
         value = 0.0
-    if not value > 0:
-        raise ReplayError(f"--tolerance {text.strip()}: {number} is no number above zero")
+    if not 0 < value < float("inf"):
+        raise ReplayError(f"--tolerance {text.strip()}: {number} is no finite number above zero")
     return value

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,16 @@ def test_a_straw_file_reads_back_exactly() -> None:
     assert again.to_toml() == straw.to_toml()
     np.testing.assert_array_equal(again.E_pa, straw.E_pa)
     assert again.constants().loss == straw.constants().loss
+
+
+def test_files_of_readers_and_figures_are_kept_and_found_from_anywhere(tmp_path: Path) -> None:
+    text = 'readers = ["my_reader.py"]\nfigures = ["a.py", "b.py"]\n'
+    straw = straw_from_toml(text, folder=tmp_path)
+    again = straw_from_toml(straw.replace(r_ch_m=0.4e-3).to_toml(), folder=tmp_path / "elsewhere")
+    assert again.readers == (str(tmp_path / "my_reader.py"),)
+    assert again.figures == (str(tmp_path / "a.py"), str(tmp_path / "b.py"))
+    assert pickle.loads(pickle.dumps(again)).to_toml() == again.to_toml()
+    assert "readers" not in StrawParameters().to_toml()
 
 
 def test_an_empty_straw_file_is_the_papers_specimen() -> None:

@@ -16,10 +16,11 @@ from straw.replay.cli import main
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.diagnosis import inquire
 from straw.replay.diagnose.explain import from_each_other
-from straw.replay.diagnose.findings import _says, conclude, verdict_of
+from straw.replay.diagnose.findings import conclude, verdict_of
 from straw.replay.diagnose.fit import Contestant, Fit, evaluated, fitted
 from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.judge import CALIBRATION, by_cause, decisive, surviving, weighed
+from straw.replay.diagnose.said import says
 from straw.replay.diagnose.screen import screen
 from straw.replay.diagnose.settings import COARSE_TOLERANCE_M, NAMED_ALONE, TOLERANCE_M
 from straw.replay.diagnose.systems.straw.constants import MEASUREMENT, base_unknowns
@@ -125,10 +126,13 @@ def test_what_cannot_be_told_apart_is_said_with_nothing_missing_and_what_no_hypo
             Campaign(plain, StrawSystem(BASE), pool), Fit((), np.zeros(0), np.zeros(0), np.zeros((0, 0)), 0.0)
         )
     found.whole = True
-    said = _says("ambiguous", ["cohesion"], {"unknown": 0.45, "complete": 0.3, "cohesion": 0.25}, found)
-    assert "cannot tell cohesion from nothing missing from something no hypothesis holds (probability 0.25)" in said
-    said = _says("ambiguous", [], {"unknown": 0.49, "complete": 0.47, "cohesion": 0.04}, found)
-    assert "cannot tell nothing missing from something no hypothesis holds;" in said
+    said = says("ambiguous", ["cohesion"], {"unknown": 0.45, "complete": 0.3, "cohesion": 0.25}, found)
+    assert "cannot tell cohesion (0.25) from nothing missing (0.30) from something no hypothesis holds (0.45)" in said
+    said = says("ambiguous", [], {"unknown": 0.49, "complete": 0.47, "cohesion": 0.04}, found)
+    assert "cannot tell nothing missing (0.47) from something no hypothesis holds (0.49)" in said
+    assert "experiment" not in said  # none is proposed
+    said = says("ambiguous", ["cohesion"], {"cohesion": 0.78, "unknown": 0.04, "complete": 0.04}, found)
+    assert "cohesion (0.78) is the most probable, and not enough so" in said
 
 
 def test_the_apparatus_own_straw_leaves_only_noise(plain):

@@ -90,7 +90,10 @@ def test_a_spring_that_stiffens_is_found_with_its_place_state_and_formula(tmp_pa
     assert (code, found["verdict"]) == (1, "missing_physics")
     law = found["discovered"]["laws"][0]
     assert law["over"] == "y"
-    assert law["place"] in ("rate:v", "constant:k")  # the same law written in two ways
+    assert law["place"] in ("rate:v", "constant:k")  # the same law written in two ways, which is said
+    other = {"rate:v": "the constant k, over y", "constant:k": "the rate of v, over y"}[law["place"]]
+    assert other in found["written_otherwise"]
+    assert found["indistinguishable"] == []
     curve = np.array(law["curve"])
     force = curve[:, 1] if law["place"] == "rate:v" else -K * curve[:, 1] * curve[:, 0]
     # a linear part trades against k, so the law is compared beside the best straight line

@@ -12,11 +12,13 @@ import pytest
 
 import straw.replay.diagnose
 from straw.replay.diagnose import diagnosis
+from straw.replay.diagnose import findings as findings_module
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.diagnosis import inquire
 from straw.replay.diagnose.explain import absent
 from straw.replay.diagnose.findings import conclude
 from straw.replay.diagnose.fit import Contestant, fitted
+from straw.replay.diagnose.heldout import Held
 from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.pairs import nested
 from straw.replay.diagnose.systems.oscillator.system import (
@@ -57,6 +59,23 @@ def test_a_spring_that_stiffens_is_named_and_a_linear_one_is_complete(cubic, ver
         found = findings.parameters["cubic_stiffness"]["k3"]
         assert abs(found["value"] - cubic) < 3 * found["sigma"]
         assert found["unit"] == "N/m^3"
+
+
+def test_a_cause_that_predicts_runs_held_out_worse_is_not_named_and_the_model_stays_the_base(monkeypatch):
+    one, two = {"y_m": 1e-5}, {"y_m": 2e-5}
+    floor, moves, steps = {"y_m": SIGMA_M}, {"y_m": 1e-3}, (("cubic_stiffness", two),)
+    held = Held(("20N",), ("50N",), 9.0, 1.0, one, two, floor, moves, steps)
+    monkeypatch.setattr(findings_module, "hold_out", lambda *_args: held)
+    with ThreadPoolExecutor() as pool:
+        found = inquire(stiffening(5e9), OscillatorSystem(), library=("cubic_stiffness",), executor=pool)
+        findings = conclude(found)
+    assert findings.judgement.probability["cubic_stiffness"] > 0.8
+    assert (findings.verdict, findings.causes, findings.parameters) == ("ambiguous", ["cubic_stiffness"], {})
+    assert findings.says.startswith("Nothing is named: cubic stiffness explains all runs together best (probability 0.")
+    assert "predicts them worse than the base (y 0.01 -> 0.02 mm)" in findings.says
+    written = findings.as_json()
+    assert written["fit"]["heldout"]["rms_after"] == one
+    assert written["explained"] == []
 
 
 def only_in_a_pair(campaign: Campaign) -> tuple[Inquiry, float]:

@@ -16,56 +16,55 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.discover.blocks import BLOCKS
+from straw.replay.diagnose.discover.choose import (
+    FITTED,
+    OF_NEARLY,
+    OF_NOTE,
+    apart,
+    better,
+    forms_of,
+    of_note,
+    picked,
+    rivals,
+    written,
+)
 from straw.replay.diagnose.discover.formulas import formulas
 from straw.replay.diagnose.discover.inline import Inline, never
+from straw.replay.diagnose.discover.same import written_otherwise
 from straw.replay.diagnose.discover.screen import Candidate, screened
 from straw.replay.diagnose.discover.trial import LAST_ROUNDS, LAST_SHARE, Trial, noise_in, rough, tried
 from straw.replay.diagnose.fit import cost_at
 from straw.replay.diagnose.inquiry import Told, silent
-from straw.replay.diagnose.systems.function.kernel import (
-    CHANNEL,
-    CLOCK,
-    DELAY,
-    FACTOR,
-    INPUT,
-    OF_SHOWN,
-    OF_TIME,
-    RATE,
-    SHIFT,
-    STRENGTH,
-)
+from straw.replay.diagnose.systems.function.kernel import STRENGTH
 from straw.replay.diagnose.systems.function.recording import Recorded
 from straw.replay.diagnose.systems.function.shapes import TABLE
 from straw.replay.diagnose.systems.function.system import FunctionSystem
 
 Floats = NDArray[np.float64]
 
-#: A law is of note when it takes a tenth off the root mean square error of prediction: less no reader would call found.
-OF_NOTE = 0.9**2
-#: And it leaves at most this share of what was held out (RMS): an improvement of half of that which is of note.
-HELD = 0.95
-#: Difference of Schwarz' criterion that is strong evidence (Kass and Raftery 1995: 6 to 10).
-STRONG = 10.0
-#: Laws accepted at most; candidates fitted, of each place and over each state at most; written as formulas.
-LAWS, FITTED, ALIKE, FORMULAS = 3, 9, 3, 3
-#: Deviations of the difference, block by block, within which two laws explain alike.
-TOLD_APART = 2.0
+#: Laws accepted at most; written as formulas.
+LAWS, FORMULAS = 3, 3
 #: Samples that are enough where nothing is integrated: a law of a dozen constants wants hundreds.
 ENOUGH = 4000
-#: Laws whose error of prediction differs by less are the same but for how they are written.
-OF_NEARLY = 0.95
 #: The base explains a channel that is held out to so many of its noise.
 TO_NOISE = 1.3
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One round: the trial accepted, if any; all that were fitted, the best first; those not told apart from it."""
+    """One round: the trial accepted, if any; all that were fitted, the best first; those not told apart from it.
+
+    ``same`` are accepted's law written in another place, ``forms`` names of other shapes that it may have as well,
+    ``errors`` (1 + alike, blocks) those of accepted and alike on what the search looked at.
+    """
 
     accepted: Trial | None
     fitted: tuple[Trial, ...]
     alike: tuple[Trial, ...]
     promised: tuple[Candidate, ...]
+    same: tuple[Trial, ...] = ()
+    forms: tuple[str, ...] = ()
+    errors: Floats = field(default_factory=lambda: np.zeros((1, 1)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,6 +247,7 @@ def one_round(
     current: Trial, recordings: Sequence[Recorded], held: Floats, unit: Floats, pool: Executor, stop: Callable[[], bool]
 ) -> Step:
     """Screen, fit, write as formulas, accept or not."""
+    runs = [one for one in current.campaign.observations if isinstance(one, Recorded)]
     promised, seen = screened(current, pool, silent)
     jobs = [pool.submit(_fitted, current, candidate, unit) for candidate in picked(promised)]
     tables = sorted((job.result() for job in jobs), key=lambda one: one.predicts)
@@ -268,73 +268,32 @@ def one_round(
         if last.predicts < accepted.predicts and better(last, held, held_out(last, recordings)):
             every[every.index(accepted)] = left[left.index(accepted)] = last
             accepted = last
+        accepted = at_once(accepted, recordings, held)
+        alike = [one for one in left if rivals(one.laws[-1], accepted.laws[-1]) and not apart(one, accepted)]
+        same = [one for one in alike if written_otherwise(accepted, one, current, runs)]
+        alike = [one for one in alike if one not in same]
+        forms = forms_of(accepted, every)
         accepted = pruned(accepted, recordings, held)
-    alike = tuple(one for one in left if accepted and one is not accepted and not apart(one, accepted))
-    return Step(accepted, tuple(every), alike, tuple(promised[:FITTED]))
+        errors = np.array([one.errors for one in (accepted, *alike)])
+        return Step(accepted, tuple(every), tuple(alike), tuple(promised[:FITTED]), tuple(same), forms, errors)
+    return Step(None, tuple(every), (), tuple(promised[:FITTED]))
 
 
-def written(trials: Sequence[Trial]) -> list[Trial]:
-    """Of each place and state the shortest formula that predicts nearly as well as the best there, or else the table;
-    the best first, and of those that are nearly as good as each other the one in an equation first."""
-    groups: dict[tuple[str, str], list[Trial]] = {}
-    for one in trials:
-        groups.setdefault((one.laws[-1].place.name, one.laws[-1].over), []).append(one)
-    out = []
-    for group in groups.values():
-        best = min(one.predicts for one in group)
-        out.append(min((one for one in group if OF_NOTE * one.predicts <= best), key=simplest))
-    out.sort(key=lambda one: one.predicts)
-    if out:
-        near = [one for one in out if OF_NEARLY * one.predicts <= out[0].predicts]
-        out = [*sorted(near, key=simplest), *(one for one in out if one not in near)]
-    return out
-
-
-def of_note(one: Trial, current: Trial) -> bool:
-    """Whether a trial predicts better by a share of note, beyond what its constants cost."""
-    worth = min(one.worth, current.worth)
-    return one.predicts < OF_NOTE * current.predicts and one.evidence(worth) < current.evidence(worth) - STRONG
-
-
-def better(one: Trial, held_before: Floats, held_after: Floats) -> bool:
-    """Whether a trial is better on what was held out."""
-    before, after = (float(np.sqrt(np.mean((h / one.unit) ** 2))) for h in (held_before, held_after))
-    return bool(after < HELD * before)
-
-
-def simplest(one: Trial) -> tuple[float, ...]:
-    """Of laws that predict alike a formula comes before a table, fewer constants before more, and a law in an equation
-    before the same written as what a constant, an input or an instrument does."""
-    law = one.laws[-1]
-    order = (SHIFT, RATE, CHANNEL, STRENGTH, FACTOR, DELAY, INPUT, CLOCK).index(law.place.kind)
-    own = law.place.kind == CHANNEL and law.state.kind == OF_SHOWN
-    # over time anything can be laid, as nothing repeats there
-    drifts = law.state.kind == OF_TIME and law.place.kind != CLOCK
-    constants = len(law.unknowns(0)) + 2 * (law.state.lag_s is not None)
-    return float(drifts), float(law.shape == TABLE), float(constants), float(order + 4 * own), one.predicts
-
-
-def apart(one: Trial, other: Trial) -> bool:
-    """Whether the first is worse than the second: by a share of note, and block by block by more than chance."""
-    if OF_NOTE * one.predicts <= other.predicts:
-        return False
-    difference = (one.errors - other.errors)[one.errors > 0]
-    spread = float(np.std(difference, ddof=1)) * np.sqrt(len(difference)) if len(difference) > 1 else 0.0
-    return float(np.sum(difference)) > TOLD_APART * spread
-
-
-def picked(promised: Sequence[Candidate]) -> list[Candidate]:
-    """The most promising, of different places and over different states."""
-    places: dict[str, int] = {}
-    states: dict[str, int] = {}
-    out = []
-    for one in promised:
-        place, state = one.law.place.name, one.law.over
-        if one.leaves > 0.98 or places.get(place, 0) >= ALIKE or states.get(state, 0) >= ALIKE:
-            continue
-        places[place], states[state] = places.get(place, 0) + 1, states.get(state, 0) + 1
-        out.append(one)
-    return out[:FITTED]
+def at_once(trial: Trial, recordings: Sequence[Recorded], held: Floats) -> Trial:
+    """The trial with its last law over the state itself, where a lag takes no share of note off what is predicted."""
+    law, number = trial.laws[-1], len(trial.laws) - 1
+    if law.state.lag_s is None:
+        return trial
+    prompt = replace(law, state=replace(law.state, lag_s=None))
+    keep = [k for k, one in enumerate(trial.fit.unknowns) if one.target != f"law.{number}.lag_s"]
+    campaign = trial.campaign.with_system(trial.system.with_laws(*trial.laws[:-1], prompt))
+    unknowns = [trial.fit.unknowns[k] for k in keep]
+    fewer = with_unseen(tried(campaign, unknowns, trial.fit.u[keep], trial.unit), recordings)
+    return (
+        fewer
+        if OF_NOTE * fewer.predicts <= trial.predicts and better(fewer, held, held_out(fewer, recordings))
+        else trial
+    )
 
 
 def _fitted(current: Trial, candidate: Candidate, unit: Floats) -> Trial:

@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.replay.diagnose.discover.discover import TO_NOISE, Discovery, of_note
+from straw.replay.diagnose.discover.choose import drifts, of_note
+from straw.replay.diagnose.discover.discover import TO_NOISE, Discovery, Step
 from straw.replay.diagnose.discover.trial import Trial
-from straw.replay.diagnose.discover.words import Told, as_json, drifts, is_fault, law_text, told
+from straw.replay.diagnose.discover.words import Told, acts_in_recording, as_json, is_fault, law_text, told
+from straw.replay.diagnose.systems.function.places import makes_sense, passed, states, together
 from straw.replay.diagnose.systems.function.recording import Recorded
 
 Floats = NDArray[np.float64]
@@ -42,10 +44,15 @@ class SystemFindings:
         return [told(self.discovery.best, k) for k in range(len(self.discovery.best.laws))]
 
     @cached_property
+    def first_step(self) -> Step | None:
+        """The round in which the first law was accepted: those before it may have become needless."""
+        rounds = [step for step in self.discovery.steps if self.laws and step.accepted]
+        return next((r for r in rounds if r.accepted and r.accepted.laws[-1].says == self.laws[0].law.says), None)
+
+    @cached_property
     def alike(self) -> list[Trial]:
         """What explains the recordings like the first law and is not the same."""
-        first = self.discovery.steps[0] if self.discovery.steps else None
-        return list(first.alike) if first else []
+        return list(self.first_step.alike) if self.first_step else []
 
     @property
     def verdict(self) -> str:
@@ -58,11 +65,43 @@ class SystemFindings:
             return "within_tolerance"
         if not d.accepted:
             return "unknown_physics"
-        faults = [is_fault(law) for law in d.best.laws]
-        first = [is_fault(one.laws[-1]) for one in self.alike]
-        if any(one != faults[0] for one in first) or len(self.alike_places) > 2 or drifts(d.best.laws[0]):
+        faults = [is_fault(one) for one in self.laws]
+        first = [acts_in_recording(one.laws[-1]) for one in self.alike]
+        others = any(one != acts_in_recording(d.best.laws[0]) for one in first) or len(self.alike_places) > 2
+        if others or faults[0] is None or self.goes_with or drifts(d.best.laws[0]):
             return "ambiguous"
         return "measurement_fault" if all(faults) else "missing_physics"
+
+    @cached_property
+    def goes_with(self) -> list[str]:
+        """States that go together with the first law's in all recordings, so that which of them matters is not told."""
+        if not self.laws:
+            return []
+        trial, law = self.discovery.base, self.laws[0].law
+        seen = passed(trial.system, self.recordings, trial.values)
+        others = [one for one in states(trial.system, seen) if makes_sense(law.place, one)]
+        return together(law.state, others, seen)
+
+    @property
+    def same(self) -> list[str]:
+        """Other places in which the first law is the same law, in words."""
+        return list(dict.fromkeys(one.laws[-1].says for one in self.first_step.same)) if self.first_step else []
+
+    @property
+    def asides(self) -> list[str]:
+        """What else is to be known of the first law, in sentences."""
+        told_ = {
+            "law 1 is the same law written in": self.same,
+            "which form law 1 has is not told; it may as well be": self.forms,
+            "not told apart from law 1:": self.alike_places,
+            "goes together with the state of law 1 in all recordings:": self.goes_with,
+        }
+        return [f"{words} {'; '.join(names)}" for words, names in told_.items() if names]
+
+    @property
+    def forms(self) -> tuple[str, ...]:
+        """Other forms that the first law may have as well."""
+        return self.first_step.forms if self.first_step else ()
 
     @property
     def alike_places(self) -> list[str]:
@@ -104,17 +143,16 @@ class SystemFindings:
         """How often each law comes first when the blocks are drawn again, the largest first."""
         if self.verdict == "complete":
             return {"complete": 1.0}
-        steps = self.discovery.steps
-        if not steps or not steps[0].accepted:
+        step = self.first_step
+        if step is None:
             return {"unknown": 1.0}
-        trials = [steps[0].accepted, *steps[0].alike]
-        errors = np.array([one.errors for one in trials])
+        names, errors = [self.laws[0].law.says, *(one.laws[-1].says for one in step.alike)], step.errors
         rng = np.random.default_rng(0)
         drawn = rng.multinomial(errors.shape[1], np.full(errors.shape[1], 1 / errors.shape[1]), RESAMPLED)
         firsts = np.argmin(errors @ drawn.T, axis=0)
         out: dict[str, float] = {}
-        for k, one in enumerate(trials):
-            out[one.laws[-1].says] = out.get(one.laws[-1].says, 0.0) + float(np.mean(firsts == k))
+        for k, name in enumerate(names):
+            out[name] = out.get(name, 0.0) + float(np.mean(firsts == k))
         return dict(sorted(out.items(), key=lambda item: -item[1]))
 
     @property
@@ -156,10 +194,17 @@ class SystemFindings:
         names = [one.law.said for one in self.laws]
         text = names[0] if len(names) == 1 else f"{'; '.join(names[:-1])}; and {names[-1]}"
         ratio = float(np.sqrt(np.mean((d.held[-1] / d.base.unit) ** 2) / np.mean((d.held[0] / d.base.unit) ** 2)))
-        gain = f"with it the error on what was held out is {100 * ratio:.2g} % of the base's"
+        form = "which form it has is not told; " if self.forms else ""
+        gain = f"{form}with it the error on what was held out is {100 * ratio:.2g} % of the base's"
         if verdict == "ambiguous":
-            others = "; or ".join(self.alike_places[:2]) or "a drift of the system itself"
-            return f"Something is missing {names[0]}; {these} cannot tell it from {others}; {gain}."
+            first = self.laws[0].law
+            others = [*self.alike_places[:2], *(f"a law over {one}, which goes with it" for one in self.goes_with[:1])]
+            if not others:
+                by_itself = "a delay" if first.place.unit == "s" else "a drift"
+                changing = drifts(first) and not acts_in_recording(first)
+                what = "a law over anything else that changes with time"
+                others = [what if changing else f"{by_itself} of the system itself"]
+            return f"Something is missing {names[0]}; {these} cannot tell it from {'; or '.join(others)}; {gain}."
         what = "The recording is at fault" if verdict == "measurement_fault" else "The model leaves something out"
         return f"{what} {text}; {gain}."
 
@@ -212,6 +257,9 @@ class SystemFindings:
             "remainder": dict(zip(names, map(float, self.remainder), strict=True)),
             "discovered": discovered,
             "indistinguishable": [[self.laws[0].law.says, *self.alike_places]] if self.alike_places else [],
+            "goes_together": self.goes_with,
+            "written_otherwise": self.same,
+            "forms": list(self.forms),
             "next_experiment": None,
             "system": {"file": d.base.system.model.path.name, "sha256": d.base.system.model.sha256},
         }
@@ -226,8 +274,7 @@ def text(f: SystemFindings) -> str:
         if len(one.constants) <= 4:
             told_ = (f"{n} = {v:.4g} ± {s:.2g} {u}".removesuffix(" 1") for n, (v, s, u) in one.constants.items())
             lines.append(f"  {', '.join(told_)}")
-    if f.alike_places:
-        lines.append(f"not told apart from law 1: {'; '.join(f.alike_places)}")
+    lines += f.asides
     steps: Sequence[Floats] = d.held
     where = "where nothing was fitted" if any(o.held.any() for o in f.recordings) else "where it was fitted"
     for k, channel in enumerate(d.base.system.channels):

@@ -18,7 +18,7 @@ from straw.replay.diagnose.systems.function.shapes import CONSTANT, CUBE, LINEAR
 Floats = NDArray[np.float64]
 
 #: Shapes fitted to the runs: so many that lie nearest to the table.
-FITTED = 4
+FITTED = 6
 #: Starts of a shape's constants on the table, in units of their range.
 SCATTER = (0.15, 0.5, 0.85)
 
@@ -34,23 +34,26 @@ def formulas(trial: Trial, before: Trial, seen: Sequence[Passed]) -> list[Trial]
     n = len(table.unknowns(number))
     base_unknowns, base_u = trial.fit.unknowns[:-n], trial.fit.u[:-n]
     if table.shape == TABLE:
-        at, root = np.array(table.at), _seen_by_recordings(trial, len(table.at)) / table.unit
+        at = np.array(table.at)
+        root, room = (part / table.unit for part in _seen_by_recordings(trial, len(table.at)))
     else:
         at, weight = _where(table, seen)
-        root = np.diag(weight)
+        root, room = np.diag(weight), np.zeros((len(base_u), len(at)))
     curve = table.curve(number, trial.values, at)
     laid = sorted((_laid(shape, table, at, curve, root) for shape in _shapes(table)), key=lambda one: one[0])
     out = []
     for _, law, u in laid[:FITTED]:
         system = replace(trial.system.with_laws(*known, law), sigma=before.system.sigma)
         campaign = trial.campaign.with_system(system)
-        start = np.concatenate([base_u, u])
+        values = {k.target: k.value(float(x)) for k, x in zip(law.unknowns(0), u, strict=True)}
+        start = np.concatenate([base_u - room @ (law.curve(0, values, at) - curve), u])
         out.append(tried(campaign, (*base_unknowns, *law.unknowns(number)), start, trial.unit))
     return sorted(out, key=lambda one: one.predicts)
 
 
-def _seen_by_recordings(trial: Trial, values: int) -> Floats:
-    """A root (values, values) of the information on the last unknowns, a table's values by u, all others free.
+def _seen_by_recordings(trial: Trial, values: int) -> tuple[Floats, Floats]:
+    """A root (values, values) of the information on the last unknowns, a table's values by u, all others free; and how
+    far the others move less for each of these (others, values).
 
     What the base's constants can take over, as a straight line beside a stiffness, costs nothing there.
     """
@@ -60,7 +63,7 @@ def _seen_by_recordings(trial: Trial, values: int) -> Floats:
     own = np.arange(len(sd)) >= len(sd) - values
     inner = np.linalg.lstsq(H[np.ix_(~own, ~own)], H[np.ix_(~own, own)], rcond=1e-10)[0]
     size, ways = np.linalg.eigh(H[np.ix_(own, own)] - H[np.ix_(own, ~own)] @ inner)
-    return np.asarray(np.sqrt(np.maximum(size, 0.0))[:, None] * ways.T)
+    return np.asarray(np.sqrt(np.maximum(size, 0.0))[:, None] * ways.T), np.asarray(inner)
 
 
 def _where(table: Law, seen: Sequence[Passed]) -> tuple[Floats, Floats]:

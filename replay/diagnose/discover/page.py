@@ -32,9 +32,7 @@ def page(f: SystemFindings) -> str:
     parts = [f"<p class=soft>{_text(title)}</p><h1>{_text(f.says)}</h1>"]
     if f.laws:
         parts.append("<h2>What was found</h2>" + "".join(_law(one, k) for k, one in enumerate(f.laws, 1)))
-        if f.alike_places:
-            others = "".join(f"<li>{_text(one)}</li>" for one in f.alike_places)
-            parts.append(f"<p>Not told apart from the first by these recordings:</p><ul>{others}</ul>")
+        parts += [f"<p>{_text(one[:1].upper() + one[1:])}.</p>" for one in f.asides]
     parts.append("<h2>Before and after, where nothing was fitted</h2>" + _errors(f))
     colours = "Measured (black), base model (orange)" + (", improved model (blue)" if f.laws else "")
     parts.append(_figure(_overlay(f), f"{colours}. Grey: what was fitted. Below: where the models part most, closer."))

@@ -28,8 +28,8 @@ from straw.replay.diagnose.systems.function.shapes import SHAPES, TABLE
 
 Floats = NDArray[np.float64]
 
-#: Points of a curve that is told.
-POINTS = 41
+#: Points of a curve that is told; deviations by which an effect must come before its cause to be a clock's doing.
+POINTS, AHEAD = 41, 3.0
 #: What each kind of place means in a formula: {name} its own, {f} the law's value.
 READS = {
     RATE: "d {name}/dt = ... + {f}",
@@ -53,16 +53,27 @@ class Told:
     curve: Floats  # (3, n)
 
 
-def is_fault(law: Law) -> bool:
-    """Whether a law is a recording's fault: of a clock, or of an instrument by itself, whatever the system does."""
-    if law.place.kind in (CLOCK, DELAY, INPUT):
+def is_fault(one: Told) -> bool | None:
+    """Whether a law is a recording's fault, whatever the system does; None where that cannot be told.
+
+    What comes late may come late in the system, too; before its cause only a clock can put it. What drifts may drift in
+    the instrument or in the system.
+    """
+    kind, state = one.law.place.kind, one.law.state
+    if kind in (CLOCK, DELAY):
+        _, late, sigma = one.curve
+        return True if np.any(late < -AHEAD * sigma) else None
+    if kind == INPUT:
         return True
-    return law.place.kind == CHANNEL and law.state.kind in (OF_SHOWN, OF_TIME, OF_NOTHING) and law.state.lag_s is None
+    if kind != CHANNEL or state.lag_s is not None or state.kind not in (OF_SHOWN, OF_TIME, OF_NOTHING):
+        return False
+    return None if state.kind == OF_TIME else True
 
 
-def drifts(law: Law) -> bool:
-    """Whether a law is a drift of what is shown: of the instrument or of the system, which time does not tell."""
-    return law.place.kind == CHANNEL and law.state.kind == OF_TIME
+def acts_in_recording(law: Law) -> bool:
+    """Whether a law is not in the system's equations: a fault, or what may be one."""
+    own = law.place.kind == CHANNEL and law.state.kind in (OF_SHOWN, OF_TIME, OF_NOTHING) and law.state.lag_s is None
+    return own or law.place.kind in (CLOCK, DELAY, INPUT)
 
 
 def told(trial: Trial, number: int) -> Told:

@@ -20,7 +20,8 @@ class Case:
     """One campaign: system, files, and what is known of it.
 
     ``base`` and ``best`` are the quick fit's RMS where nothing was fitted; ``found`` are words of which one must stand
-    in a law accepted for the literature's answer to be found (none: nothing may be claimed).
+    in a law accepted for the literature's answer to be found (none: nothing may be claimed), ``forms``, where the
+    literature has a formula, the name of the shape that goes with each.
     """
 
     name: str
@@ -33,6 +34,7 @@ class Case:
     literature: str
     found: tuple[str, ...]
     given: tuple[tuple[str, float, float, float], ...] = ()
+    forms: tuple[str, ...] = ()
     prepared: Callable[[Path, Path], list[Path]] | None = None  # makes the tables of the folder's files
 
     def paths(self, shared: Path, scratch: Path) -> list[Path]:
@@ -85,6 +87,7 @@ def _chamber(name: str, base: float, best: float, told: bool) -> Case:
         best,
         words,
         found,
+        forms=("linear",) if told else (),
     )
 
 
@@ -128,8 +131,7 @@ def _drop(name: str, base: float, best: float, told: bool) -> Case:
         best,
         words,
         ("the rate of the speed, over the speed",) if told else (),
-        (),
-        _ball(name),
+        prepared=_ball(name),
     )
 
 
@@ -144,6 +146,7 @@ CASES = (
         0.94e-3,
         "cubic spring k3 x^3",
         ("the rate of the output's speed v, over the output y", "k, over the output y"),
+        forms=("cube", "square"),
     ),
     Case(
         "two tanks",

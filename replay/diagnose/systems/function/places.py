@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,8 +33,11 @@ Floats = NDArray[np.float64]
 
 #: Lags looked at: from two samples to this share of the longest recording, so many, evenly in their logarithm.
 LAGS, LAG_SHARE = 4, 0.25
-#: A state is visited between these quantiles.
-VISITED = (0.002, 0.998)
+#: A state is a function of another where a broken line of so many pieces leaves less than this share of its variance.
+FUNCTION_BINS, FUNCTION = 20, 0.02
+#: A state is visited between its extremes, where these are not farther beyond these quantiles than this share of what
+#: lies between: a peak matters to what swings, a reading gone wrong to nothing.
+VISITED, BEYOND = (0.002, 0.998), 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +48,7 @@ class Passed:
     states: Floats
     rates: Floats
     shown: Floats
+    simulated: tuple[Floats, Floats]  # states and their rates, whether a channel measures them or not
 
 
 def passed(system: FunctionSystem, recordings: Sequence[Recorded], values: dict[str, float]) -> list[Passed]:
@@ -56,12 +60,13 @@ def passed(system: FunctionSystem, recordings: Sequence[Recorded], values: dict[
         shown = system.profiled(one, values)[0]
         _, states, rates = system.played(one, values, start)
         n = len(system.model.states)
+        simulated = states[:n], rates[:n]
         states, rates = states[:n].copy(), rates[:n].copy()
         for i, state in enumerate(system.model.starts):
             if state.state in names:
                 states[i] = smooth(one, names.index(state.state))
                 rates[i] = np.gradient(states[i], one.time_s)
-        out.append(Passed(one, states, rates, shown))
+        out.append(Passed(one, states, rates, shown, simulated))
     return out
 
 
@@ -115,15 +120,15 @@ def states(system: FunctionSystem, seen: Sequence[Passed]) -> list[State]:
     model, out = system.model, [State(OF_NOTHING, 0, "nothing", "1", 0.0, 1.0)]
 
     def add(kind: int, which: int, name: str, unit: str, rows: list[Floats]) -> None:
-        values = np.concatenate(rows)
-        low, high = np.quantile(values[np.isfinite(values)], VISITED)
+        low, high = visited(np.concatenate(rows))
         if high - low > 1e-9 * max(abs(low), abs(high)):
             out.append(State(kind, which, name, unit, float(low), float(high)))
 
     many = len(model.inputs)
     for i, name in enumerate(model.states):
         add(OF_STATE, i, model.named(name), model.unit(name), [p.states[i] for p in seen])
-        add(OF_RATE, i, f"the rate of {model.named(name)}", f"{model.unit(name)}/s", [p.rates[i] for p in seen])
+        if not _is_a_state(i, seen):
+            add(OF_RATE, i, f"the rate of {model.named(name)}", f"{model.unit(name)}/s", [p.rates[i] for p in seen])
     for i, signal in enumerate(model.inputs):
         says = model.named(signal.name)
         add(OF_INPUT, i, says, signal.unit, [p.recording.inputs[i] for p in seen])
@@ -142,6 +147,51 @@ def states(system: FunctionSystem, seen: Sequence[Passed]) -> list[State]:
                 out.append(State(one.kind, one.which, one.name, one.unit, one.low, one.high, float(lag), longest))
     wanted = model.get("depends_on")
     return out if wanted is None else [s for s in out if s.name in (*wanted, "nothing")]
+
+
+def visited(values: Floats) -> tuple[float, float]:
+    """Between which values (n,) recordings are."""
+    values = values[np.isfinite(values)]
+    low, high = np.quantile(values, VISITED)
+    reach = BEYOND * (high - low)
+    return float(max(values.min(), low - reach)), float(min(values.max(), high + reach))
+
+
+def together(state: State, others: Sequence[State], seen: Sequence[Passed]) -> list[str]:
+    """Other states that in all recordings are functions of this one, so that which of them matters is not told.
+
+    Time is not among them: it goes with everything in a recording that does not repeat itself.
+    """
+    if state.kind in (OF_TIME, OF_NOTHING, OF_SHOWN):
+        return []
+    own = values_over(replace(state, lag_s=None), seen)
+    order, out = np.argsort(own, kind="stable"), []
+    for other in others:
+        if other.kind in (OF_TIME, OF_NOTHING, OF_SHOWN) or other.lag_s is not None or other.name == state.name:
+            continue
+        values = values_over(other, seen)
+        if len(values) != len(own):
+            continue
+        pieces = np.array_split(order, min(FUNCTION_BINS, max(2, len(own) // 8)))
+        left = sum(_off_a_line(own[piece], values[piece]) for piece in pieces)
+        if left < FUNCTION * float(np.sum((values - values.mean()) ** 2)):
+            out.append(other.name)
+    return out
+
+
+def _off_a_line(x: Floats, y: Floats) -> float:
+    """Sum of squares that a straight line through points (n,) leaves."""
+    x, y = x - x.mean(), y - y.mean()
+    power = float(x @ x)
+    slope = float(x @ y) / power if power > 0 else 0.0
+    return float(np.sum((y - slope * x) ** 2))
+
+
+def _is_a_state(which: int, seen: Sequence[Passed]) -> bool:
+    """Whether a rate is one of the states, as a height's is the speed: then it is looked at once."""
+    rate = np.concatenate([p.simulated[1][which] for p in seen])
+    rows = np.concatenate([p.simulated[0] for p in seen], axis=1)
+    return bool(np.any(np.max(np.abs(rows - rate), axis=1) <= 1e-9 * np.max(np.abs(rate))))
 
 
 def makes_sense(place: Place, state: State) -> bool:
@@ -180,7 +230,7 @@ def points(place: Place, state: State, seen: Sequence[Passed]) -> tuple[float, .
     """Points of a table, half way between even and where recordings are most; many over a clock's time."""
     many = 24 if place.kind == CLOCK else 12 if state.kind == OF_TIME else 8
     even = np.linspace(state.low, state.high, many)
-    often = np.quantile(values_over(state, seen), np.linspace(*VISITED, many))
+    often = np.clip(np.quantile(values_over(state, seen), np.linspace(0, 1, many)), state.low, state.high)
     out = np.unique(0.5 * (even + often))
     apart = [0, *(k for k in range(1, len(out)) if out[k] - out[k - 1] > 1e-6 * state.span)]
     return tuple(float(x) for x in out[apart])

@@ -1,0 +1,135 @@
+"""What is chosen among fitted laws: of note, better on what was held out, told apart, and which way of writing one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from straw.replay.diagnose.discover.screen import Candidate
+from straw.replay.diagnose.discover.trial import Trial
+from straw.replay.diagnose.systems.function.kernel import (
+    CHANNEL,
+    CLOCK,
+    DELAY,
+    FACTOR,
+    INPUT,
+    OF_SHOWN,
+    OF_TIME,
+    RATE,
+    SHIFT,
+    STRENGTH,
+)
+from straw.replay.diagnose.systems.function.laws import Law
+from straw.replay.diagnose.systems.function.shapes import SHAPES, TABLE
+
+Floats = NDArray[np.float64]
+
+#: A law is of note when it takes a tenth off the root mean square error of prediction: less no reader would call found.
+OF_NOTE = 0.9**2
+#: And it leaves at most this share of what was held out (RMS): an improvement of half of that which is of note.
+HELD = 0.95
+#: Difference of Schwarz' criterion that is strong evidence (Kass and Raftery 1995: 6 to 10).
+STRONG = 10.0
+#: Candidates fitted, of each place and over each state at most.
+FITTED, ALIKE = 9, 3
+#: Deviations of the difference, block by block, within which two laws explain alike.
+TOLD_APART = 2.0
+#: Laws whose error of prediction differs by less are the same but for how they are written.
+OF_NEARLY = 0.95
+
+
+def written(trials: Sequence[Trial]) -> list[Trial]:
+    """Of each place and state the shortest formula that predicts nearly as well as the best there, or else the table;
+    the best first, and of those that are nearly as good as each other the one in an equation first."""
+    groups: dict[tuple[str, str], list[Trial]] = {}
+    for one in trials:
+        groups.setdefault((one.laws[-1].place.name, one.laws[-1].over), []).append(one)
+    out = []
+    for group in groups.values():
+        best = min(one.predicts for one in group)
+        out.append(min((one for one in group if OF_NOTE * one.predicts <= best), key=simplest))
+    out.sort(key=lambda one: one.predicts)
+    if out:
+        near = [one for one in out if OF_NEARLY * one.predicts <= out[0].predicts]
+        out = [*sorted(near, key=simplest), *(one for one in out if one not in near)]
+        if drifts(out[0].laws[-1]):  # time is no cause: what is not told apart from a drift comes before it
+            causes = [one for one in out if not drifts(one.laws[-1]) and not apart(one, out[0])]
+            out = [*causes, *(one for one in out if one not in causes)]
+    return out
+
+
+def drifts(law: Law) -> bool:
+    """Whether a law is over time, where nothing repeats and anything can be laid."""
+    return law.state.kind == OF_TIME and law.place.kind != CLOCK
+
+
+def rivals(law: Law, accepted: Law) -> bool:
+    """Whether a law says something else than an accepted one.
+
+    The same over the history of its state holds it, with a lag of nothing. An equation over time says nothing: time is
+    no cause, and in what does not repeat itself goes with everything; an instrument may drift with it.
+    """
+    if (law.place.name, law.state.name) == (accepted.place.name, accepted.state.name):
+        return accepted.state.lag_s is not None and law.state.lag_s is None
+    return law.state.kind != OF_TIME or drifts(accepted) or law.place.kind in (CHANNEL, INPUT, CLOCK)
+
+
+def forms_of(accepted: Trial, trials: Sequence[Trial]) -> tuple[str, ...]:
+    """Names of other shapes of an accepted formula that are not told apart from it, the best first."""
+    law = accepted.laws[-1]
+    if law.shape == TABLE:
+        return ()
+    out = []
+    for one in trials:
+        other = one.laws[-1]
+        here = (other.place.name, other.over) == (law.place.name, law.over)
+        if here and other.shape not in (TABLE, law.shape) and not apart(one, accepted):
+            out.append(SHAPES[other.shape].name)
+    return tuple(dict.fromkeys(out))
+
+
+def of_note(one: Trial, current: Trial) -> bool:
+    """Whether a trial predicts better by a share of note, beyond what its constants cost."""
+    worth = min(one.worth, current.worth)
+    return one.predicts < OF_NOTE * current.predicts and one.evidence(worth) < current.evidence(worth) - STRONG
+
+
+def better(one: Trial, held_before: Floats, held_after: Floats) -> bool:
+    """Whether a trial is better on what was held out."""
+    before, after = (float(np.sqrt(np.mean((h / one.unit) ** 2))) for h in (held_before, held_after))
+    return bool(after < HELD * before)
+
+
+def simplest(one: Trial) -> tuple[float, ...]:
+    """Of laws that predict alike a formula comes before a table, fewer constants before more, and a law in an equation
+    before the same written as what a constant, an input or an instrument does."""
+    law = one.laws[-1]
+    order = (SHIFT, RATE, CHANNEL, STRENGTH, FACTOR, DELAY, INPUT, CLOCK).index(law.place.kind)
+    own = law.place.kind == CHANNEL and law.state.kind == OF_SHOWN
+    constants = len(law.unknowns(0)) + 2 * (law.state.lag_s is not None)
+    return float(drifts(law)), float(law.shape == TABLE), float(constants), float(order + 4 * own), one.predicts
+
+
+def apart(one: Trial, other: Trial) -> bool:
+    """Whether the first is worse than the second: by a share of note, and block by block by more than chance."""
+    if OF_NOTE * one.predicts <= other.predicts:
+        return False
+    difference = (one.errors - other.errors)[one.errors > 0]
+    spread = float(np.std(difference, ddof=1)) * np.sqrt(len(difference)) if len(difference) > 1 else 0.0
+    return float(np.sum(difference)) > TOLD_APART * spread
+
+
+def picked(promised: Sequence[Candidate]) -> list[Candidate]:
+    """The most promising, of different places and over different states."""
+    places: dict[str, int] = {}
+    states: dict[str, int] = {}
+    out = []
+    for one in promised:
+        place, state = one.law.place.name, one.law.over
+        if one.leaves > 0.98 or places.get(place, 0) >= ALIKE or states.get(state, 0) >= ALIKE:
+            continue
+        places[place], states[state] = places.get(place, 0) + 1, states.get(state, 0) + 1
+        out.append(one)
+    return out[:FITTED]

@@ -1,0 +1,103 @@
+"""Findings in plain sentences: the verdict, why a cause is not named, and what a reader should know of the search."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from straw.replay.diagnose.heldout import Held
+from straw.replay.diagnose.inquiry import Inquiry
+from straw.replay.diagnose.settings import COVERED
+from straw.replay.diagnose.system import Channel
+
+#: What is no cause, in words.
+OTHERS = {"complete": "nothing missing", "unknown": "something no hypothesis holds"}
+
+
+@dataclass(frozen=True)
+class Refuted:
+    """A hypothesis that predicts runs held out worse than the base does, and by how much."""
+
+    name: str
+    worse: str
+
+
+def made_worse(held: Held, channels: Sequence[Channel]) -> str:
+    """Channels that a model predicts worse than the base: RMS of both, where neither was fitted."""
+    parts = []
+    for c in channels:
+        if c.name in held.worse:
+            before, after = (c.shown_per_si * row[c.name] for row in (held.before, held.after))
+            parts.append(f"{c.short} {before:.3g} -> {after:.3g} {c.shown_unit}")
+    return ", ".join(parts)
+
+
+def says(
+    verdict: str,
+    causes: Sequence[str],
+    probability: Mapping[str, float],
+    found: Inquiry,
+    *,
+    refuted: Refuted | None = None,
+    experiment: bool = False,
+) -> str:
+    """The verdict in one sentence; ``experiment``: whether one is proposed that would tell more."""
+    runs = len(found.campaign.observations)
+    named = " and ".join(_words(c) for c in causes)
+    if not found.whole:
+        so_far = f"; so far {named} would explain these runs best" if named else ""
+        return f"Stopped before every cause was looked at: nothing is named and nothing excluded{so_far}."
+    if verdict == "complete":
+        return f"Nothing is missing: the base model, its constants refitted, explains all {runs} runs to repeatability."
+    if verdict == "within_tolerance":
+        return f"Complete within the tolerance: the refitted base model is good enough for these {runs} runs."
+    if verdict == "unknown_physics":
+        return f"Something is missing that no hypothesis in the library explains in these {runs} runs; none is named."
+    if verdict == "ambiguous":
+        tail = "; the next experiment below would tell more" if experiment else ""
+        if refuted:
+            return (
+                f"Nothing is named: {_words(refuted.name)} explains all runs together best (probability "
+                f"{probability[refuted.name]:.2f}), but fitted without the runs held out it predicts them worse than "
+                f"the base ({refuted.worse}){tail}."
+            )
+        return f"{_not_told(causes, probability)}{tail}."
+    what = "The recording is at fault:" if verdict == "measurement_fault" else "The model leaves out"
+    return f"{what} {named} (probability {_sure(causes, probability):.2f})."
+
+
+def doubts(found: Inquiry) -> list[str]:
+    """What a reader should know about how this was found."""
+    runs = found.campaign.observations
+    out = []
+    if not found.whole:
+        out.append("the search was cut short: causes not looked at yet count as impossible here")
+    if found.spent:
+        out.append("the search spent its budget of steps: what it had not fitted by then counts as not there")
+    if len(runs) < 3:
+        out.append(
+            f"{len(runs)} run{'s' if len(runs) > 1 else ''}: nothing could be held out, and repeats are not known"
+        )
+    out += found.campaign.system.doubts(runs)
+    if found.campaign.tally["failed"]:
+        out.append(f"{found.campaign.tally['failed']} simulations could not follow and counted as very wrong")
+    return out
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ").replace("+", " and ")
+
+
+def _sure(causes: Sequence[str], probability: Mapping[str, float]) -> float:
+    """Probability that at least one of these causes takes part."""
+    return sum(p for name, p in probability.items() if set(causes) & set(name.split("+")))
+
+
+def _not_told(causes: Sequence[str], probability: Mapping[str, float]) -> str:
+    """What cannot be told apart, each with its own probability; a single cause may be too improbable to be named."""
+    sure = {_words(c): _sure([c], probability) for c in causes}
+    sure |= {text: probability[name] for name, text in OTHERS.items() if probability[name] > 1 - COVERED}
+    among = [f"{name} ({p:.2f})" for name, p in sure.items()]
+    if len(among) < 2:
+        return f"These runs do not settle it: {''.join(among) or 'nothing'} is the most probable, and not enough so"
+    return f"These runs cannot tell {' from '.join(among)}, probabilities in brackets"

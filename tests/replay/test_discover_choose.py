@@ -1,0 +1,67 @@
+"""Which of several fitted laws is told: time is no cause where something else explains as much, and no form is claimed
+that the recordings do not tell."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from straw.replay.diagnose.discover.choose import drifts, forms_of, rivals, written
+from straw.replay.diagnose.systems.function.kernel import CHANNEL, CLOCK, OF_STATE, OF_TIME, RATE
+from straw.replay.diagnose.systems.function.laws import Law, Place, State
+from straw.replay.diagnose.systems.function.shapes import CUBE, LINEAR, POWER, SQUARE, TABLE
+
+LEAK = Place(RATE, 0, "rate:p", "the rate of the pressure", "bar/s", 1.0)
+SENSOR = Place(CHANNEL, 0, "channel:p", "what is shown of the pressure", "bar", 1.0)
+PRESSURE = State(OF_STATE, 0, "the pressure", "bar", 1.0, 7.0)
+TIME = State(OF_TIME, 0, "time", "s", 0.0, 100.0)
+
+
+def trial(law: Law, *errors: float) -> Any:
+    """A fit with its squared errors by blocks."""
+    return SimpleNamespace(laws=(law,), errors=np.array(errors), predicts=float(sum(errors)))
+
+
+def test_a_law_over_a_state_comes_before_a_drift_that_it_is_not_told_from():
+    leak, drift = trial(Law(LEAK, PRESSURE, LINEAR), 1.0, 3.0, 2.0), trial(Law(SENSOR, TIME, POWER), 2.0, 0.5, 2.1)
+    assert written([drift, leak]) == [leak, drift]
+
+
+def test_a_drift_that_explains_more_block_by_block_comes_first():
+    leak, drift = trial(Law(LEAK, PRESSURE, LINEAR), 9.0, 8.0, 9.0), trial(Law(SENSOR, TIME, POWER), 1.0, 1.1, 0.9)
+    assert written([leak, drift]) == [drift, leak]
+
+
+def test_a_clock_that_wanders_over_time_is_no_drift():
+    clock = Place(CLOCK, 0, "clock:p", "the clock of the pressure", "s", 1.0)
+    assert drifts(Law(SENSOR, TIME, LINEAR))
+    assert not drifts(Law(clock, TIME, LINEAR))
+
+
+def test_other_forms_of_a_law_that_explain_as_much_are_named_and_no_others():
+    def law(shape: int, state: State = PRESSURE, at: tuple[float, ...] = ()) -> Law:
+        return Law(LEAK, state, shape, at)
+
+    found = trial(law(LINEAR), 1.0, 1.2, 0.9)
+    every = [
+        found,
+        trial(law(CUBE), 1.1, 1.1, 1.0),
+        trial(law(SQUARE), 9.0, 8.0, 9.0),  # told apart
+        trial(law(POWER, TIME), 1.0, 1.2, 0.9),  # over something else
+        trial(law(TABLE, at=(1.0, 4.0, 7.0)), 1.0, 1.2, 0.9),  # no formula
+    ]
+    assert forms_of(found, every) == ("cube",)
+    assert forms_of(every[-1], every) == ()
+
+
+def test_the_same_law_over_history_and_an_equation_over_time_are_no_rivals_but_a_drift_of_the_sensor_is():
+    law, late = Law(LEAK, PRESSURE, LINEAR), Law(LEAK, replace(PRESSURE, lag_s=2.0), CUBE)
+    assert not rivals(late, law)
+    assert not rivals(law, law)
+    assert not rivals(Law(LEAK, TIME, LINEAR), law)
+    assert rivals(law, late)
+    assert rivals(Law(SENSOR, TIME, LINEAR), law)
+    assert rivals(Law(SENSOR, PRESSURE, LINEAR), law)
