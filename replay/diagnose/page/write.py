@@ -1,0 +1,144 @@
+"""A story as one HTML file that needs no network: the replay page's player between the verdict and the evidence."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+
+from straw.replay.diagnose.page.mathml import mathml
+from straw.replay.diagnose.page.story import Error, LawTold, Next, Rival, Story
+from straw.replay.report.page import assemble
+
+#: The replay page's scripts without its table and its plane of configurations, and what stands for them.
+SCRIPTS = ("base", "straw", "charts", "film", "player", "story", "main")
+#: A 95 % interval is so many standard deviations to either side.
+INTERVAL = 1.96
+
+
+def written(story: Story) -> str:
+    """The page's HTML."""
+    kind = "story both" if story.improved else "story"
+    above = _figure(story.picture.svg, story.picture.caption, "portrait") if story.picture.svg else ""
+    return assemble(
+        story.says,
+        story.where,
+        story.runs,
+        kind,
+        SCRIPTS,
+        above=above + _player_says(story),
+        below=_below(story),
+        styles=("page", "story"),
+    )
+
+
+def _player_says(story: Story) -> str:
+    if not story.runs:
+        return ""
+    who = "base and improved model part" if story.improved else "the base model is off"
+    return f"<h2>The recording, played</h2><p>It begins where {who} most. Both models are fitted to all runs.</p>" if (
+        story.improved
+    ) else f"<h2>The recording, played</h2><p>It begins where {who} most.</p>"
+
+
+def _below(s: Story) -> str:
+    parts = []
+    if s.laws:
+        parts.append("<h2>The law</h2>" + (f"<p>{text(s.laws_say)}</p>" if s.laws_say else ""))
+        parts += [_law(one) for one in s.laws]
+    if s.errors:
+        parts.append(f"<h2>{'Before and after' if s.improved else 'How far the base model is off'}</h2>")
+        parts.append(f"<p>{text(s.errors_say)}</p>{_errors(s.errors)}")
+        parts.append("<div class=fits>" + "".join(_figure(one, caption) for one, caption in s.fits) + "</div>")
+    if s.rivals:
+        parts.append(f"<h2>What else would explain it</h2><p>{text(s.rivals_say)}</p>" + _rivals(s.rivals, s.channels))
+    parts.append("<h2>What could not have been seen</h2>" + (f"<p>{text(s.unseen_says)}</p>" if s.unseen_says else ""))
+    if s.unseen:
+        parts.append("<div class=sizes>" + table(("cause", "seen from"), s.unseen) + "</div>")
+    if s.doubts:
+        parts.append("<ul>" + "".join(f"<li>{text(one)}</li>" for one in s.doubts) + "</ul>")
+    if s.next or s.next_says:
+        parts.append("<h2>The next experiment</h2>" + (_next(s.next) if s.next else f"<p>{text(s.next_says)}</p>"))
+    for name, content in s.details:
+        parts.append(f"<details><summary>{text(name)}</summary>{content}</details>")
+    return "<section id=evidence>" + "".join(parts) + "</section>"
+
+
+def text(words: str) -> str:
+    """As HTML."""
+    return html.escape(str(words))
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Plain rows; wide ones scroll."""
+    top = "".join(f"<th>{text(h)}</th>" for h in head)
+    body = "".join("<tr>" + "".join(f"<td>{text(c)}</td>" for c in row) + "</tr>" for row in rows)
+    return f"<div class=scroll><table><tr>{top}</tr>{body}</table></div>"
+
+
+def _figure(picture: str, caption: str, kind: str = "") -> str:
+    return f'<figure class="{kind}">{picture}<figcaption>{text(caption)}</figcaption></figure>'
+
+
+def _law(one: LawTold) -> str:
+    out = f"<h3>{text(one.name)}</h3>"
+    if one.formula:
+        out += f'<p class="law" title="{text(one.formula)}">{mathml(one.formula)}</p>'
+    if one.words:
+        out += f"<p class=facts>{text(one.words)}</p>"
+    if one.constants:
+        rows = "".join(
+            f"<tr><td class=words>{mathml(c.symbol)}</td><td>{_sig(c.value)}</td>"
+            f"<td>{_sig(c.value - INTERVAL * c.sigma)} to {_sig(c.value + INTERVAL * c.sigma)}</td>"
+            f"<td class=words>{text('' if c.unit == '1' else c.unit)}</td><td class=words>{text(c.about)}</td></tr>"
+            for c in one.constants
+        )
+        head = "<tr><th>constant</th><th>value</th><th>95 % interval</th><th class=words>unit</th><th></th></tr>"
+        out += f"<div class=scroll><table class=constants>{head}{rows}</table></div>"
+    return f"<div class=found><div>{out}</div>{one.picture}</div>"
+
+
+def _sig(value: float) -> str:
+    return f"{value:.3g}".replace("-", "−")
+
+
+def _errors(errors: Sequence[Error]) -> str:
+    """Bars from zero: base, improved, noise; each channel to its own largest."""
+    out = ""
+    for e in errors:
+        rows = [("base", e.before, "before")]
+        rows += [("improved", e.after, "after")] if e.after is not None else []
+        rows.append(("noise", e.noise, "noise"))
+        most = max(value for _, value, _ in rows) or 1.0
+        bars = "".join(
+            f"<tr><td>{name}</td><td class=bar><span class={kind} style='width:{max(0.4, 100 * v / most):.1f}%'></span>"
+            f"</td><td>{_sig(v)} {text(e.unit)}</td></tr>"
+            for name, v, kind in rows
+        )
+        note = f"<p class=facts>{text(e.explained)}</p>" if e.explained else ""
+        out += f"<div><h3>{text(e.label)}</h3><table>{bars}</table>{note}</div>"
+    return f"<div class=errors>{out}</div>"
+
+
+def _rivals(rivals: Sequence[Rival], channels: Sequence[str]) -> str:
+    head = "".join(f"<th>{text(c)}</th>" for c in channels)
+    rows = "".join(
+        f"<tr{' class=chosen' if r.chosen else ''}><td>{text(r.name)}</td><td>{_percent(r.probability)}</td>"
+        f"<td class=bar><span class=after style='width:{100 * r.probability:.1f}%'></span></td>"
+        + "".join(f"<td>{text(one)}</td>" for one in (r.leaves or [""] * len(channels)))
+        + "</tr>"
+        for r in rivals
+    )
+    return f"<div class=scroll><table class=rivals><tr><th></th><th>probability</th><th></th>{head}</tr>{rows}</table></div>"
+
+
+def _percent(p: float) -> str:
+    return "< 0.1 %" if p < 1e-3 else f"{100 * p:.1f} %"
+
+
+def _next(n: Next) -> str:
+    out = f"<p>{text(n.why)}</p>"
+    if n.drawing.svg:
+        out += _figure(n.drawing.svg, n.drawing.caption)
+    if n.drawing.commands:
+        out += "<pre class=commands>" + text("\n".join(n.drawing.commands)) + "</pre>"
+    return out + f"<details><summary>The protocol</summary><pre>{text(n.protocol)}</pre></details>"
