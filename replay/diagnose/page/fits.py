@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.replay.diagnose.page.pictures import AFTER, BAND, BEFORE, OTHERS, axes_of, svg, zero
+from straw.replay.diagnose.page.pictures import AFTER, BAND, BEFORE, LEGEND, OTHERS, axes_of, svg, zero
 from straw.replay.diagnose.page.shown import LawCurve
 from straw.replay.diagnose.system import Channel, Recording
 
@@ -21,7 +21,7 @@ BAND_SIGMAS = 2.0
 
 def left_over(observed: Recording, channels: Sequence[Channel], before: Floats, after: Floats | None) -> str:
     """Simulated minus measured in every channel, below each other, as the channels are shown."""
-    figure, rows = axes_of(6.4, 1.75 * len(channels) + 0.4, nrows=len(channels), sharex=True, squeeze=False)
+    figure, rows = axes_of(5.8, 1.75 * len(channels) + 0.4, nrows=len(channels), sharex=True, squeeze=False)
     every = slice(None, None, max(1, len(observed.time_s) // DRAWN))
     t = observed.time_s[every]
     for k, (axes, channel) in enumerate(zip(rows[:, 0], channels, strict=True)):
@@ -33,7 +33,9 @@ def left_over(observed: Recording, channels: Sequence[Channel], before: Floats, 
             off = channel.shown_per_si * (line[k, every] - observed.seen[k, every])
             axes.plot(t, off, color=colour, linewidth=1.3, label=label)
         axes.set_ylabel(channel.label)
-    rows[0, 0].legend(ncols=3, loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0.2, fontsize=9)
+    rows[0, 0].legend(
+        ncols=3, loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0.2, **LEGEND
+    )
     rows[-1, 0].set_xlabel("time / s")
     return svg(figure, f"{observed.name}: simulated minus measured")
 
@@ -54,7 +56,7 @@ def law_curve(curve: LawCurve, formula: tuple[Floats, Floats] | None = None) -> 
     for (label, at, values), colour in zip(curve.others, OTHERS[2:], strict=False):
         axes.plot(at, values, color=colour, linewidth=1.1, label=label)
     if formula is not None or curve.others:
-        axes.legend(fontsize=9)
+        axes.legend(**LEGEND)
     axes.set_xlabel(curve.over)
     axes.set_ylabel(curve.shows)
     return svg(figure, f"{curve.shows} over {curve.over}")

@@ -17,10 +17,13 @@ FUNCTIONS = {"exp", "tanh", "sign", "max", "min", "sin", "cos", "log", "ln", "la
 TOKENS = re.compile(
     r"\s+|(?P<number>\d+(?:\.\d+)?(?:e[+-]?\d+)?)|(?P<name>[A-Za-zα-ωΑ-Ω]\w*)|(?P<unit>\[[^\]]*\])|(?P<other>->|.)"
 )
+#: Units that may follow a number; a symbol of the same name stands elsewhere.
+UNITS = {"m", "mm", "s", "ms", "N", "Pa", "kPa", "rad", "mrad", "V", "A", "kg", "K", "Hz", "J", "W"}
 #: Longest name that is a symbol by itself; longer ones are words.
 SYMBOL = 2
 SIGNS = {"-": "−", "*": "·", "->": "→"}
 NUMBER = re.compile(r"(\d(?:\.\d+)?)e([+-]?\d+)")
+OPEN, CLOSE = "<mrow><mo>(</mo>", "<mo>)</mo></mrow>"
 Token = tuple[str, str]
 
 
@@ -33,7 +36,7 @@ def mathml(formula: str) -> str:
             clauses.append(formula[last:k])
             last = k + 2
     clauses.append(formula[last:])
-    return " ".join(f'<math display="inline">{_Reader(one).row()}</math>' for one in clauses if one.strip())
+    return " ".join(f'<math display="inline"><mstyle displaystyle="true">{_Reader(one).row()}</mstyle></math>' for one in clauses if one.strip())
 
 
 class _Reader:
@@ -50,7 +53,7 @@ class _Reader:
         while (token := self._next()) is not None and not (ends and token[1] in ends):
             self.at += 1
             if token[1] == "/" and out:
-                out.append(f"<mfrac>{out.pop()}{self.factor()}</mfrac>")
+                out.append(f"<mfrac>{_bare(out.pop())}{_bare(self.factor())}</mfrac>")
             else:
                 self.at -= 1
                 out.append(self.factor())
@@ -80,7 +83,7 @@ class _Reader:
         self.at += 1
         kind, word = token
         if kind == "number":
-            return _number(word)
+            return f"<mrow>{_number(word)}{self._unit()}</mrow>"
         if kind == "name":
             return self._name(word)
         if kind == "unit":
@@ -88,12 +91,23 @@ class _Reader:
         if word == "(":
             inside = self.row(")")
             self._skip()
-            return f"<mrow><mo>(</mo>{inside}<mo>)</mo></mrow>"
+            return f"{OPEN}{inside}{CLOSE}"
         if word == "|":
             inside = self.row("|")
             self._skip()
             return f"<mrow><mo>|</mo>{inside}<mo>|</mo></mrow>"
         return f"<mo>{html.escape(SIGNS.get(word, word))}</mo>"
+
+    def _unit(self) -> str:
+        """What a number is in, where a unit follows it."""
+        found = []
+        while (token := self._next()) is not None and (token[1] in UNITS or (found and token[1] in "/^()2345")):
+            if token[1] == ")" and "(" not in found:
+                break
+            found.append(token[1])
+            self.at += 1
+        text = re.sub(r"\^(\d)", lambda power: "⁰¹²³⁴⁵"[int(power[1])], "".join(_spaced(found)))
+        return f"<mtext>&#8239;{html.escape(text)}</mtext>" if found else ""
 
     def _name(self, word: str) -> str:
         if word == "sqrt" and (token := self._next()) is not None and token[1] == "(":
@@ -121,6 +135,16 @@ class _Reader:
 
     def _skip(self) -> None:
         self.at += 1
+
+
+def _spaced(words: list[str]) -> list[str]:
+    """Units side by side with a space between them: N s/m."""
+    return [f" {word}" if k and word in UNITS and words[k - 1] in UNITS else word for k, word in enumerate(words)]
+
+
+def _bare(one: str) -> str:
+    """A bracket over or below a line needs none."""
+    return f"<mrow>{one[len(OPEN) : -len(CLOSE)]}</mrow>" if one.startswith(OPEN) and one.endswith(CLOSE) else one
 
 
 def _number(word: str) -> str:

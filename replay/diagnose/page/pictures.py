@@ -15,6 +15,7 @@ INK, SOFT, LINE, BEFORE, AFTER, BAND = "#010101", "#020202", "#030303", "#040404
 THEMED = {INK: "ink", SOFT: "soft", LINE: "line", BEFORE: "before", AFTER: "after", BAND: "noise"}
 #: Colours of lines that are told apart and are neither base nor improved model.
 OTHERS = (BEFORE, AFTER, INK, SOFT)
+LEGEND: dict[str, Any] = {"frameon": False, "labelcolor": INK, "fontsize": 9}
 STYLE = {
     "svg.fonttype": "none", "font.size": 10, "axes.edgecolor": SOFT, "axes.labelcolor": SOFT, "xtick.color": SOFT,
     "ytick.color": SOFT, "text.color": INK, "axes.facecolor": "none", "figure.facecolor": "none",

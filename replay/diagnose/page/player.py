@@ -43,11 +43,11 @@ def played(
         apart = (base - (one.seen if better is None else better)) / one.sigma()
         rows.append((one.name not in heldout, -float(np.nansum(apart**2)), one, base, better))
     rows.sort(key=lambda row: row[:2])
-    return [_data(one, before, after, base, better, one.name in heldout) for *_, one, base, better in rows[:PLAYED]]
+    return [_data(one, before, after, base, better) for *_, one, base, better in rows[:PLAYED]]
 
 
 def _data(
-    one: Recording, before: Model, after: Model | None, base: Floats, better: Floats | None, held: bool
+    one: Recording, before: Model, after: Model | None, base: Floats, better: Floats | None
 ) -> dict[str, Any]:
     system = before.system
     moment, window = parting(one.time_s, base, one.seen if better is None else better, one.sigma())
@@ -67,7 +67,7 @@ def _data(
         }
     data: dict[str, Any] = {
         "id": one.name,
-        "role": "not fitted" if held else "",
+        "role": "",
         "who": "base model" if after is None else "improved model",
         "brief": True,
         "at": moment,

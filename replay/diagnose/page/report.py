@@ -16,7 +16,7 @@ from straw.replay.diagnose.page.laws import laws_of, laws_say
 from straw.replay.diagnose.page.player import Model, played
 from straw.replay.diagnose.page.shown import Shown
 from straw.replay.diagnose.page.story import Error, Next, Rival, Story
-from straw.replay.diagnose.page.words import and_, words
+from straw.replay.diagnose.page.words import and_, sig, words
 from straw.replay.diagnose.page.write import written
 
 #: How many other explanations are told.
@@ -41,7 +41,7 @@ def story(f: Findings, found: Inquiry) -> Story:
     unseen, unseen_says = _unseen(f, found)
     return Story(
         says=f.says,
-        where=f.where,
+        where=" ".join(filter(None, [f.where, _gain(f, campaign.system.channels)])),
         picture=shown.picture(f.model, places, f.causes),
         runs=played(
             campaign.observations,
@@ -73,6 +73,19 @@ def _improved(f: Findings) -> Fit | None:
     if f.best:
         return f.best.fit
     return f.missing.curve.fit if f.missing and f.discovered else None
+
+
+def _gain(f: Findings, channels: Sequence[Any]) -> str:
+    """What the improved model is worth where it was not fitted, in one sentence."""
+    held = f.held
+    if held is None or _improved(f) is None:
+        return ""
+    parts = []
+    for c in channels:
+        before, after, floor = (sig(c.shown_per_si * row[c.name]) for row in (held.before, held.after, held.floor))
+        parts.append(f"{c.symbol} {before} to {after} {c.shown_unit} (noise {floor})")
+    where = f"{and_(held.heldout)}, which {'was' if len(held.heldout) == 1 else 'were'} not fitted,"
+    return f"In {where} the misfit goes from {'; '.join(parts)}."
 
 
 def _definition(where: str, channels: Sequence[Any]) -> str:
@@ -124,12 +137,12 @@ def _rivals(f: Findings, found: Inquiry) -> list[Rival]:
         if name in fits:
             rms = plain_rms(found.campaign, fits[name].unknowns, fits[name].u)
             leaves = [f"{c.shown_per_si * rms[c.name]:.3g}" for c in channels]
-        chosen = set(name.split("+")) == set(f.causes) or (name == f.verdict)
+        chosen = set(name.split("+")) == set(f.causes) or name == f.verdict
         out.append(Rival(WORDS.get(name) or words(name), p, leaves, chosen))
     return out
 
 
-def _unseen(f: Findings, found: Inquiry) -> tuple[list[tuple[str, str]], str]:
+def _unseen(f: Findings, found: Inquiry) -> tuple[list[tuple[str, str, str]], str]:
     """The smallest effect of each cause that these runs would have shown beside what explains them."""
     best = f.best.fit if f.best and f.verdict != "ambiguous" else found.null
     if not found.whole or f.verdict in ("unknown_physics", "ambiguous"):
@@ -137,8 +150,13 @@ def _unseen(f: Findings, found: Inquiry) -> tuple[list[tuple[str, str]], str]:
     causes = f.best.hypothesis.causes if f.best else ()
     sizes = f.smallest or smallest_seen(found.campaign, found, beside=best, but=causes)
     beside = f"beside {and_([words(c) for c in causes])}" if causes else "in these runs"
+    rows = []
+    for cause, size in sorted(sizes.items()):
+        name, _, least = size.partition(" ")
+        what = found.campaign.system.shown().about(cause).get(name, name).partition(", ")
+        rows.append((words(cause), what[2] or name, least.removesuffix(" 1")))
     return (
-        [(words(cause), size) for cause, size in sorted(sizes.items())],
+        rows,
         f"Smaller effects than these may be there: each would have been seen {beside} from this size on (to first order).",
     )
 

@@ -57,6 +57,10 @@ class Shown:
         """The system with the place of what was found marked; ``places`` are those of the events that differ most."""
         return Drawing()
 
+    def about(self, cause: str) -> Mapping[str, str]:
+        """What a cause's constants are, by name: "c, damping at rest"."""
+        return {}
+
     def law(self, cause: str, fit: Fit, covariance: Floats) -> Law | None:
         """A cause as fitted; ``covariance`` of the fit's u, for the band."""
         return None

@@ -79,7 +79,7 @@ class Story:
     rivals: Sequence[Rival] = ()
     rivals_say: str = ""
     channels: Sequence[str] = ()  # heads of what rivals leave
-    unseen: Sequence[tuple[str, str]] = ()  # cause, the smallest size that would have been seen
+    unseen: Sequence[tuple[str, str, str]] = ()  # cause, what of it, the smallest size that would have been seen
     unseen_says: str = ""
     doubts: Sequence[str] = ()
     next: Next | None = None

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from straw.replay.diagnose.page.mathml import mathml
 from straw.replay.diagnose.page.story import Error, LawTold, Next, Rival, Story
+from straw.replay.diagnose.page.words import quantity, sig
 from straw.replay.report.page import assemble
 
 #: The replay page's scripts without its table and its plane of configurations, and what stands for them.
@@ -34,10 +35,10 @@ def written(story: Story) -> str:
 def _player_says(story: Story) -> str:
     if not story.runs:
         return ""
-    who = "base and improved model part" if story.improved else "the base model is off"
-    return f"<h2>The recording, played</h2><p>It begins where {who} most. Both models are fitted to all runs.</p>" if (
-        story.improved
-    ) else f"<h2>The recording, played</h2><p>It begins where {who} most.</p>"
+    who = "base and improved model part most; both are fitted to all of them" if story.improved else (
+        "the base model is off most"
+    )
+    return f"<h2>The recordings, played</h2><p>They begin where {who}.</p>"
 
 
 def _below(s: Story) -> str:
@@ -53,7 +54,7 @@ def _below(s: Story) -> str:
         parts.append(f"<h2>What else would explain it</h2><p>{text(s.rivals_say)}</p>" + _rivals(s.rivals, s.channels))
     parts.append("<h2>What could not have been seen</h2>" + (f"<p>{text(s.unseen_says)}</p>" if s.unseen_says else ""))
     if s.unseen:
-        parts.append("<div class=sizes>" + table(("cause", "seen from"), s.unseen) + "</div>")
+        parts.append("<div class=sizes>" + table(("cause", "its", "seen from"), s.unseen) + "</div>")
     if s.doubts:
         parts.append("<ul>" + "".join(f"<li>{text(one)}</li>" for one in s.doubts) + "</ul>")
     if s.next or s.next_says:
@@ -87,18 +88,13 @@ def _law(one: LawTold) -> str:
         out += f"<p class=facts>{text(one.words)}</p>"
     if one.constants:
         rows = "".join(
-            f"<tr><td class=words>{mathml(c.symbol)}</td><td>{_sig(c.value)}</td>"
-            f"<td>{_sig(c.value - INTERVAL * c.sigma)} to {_sig(c.value + INTERVAL * c.sigma)}</td>"
-            f"<td class=words>{text('' if c.unit == '1' else c.unit)}</td><td class=words>{text(c.about)}</td></tr>"
+            f"<tr><td>{mathml(c.symbol)} <small>{text(c.about)}</small></td><td>{quantity([c.value], c.unit)}</td>"
+            f"<td>{quantity([c.value - INTERVAL * c.sigma, c.value + INTERVAL * c.sigma], c.unit)}</td></tr>"
             for c in one.constants
         )
-        head = "<tr><th>constant</th><th>value</th><th>95 % interval</th><th class=words>unit</th><th></th></tr>"
+        head = "<tr><th>constant</th><th>value</th><th>95 % interval</th></tr>"
         out += f"<div class=scroll><table class=constants>{head}{rows}</table></div>"
     return f"<div class=found><div>{out}</div>{one.picture}</div>"
-
-
-def _sig(value: float) -> str:
-    return f"{value:.3g}".replace("-", "−")
 
 
 def _errors(errors: Sequence[Error]) -> str:
@@ -111,7 +107,7 @@ def _errors(errors: Sequence[Error]) -> str:
         most = max(value for _, value, _ in rows) or 1.0
         bars = "".join(
             f"<tr><td>{name}</td><td class=bar><span class={kind} style='width:{max(0.4, 100 * v / most):.1f}%'></span>"
-            f"</td><td>{_sig(v)} {text(e.unit)}</td></tr>"
+            f"</td><td>{sig(v)} {text(e.unit)}</td></tr>"
             for name, v, kind in rows
         )
         note = f"<p class=facts>{text(e.explained)}</p>" if e.explained else ""

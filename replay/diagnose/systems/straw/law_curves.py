@@ -24,6 +24,7 @@ SPEED_M_PER_S, PERIOD_S = 0.01, 1.0
 #: Pressure (Pa), time (s) over which an instrument's fault is shown.
 PRESSURES_PA, TIMES_S = (-30e3, 40e3), (0.0, 4.0)
 STEP = 1e-4
+ODD = "e, modulus of the odd frusta over the even"
 #: Over what, what, at (n,), and values (n,) for a straw and an instrument.
 Curve = tuple[str, str, Floats, Callable[[StrawParameters, Instrument], Floats]]
 
@@ -61,7 +62,7 @@ def law_curve(straw: StrawParameters, term: Term, fit: Fit, covariance: Floats) 
 def instrument_law(cause: str, straw: StrawParameters, fit: Fit, covariance: Floats) -> Law | None:
     """What an instrument shows too much, over what it shows or the run's time."""
     if cause == "odd_frusta_compliance":
-        return Law("E_odd = e E", "the odd frusta give way, too", {"odd_E": "e, modulus of the odd frusta over the even"})
+        return Law("E_odd = e E", "the odd frusta give way, too", {"odd_E": ODD})
     if cause not in INSTRUMENT_LAWS:
         return None
     formula, about = INSTRUMENT_LAWS[cause]
@@ -82,6 +83,11 @@ def instrument_law(cause: str, straw: StrawParameters, fit: Fit, covariance: Flo
         shows = f"{'XZ'[row]} shown too much / mm"
         curve = ("X of the tip / mm", shows, 1e3 * at, lambda _, i: 1e3 * (i.seen(pose) - pose)[row])
     return Law(formula, "", dict.fromkeys(names, about), _banded(straw, curve, fit, covariance))
+
+
+def about_instrument(cause: str) -> str:
+    """What the constant of such a cause is."""
+    return INSTRUMENT_LAWS[cause][1] if cause in INSTRUMENT_LAWS else ODD
 
 
 def _banded(straw: StrawParameters, curve: Curve, fit: Fit, covariance: Floats, parts: bool = False) -> LawCurve:

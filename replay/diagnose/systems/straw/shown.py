@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from straw.model.parameters import StrawParameters
 from straw.model.terms import TERMS
 from straw.replay.diagnose.fit import Fit
-from straw.replay.diagnose.page.pictures import AFTER, BEFORE, INK, SOFT, axes_of, svg
+from straw.replay.diagnose.page.pictures import AFTER, BEFORE, INK, LEGEND, SOFT, axes_of, svg
 from straw.replay.diagnose.page.shown import Drawing, Law, Shown
 from straw.replay.diagnose.systems.straw.experiment import Experiment
-from straw.replay.diagnose.systems.straw.law_curves import instrument_law, law_curve
+from straw.replay.diagnose.systems.straw.law_curves import about_instrument, instrument_law, law_curve
+from straw.replay.diagnose.systems.straw.library import hypothesis
 from straw.replay.diagnose.systems.straw.observation import Observation
 from straw.replay.diagnose.systems.straw.portrait import portrait
 from straw.replay.diagnose.systems.straw.simulated import simulated
@@ -40,19 +41,22 @@ class StrawShown(Shown):
         """The straw from the side; what the causes act on is marked, of frusta those whose snaps differ most."""
         return portrait(self.straw, places, causes)
 
+    def about(self, cause: str) -> dict[str, str]:
+        """What the constants of a term are; those of single cells, and of a term that a cause brings along, too."""
+        if cause not in TERMS:
+            return {k.target.partition(".")[2]: about_instrument(cause) for k in hypothesis([cause], 1).unknowns}
+        about = {c.name: c.about for c in TERMS[cause].constants}
+        for k in hypothesis([cause], self.straw.cells).unknowns:
+            _, term, name, *where = k.target.split(".")
+            known = {c.name: c.about for c in TERMS[term.partition("&")[0]].constants}
+            about[".".join([name, *where])] = f"cell {where[0]}, {known[name]}" if where else known[name]
+        return about
+
     def law(self, cause: str, fit: Fit, covariance: Floats) -> Law | None:
         """A term's law and what its constants are; of an instrument what it shows too much."""
         if cause in TERMS:
             term = TERMS[cause]
-            about = {c.name: c.about for c in term.constants}
-            for k in fit.unknowns:  # a cause with constants of a second term, or of single frusta
-                _, _, rest = k.target.partition("term.")
-                names = rest.split(".")
-                if len(names) == 3:
-                    about[".".join(names[1:])] = f"cell {names[2]}, {about.get(names[1], names[1])}"
-                elif rest and names[0].split("&")[0] != cause and names[0] in TERMS:
-                    about |= {c.name: c.about for c in TERMS[names[0]].constants}
-            return Law(term.law, term.source, about, law_curve(self.straw, term, fit, covariance))
+            return Law(term.law, term.source, self.about(cause), law_curve(self.straw, term, fit, covariance))
         return instrument_law(cause, self.straw, fit, covariance)
 
     def played(self, recording: Observation, fit: Fit) -> dict[str, Any]:
@@ -75,7 +79,7 @@ class StrawShown(Shown):
     def experiment(self, proposed: Experiment) -> Drawing:
         """What is commanded, and below it the tip as each hypothesis that survives predicts it."""
         protocol = protocol_from_toml(proposed.protocol, "the experiment")
-        figure, rows = axes_of(6.4, 4.4 if proposed.seen else 2.4, nrows=2 if proposed.seen else 1, sharex=True,
+        figure, rows = axes_of(5.8, 4.4 if proposed.seen else 2.4, nrows=2 if proposed.seen else 1, sharex=True,
                                squeeze=False)  # fmt: skip
         t = np.linspace(0.0, protocol.duration_s, 1200)
         rows[0, 0].plot(t, Outlet(protocol)(t) / 1e3, color=INK, linewidth=1.6)
@@ -84,7 +88,7 @@ class StrawShown(Shown):
             rows[1, 0].plot(time_s, 1e3 * tip[2], color=colour, linewidth=1.3, label=name)
         if proposed.seen:
             rows[1, 0].set_ylabel("Phi of the tip / mrad")
-            rows[1, 0].legend(fontsize=9)
+            rows[1, 0].legend(**LEGEND)
         rows[-1, 0].set_xlabel("time / s")
         cells = proposed.initial_deployed or "none"
         caption = f"What the controller makes of the command; cells deployed at the start: {cells}."
