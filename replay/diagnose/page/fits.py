@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.replay.diagnose.page.pictures import AFTER, BAND, BEFORE, LEGEND, OTHERS, axes_of, svg, zero
+from straw.replay.diagnose.page.pictures import AFTER, BAND, BEFORE, LEGEND, LINE, OTHERS, axes_of, svg, zero
 from straw.replay.diagnose.page.shown import LawCurve
 from straw.replay.diagnose.system import Channel, Recording
 
@@ -19,23 +20,33 @@ DRAWN = 1500
 BAND_SIGMAS = 2.0
 
 
-def left_over(observed: Recording, channels: Sequence[Channel], before: Floats, after: Floats | None) -> str:
-    """Simulated minus measured in every channel, below each other, as the channels are shown."""
+def left_over(
+    observed: Recording,
+    channels: Sequence[Channel],
+    before: Floats,
+    after: Floats | None,
+    fitted: NDArray[np.bool_] | None = None,
+) -> str:
+    """Simulated minus measured in every channel, below each other, as the channels are shown.
+
+    ``fitted`` (n,): samples that the fit saw, shaded.
+    """
     figure, rows = axes_of(5.8, 1.75 * len(channels) + 0.4, nrows=len(channels), sharex=True, squeeze=False)
     every = slice(None, None, max(1, len(observed.time_s) // DRAWN))
     t = observed.time_s[every]
     for k, (axes, channel) in enumerate(zip(rows[:, 0], channels, strict=True)):
         noise = BAND_SIGMAS * channel.shown_per_si * observed.floor()[k, every]
         zero(axes)
+        if fitted is not None:
+            across = axes.get_xaxis_transform()
+            axes.fill_between(t, 0, 1, where=fitted[every], transform=across, color=LINE, alpha=0.5, linewidth=0)
         axes.fill_between(t, -noise, noise, color=BAND, alpha=0.45, linewidth=0, label="noise, ±2σ")
         lines = [(before, BEFORE, "base model")] + ([(after, AFTER, "improved model")] if after is not None else [])
         for line, colour, label in lines:
             off = channel.shown_per_si * (line[k, every] - observed.seen[k, every])
             axes.plot(t, off, color=colour, linewidth=1.3, label=label)
         axes.set_ylabel(channel.label)
-    rows[0, 0].legend(
-        ncols=3, loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0.2, **LEGEND
-    )
+    rows[0, 0].legend(ncols=3, loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0.2, **LEGEND)
     rows[-1, 0].set_xlabel("time / s")
     return svg(figure, f"{observed.name}: simulated minus measured")
 
@@ -49,7 +60,10 @@ def law_curve(curve: LawCurve, formula: tuple[Floats, Floats] | None = None) -> 
         axes.errorbar(x, y, e, fmt="o", color=AFTER, capsize=3)
         axes.set_xticks(x)
     else:
-        axes.fill_between(x, y - e, y + e, color=AFTER, alpha=0.25, linewidth=0, label="95 % band")
+        turns = np.flatnonzero(np.diff(np.sign(np.diff(x)))) + 1  # a loop is filled branch by branch
+        for there, back in itertools.pairwise([0, *turns, len(x) - 1]):
+            branch = slice(there, back + 1)
+            axes.fill_between(x[branch], (y - e)[branch], (y + e)[branch], color=AFTER, alpha=0.25, linewidth=0)
         axes.plot(x, y, color=AFTER, linewidth=1.8, label="the law" if formula is None else "the curve")
     if formula is not None:
         axes.plot(*formula, color=BEFORE, linewidth=1.3, linestyle="--", label="the formula")
@@ -74,5 +88,3 @@ def shares(names: Sequence[str], stretches: Sequence[str], sigmas: Floats) -> st
     axes.set_yticks(range(len(names)), names, fontsize=8)
     axes.spines[:].set_visible(False)
     return svg(figure, "misfit of the base model by recording and stretch")
-
-

@@ -36,7 +36,11 @@ def mathml(formula: str) -> str:
             clauses.append(formula[last:k])
             last = k + 2
     clauses.append(formula[last:])
-    return " ".join(f'<math display="inline"><mstyle displaystyle="true">{_Reader(one).row()}</mstyle></math>' for one in clauses if one.strip())
+    return " ".join(
+        f'<math display="inline"><mstyle displaystyle="true">{_Reader(one).row()}</mstyle></math>'
+        for one in clauses
+        if one.strip()
+    )
 
 
 class _Reader:
@@ -61,14 +65,24 @@ class _Reader:
 
     def factor(self) -> str:
         """One symbol, number or bracket with what hangs on it."""
-        one = self._atom()
+        one = self._rate() or self._atom()
         while (token := self._next()) is not None and token[1] in ("^", "'"):
             self.at += 1
             if token[1] == "'":
-                one = f'<msup>{one}<mo>′</mo></msup>'
+                one = f"<msup>{one}<mo>′</mo></msup>"
             else:
                 one = f"<msup>{one}{self._power()}</msup>"
         return one
+
+    def _rate(self) -> str:
+        """d x/dt; empty where something else comes."""
+        words = [word for _, word in self.tokens[self.at : self.at + 4]]
+        if len(words) < 4 or (words[0], *words[2:]) != ("d", "/", "dt"):
+            return ""
+        self.at += 1
+        name = self._atom()
+        self.at += 2
+        return f"<mfrac><mrow><mi mathvariant='normal'>d</mi>{name}</mrow><mrow><mi mathvariant='normal'>d</mi><mi>t</mi></mrow></mfrac>"
 
     def _power(self) -> str:
         if (token := self._next()) is not None and token[1] == "-":

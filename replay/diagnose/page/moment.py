@@ -13,12 +13,13 @@ CLOSE = 0.06
 FEWEST = 8
 
 
-def parting(time_s: Floats, one: Floats, other: Floats, sigma: Floats) -> tuple[float, tuple[float, float]]:
-    """When (s) two lines (channels, n) differ most in sigmas, and a window (s) around it.
+def parting(time_s: Floats, one: Floats, other: Floats) -> tuple[float, tuple[float, float]]:
+    """When (s) two lines (channels, n) differ most, in shares of each channel's range, and a window (s) around it.
 
     The window holds the largest sum of differences of any `CLOSE` of the samples; the moment is the largest in it.
     """
-    apart = np.sum(np.abs(np.nan_to_num((one - other) / np.where(sigma > 0, sigma, np.inf))), axis=0)
+    ranges = np.nanmax(other, axis=1, keepdims=True) - np.nanmin(other, axis=1, keepdims=True)
+    apart = np.sum(np.abs(np.nan_to_num((one - other) / np.where(ranges > 0, ranges, np.inf))), axis=0)
     width = min(len(time_s), max(FEWEST, round(CLOSE * len(time_s))))
     first = int(np.argmax(np.convolve(apart, np.ones(width), mode="valid")))
     moment = float(time_s[first + int(np.argmax(apart[first : first + width]))])

@@ -18,6 +18,8 @@ Floats = NDArray[np.float64]
 
 #: So many recordings are played: those held out first, then those in which the models part most.
 PLAYED = 3
+#: Samples of a longer recording are left out evenly.
+MOST = 12000
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,22 +48,21 @@ def played(
     return [_data(one, before, after, base, better) for *_, one, base, better in rows[:PLAYED]]
 
 
-def _data(
-    one: Recording, before: Model, after: Model | None, base: Floats, better: Floats | None
-) -> dict[str, Any]:
+def _data(one: Recording, before: Model, after: Model | None, base: Floats, better: Floats | None) -> dict[str, Any]:
     system = before.system
-    moment, window = parting(one.time_s, base, one.seen if better is None else better, one.sigma())
+    moment, window = parting(one.time_s, base, one.seen if better is None else better)
     signals = {}
+    every = slice(None, None, -(-len(one.time_s) // MOST))
     for k, channel in enumerate(system.channels):
         scale = channel.shown_per_si
         signals[channel.name] = {
             "title": channel.symbol,
             "unit": channel.shown_unit,
             "factor": scale,
-            "measured": packed(one.seen[k] * scale),
-            "sigma": packed(one.sigma()[k] * scale),
-            "predicted": packed((base if better is None else better)[k] * scale),
-            "before": None if better is None else packed(base[k] * scale),
+            "measured": packed(one.seen[k, every] * scale),
+            "sigma": packed(one.sigma()[k, every] * scale),
+            "predicted": packed((base if better is None else better)[k, every] * scale),
+            "before": None if better is None else packed(base[k, every] * scale),
             "known": True,
             "metrics": None,
         }
@@ -77,7 +78,7 @@ def _data(
         "snapping": [],
         "lost": [],
         "toml": "",
-        "time": packed(one.time_s),
+        "time": packed(one.time_s[every]),
         "signals": signals,
     }
     shown = system.shown().played(one, (after or before).fit)

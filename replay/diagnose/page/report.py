@@ -50,7 +50,7 @@ def story(f: Findings, found: Inquiry) -> Story:
             f.held.heldout if f.held else (),
         ),
         improved=improved is not None,
-        laws=laws_of(f, shown),
+        laws=laws_of(f, campaign.system),
         laws_say=laws_say(f),
         errors=errors,
         errors_say=errors_say,
@@ -103,7 +103,7 @@ def _before_and_after(f: Findings, found: Inquiry) -> tuple[list[Error], str, li
         few = f"{_definition('in all runs', channels)} Nothing was held out."
         return errors, few, []
     after = _improved(f) is not None
-    share = held.explained() or []
+    share = held.explained() if after else []
     errors = []
     for c in channels:
         told = ""
@@ -125,7 +125,6 @@ def _before_and_after(f: Findings, found: Inquiry) -> tuple[list[Error], str, li
 def _error(c: Any, before: float, after: float | None, noise: float, told: str) -> Error:
     scale = c.shown_per_si
     return Error(c.symbol, c.shown_unit, scale * before, None if after is None else scale * after, scale * noise, told)
-
 
 
 def _rivals(f: Findings, found: Inquiry) -> list[Rival]:

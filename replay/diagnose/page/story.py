@@ -9,14 +9,19 @@ from typing import Any
 from straw.replay.diagnose.page.shown import Drawing
 
 
+#: A 95 % interval is so many standard deviations to either side.
+INTERVAL = 1.96
+
+
 @dataclass(frozen=True)
 class Constant:
-    """A constant of a law: its symbol or name, what it is, value, one standard deviation, unit ("1" for none)."""
+    """A constant of a law: its symbol or name, what it is, value, 95 % interval, unit ("1" for none)."""
 
     symbol: str
     about: str
     value: float
-    sigma: float
+    low: float
+    high: float
     unit: str
 
 

@@ -12,8 +12,6 @@ from straw.replay.report.page import assemble
 
 #: The replay page's scripts without its table and its plane of configurations, and what stands for them.
 SCRIPTS = ("base", "straw", "charts", "film", "player", "story", "main")
-#: A 95 % interval is so many standard deviations to either side.
-INTERVAL = 1.96
 
 
 def written(story: Story) -> str:
@@ -35,8 +33,10 @@ def written(story: Story) -> str:
 def _player_says(story: Story) -> str:
     if not story.runs:
         return ""
-    who = "base and improved model part most; both are fitted to all of them" if story.improved else (
-        "the base model is off most"
+    who = (
+        "base and improved model part most; both are fitted to all of them"
+        if story.improved
+        else ("the base model is off most")
     )
     return f"<h2>The recordings, played</h2><p>They begin where {who}.</p>"
 
@@ -89,7 +89,7 @@ def _law(one: LawTold) -> str:
     if one.constants:
         rows = "".join(
             f"<tr><td>{mathml(c.symbol)} <small>{text(c.about)}</small></td><td>{quantity([c.value], c.unit)}</td>"
-            f"<td>{quantity([c.value - INTERVAL * c.sigma, c.value + INTERVAL * c.sigma], c.unit)}</td></tr>"
+            f"<td>{quantity([c.low, c.high], c.unit)}</td></tr>"
             for c in one.constants
         )
         head = "<tr><th>constant</th><th>value</th><th>95 % interval</th></tr>"

@@ -104,7 +104,9 @@ def _banded(straw: StrawParameters, curve: Curve, fit: Fit, covariance: Floats, 
         high, low = (of(*applied(straw, fit.unknowns, fit.u + sign * step)) for sign in (1, -1))
         slopes.append((high - low) / (2 * STEP))
     J = np.array(slopes)
-    return LawCurve(at, values, np.sqrt(np.maximum(np.einsum("kn,kj,jn->n", J, covariance, J), 0.0)), over, shows, parts)
+    return LawCurve(
+        at, values, np.sqrt(np.maximum(np.einsum("kn,kj,jn->n", J, covariance, J), 0.0)), over, shows, parts
+    )
 
 
 def _even(values: Any, cells: int) -> Floats:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from straw.model.parameters import StrawParameters
 from straw.model.terms import TERMS
 from straw.replay.diagnose.page.shown import Drawing
+from straw.replay.diagnose.page.words import and_
 
 #: Millimetres drawn left of the clamp and right of the tip, and above and below the axis beyond the rim.
 LEFT, RIGHT, ABOVE, BELOW = 42.0, 16.0, 24.0, 9.0
@@ -61,9 +62,11 @@ def portrait(straw: StrawParameters, cells: Sequence[int], causes: Sequence[str]
     low = -ro - ABOVE
     box = f"{-LEFT} {low} {LEFT + tip + BOARD_MM + RIGHT} {2 * ro + ABOVE + BELOW}"
     where = " and ".join(PLACES[name] for name in PLACES if name in marked)
-    names = ", ".join(map(str, cells))
-    filled = f" The snaps of cell {names} differ most." if cells else ""
-    caption = f"In red: {where}.{filled}" if where else f"Nothing is marked.{filled}" if not filled else filled.strip()
+    cell = f"{'cell' if len(cells) == 1 else 'cells'} {and_([str(c) for c in cells])}"
+    told = [f"In red: {where}" + (f" ({cell}, whose snaps differ most)" if "frusta" in marked and cells else "")]
+    if cells and "frusta" not in marked:
+        told.append(f"In pale red: {cell}, whose snaps differ most")
+    caption = "".join(f"{one}. " for one in (told if where else told[1:])).strip()
     label = f"The straw; marked: {where or 'nothing'}"
     svg = f'<svg role="img" aria-label="{label}" viewBox="{box}">{"".join([*apparatus, *parts, *rims])}</svg>'
     return Drawing(svg, caption)

@@ -29,8 +29,6 @@ Floats = NDArray[np.float64]
 COLOURS = (AFTER, BEFORE, INK, SOFT)
 
 
-
-
 class StrawShown(Shown):
     """Of one straw."""
 
