@@ -116,7 +116,7 @@ function drawCharts(run) {
     const residual = off(q.predicted), others = q.before ? [off(q.before)] : [];
     const least = known ? 4 : 0;
     add({
-      height: 80, unit: known ? "residual / σ" : `residual / ${s.unit}`, series: [...others.map(() => line("base", "before", 1)), line("residual", "predicted", 1)],
+      height: 80, last: run.brief && !run.pressure && q === a[Object.keys(run.signals).pop()], unit: known ? "residual / σ" : `residual / ${s.unit}`, series: [...others.map(() => line("base", "before", 1)), line("residual", "predicted", 1)],
       scales: { y: { range: (u, min, max) => { const r = Math.max(least, 1.1 * Math.max(-min, max)); return [-r, r]; } } },
     }, () => [a.time, ...others, residual]);
   }

@@ -8,6 +8,7 @@ function drawTable(runs) {
   }
   $("#who").textContent = runs[0].who;
   if (!runs[0].straw) $("#straw").parentElement.remove();
+  if (!runs[0].pressure) document.querySelectorAll(".pressure").forEach((e) => e.remove());
 }
 
 // Also after drawing: charts begin at the stretch in which the models part.

@@ -49,8 +49,9 @@ function reachOf(run) {
 }
 
 function drawStraw(run, t) {
+  if (!run.straw) return; // a system that has no drawing
   const a = arraysOf(run), s = run.straw, r = reachOf(run);
-  if (!a.zeta || !a.zeta.length) return;
+  if (!a.zeta.length) return;
   const ratio = Math.min(0.6, Math.max(0.42, (r.z[1] - r.z[0]) / (r.x[1] - r.x[0]))), [c, width, height] = canvasOf("#straw", ratio);
   const scale = Math.min((width - 16) / (r.x[1] - r.x[0]), (height - 16) / (r.z[1] - r.z[0]));
   const px = (x) => width / 2 + (x - (r.x[0] + r.x[1]) / 2) * scale, pz = (z) => height / 2 - (z - (r.z[0] + r.z[1]) / 2) * scale;
@@ -140,5 +141,5 @@ function polygon(c, points) {
 function statesKey() {
   if (!runs[0].straw) return;
   $("#states").innerHTML = Object.values(STATES).map(([name, word]) => `<span class="box" style="background:var(--${name})"></span>${word}`).join("") +
-    ` <span class="base"><span class="swatch before"></span>base model</span> <span class="swatch predicted"></span>${runs[0].who || "model"}'s tip` + (document.body.className === "live" ? "" : ` <span class="mark measured">┄</span> measured tip`);
+    ` <span class="entry base"><span class="swatch before"></span>base model</span> <span class="entry"><span class="swatch predicted"></span>${runs[0].who || "model"}'s tip</span>` + (document.body.className === "live" ? "" : ` <span class="mark measured">┄</span> measured tip`);
 }

@@ -36,6 +36,9 @@ def story(f: SystemFindings) -> Story:
         picture=shown.picture(None, (), [one.law.place.name for one in f.laws]),
         runs=played(f.recordings, Model(d.base.system, d.base.fit), after, {one.name for one in held}),
         improved=after is not None,
+        fitted_say=f"No fit saw {and_([one.name for one in held if not one.fitted.any()])}."
+        if any(not one.fitted.any() for one in held)
+        else "",
         laws=[_law(one, k, len(f.laws)) for k, one in enumerate(f.laws, 1)],
         errors=_errors(f),
         errors_say=_errors_say(f),
@@ -92,7 +95,7 @@ def _law(one: Told, number: int, of: int) -> LawTold:
 def _errors(f: SystemFindings) -> list[Error]:
     d, out = f.discovery, []
     for k, c in enumerate(d.base.system.channels):
-        shares = [f"law {n}: {100 * one['share'][c.name]:.0f} %" for n, one in enumerate(f.explained, 1)]
+        shares = [f"{_the_law(f, n)} {100 * one['share'][c.name]:.0f} %" for n, one in enumerate(f.explained, 1)]
         told = f"explained of the mean square above noise: {', '.join(shares)}" if shares else ""
         after = float(d.held[-1][k]) if f.laws else None
         out.append(Error(c.symbol, c.shown_unit, float(d.held[0][k]), after, float(d.noise[k]), told))
@@ -106,6 +109,10 @@ def _errors_say(f: SystemFindings) -> str:
         f"Misfit is the root mean square (RMS) of simulated minus measured {where}. Noise is what a perfect model would "
         "leave."
     )
+
+
+def _the_law(f: SystemFindings, number: int) -> str:
+    return "the law" if len(f.laws) == 1 else f"law {number}"
 
 
 def _fits(f: SystemFindings) -> list[tuple[str, str]]:
@@ -132,7 +139,7 @@ def _unseen(f: SystemFindings) -> str:
     ]
     rest = f" What remains above noise, {and_(left)} (RMS), is not explained by anything here." if left else ""
     states = "".join(
-        f" Of law {k} nothing is known outside {one.law.state.name} = {sig(one.law.state.low)} to "
+        f" Of {_the_law(f, k)} nothing is known outside {one.law.state.name} = {sig(one.law.state.low)} to "
         f"{sig(one.law.state.high)} {one.law.state.unit}.".replace(" 1.", ".")
         for k, one in enumerate(f.laws, 1)
         if one.law.over != "nothing"

@@ -1,4 +1,4 @@
-"""What a reader may want to look up below the story: where the base is off, which constant wanders, the model's text."""
+"""What a reader may look up below the story: where the base is off, which constant wanders, the model's text."""
 
 from __future__ import annotations
 

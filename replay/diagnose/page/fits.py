@@ -40,7 +40,7 @@ def left_over(
         if fitted is not None:
             across = axes.get_xaxis_transform()
             axes.fill_between(t, 0, 1, where=fitted[every], transform=across, color=LINE, alpha=0.5, linewidth=0)
-        axes.fill_between(t, -noise, noise, color=BAND, alpha=0.45, linewidth=0, label="noise, ±2σ")
+        axes.fill_between(t, -noise, noise, color=BAND, alpha=0.45, linewidth=0, label="noise, 95 %")
         lines = [(before, BEFORE, "base model")] + ([(after, AFTER, "improved model")] if after is not None else [])
         for line, colour, label in lines:
             off = channel.shown_per_si * (line[k, every] - observed.seen[k, every])

@@ -66,7 +66,9 @@ def laws_say(f: Findings) -> str:
 def _missing(m: Any) -> LawTold:
     """The curve with its band, and the shortest formula that keeps what it gains."""
     s = m.curve.state
-    curve = LawCurve(m.at, m.values, m.sigmas, f"{s.symbol} / {s.state_unit}", f"{s.value_symbol} / {s.value_unit}")
+    scale, over = (1e3, "mm") if s.state_unit == "m" else (1.0, s.state_unit)
+    shows = f"{s.value_symbol} / {s.value_unit}".removesuffix(" / 1")
+    curve = LawCurve(scale * m.at, m.values, m.sigmas, f"{s.symbol} / {over}", shows)
     says = f"{s.says[:1].upper()}{s.says[1:]}"
     if m.formula is None:
         return LawTold(says, "", "", [], _drawn(curve))
@@ -78,7 +80,7 @@ def _missing(m: Any) -> LawTold:
         for name, c, e, unit in zip(names, m.formula.coefficients, m.formula.sigmas, m.formula.units, strict=True)
     ]
     keeps = f"The formula keeps {100 * m.formula.keeps:.0f} % of what the curve gains."
-    picture = law_curve(curve, (x, m.formula.of(x)))
+    picture = law_curve(curve, (scale * x, m.formula.of(x)))
     return LawTold(says, f"{m.formula.symbol} = {' + '.join(parts)}", keeps, told, f"<figure>{picture}</figure>")
 
 

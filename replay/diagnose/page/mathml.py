@@ -8,20 +8,23 @@ from __future__ import annotations
 
 import html
 import re
+import unicodedata
 
-GREEK = {
-    "alpha": "α", "beta": "β", "gamma": "γ", "zeta": "ζ", "phi": "φ", "Phi": "Φ", "rho": "ρ", "tau": "τ", "mu": "μ",
-    "omega": "ω", "theta": "θ", "pi": "π", "eta": "η", "sigma": "σ", "kappa": "κ", "lambda": "λ", "nu": "ν",
-}  # fmt: skip
+from straw.replay.diagnose.page.words import raised
+
+LETTERS = "alpha beta gamma delta zeta eta theta kappa lamda mu nu xi pi rho sigma tau phi chi psi omega"
+GREEK = {name: unicodedata.lookup(f"GREEK SMALL LETTER {name}") for name in LETTERS.split()}
+GREEK |= {"lambda": GREEK["lamda"], "Phi": unicodedata.lookup("GREEK CAPITAL LETTER PHI")}
+MINUS, PRIME, D = "&#x2212;", "&#x2032;", "<mi mathvariant='normal'>d</mi>"
 FUNCTIONS = {"exp", "tanh", "sign", "max", "min", "sin", "cos", "log", "ln", "late", "mod"}
 TOKENS = re.compile(
-    r"\s+|(?P<number>\d+(?:\.\d+)?(?:e[+-]?\d+)?)|(?P<name>[A-Za-zα-ωΑ-Ω]\w*)|(?P<unit>\[[^\]]*\])|(?P<other>->|.)"
+    r"\s+|(?P<number>\d+(?:\.\d+)?(?:e[+-]?\d+)?)|(?P<name>[^\W\d]\w*)|(?P<unit>\[[^\]]*\])|(?P<other>->|.)"
 )
 #: Units that may follow a number; a symbol of the same name stands elsewhere.
 UNITS = {"m", "mm", "s", "ms", "N", "Pa", "kPa", "rad", "mrad", "V", "A", "kg", "K", "Hz", "J", "W"}
 #: Longest name that is a symbol by itself; longer ones are words.
 SYMBOL = 2
-SIGNS = {"-": "−", "*": "·", "->": "→"}
+SIGNS = {"-": MINUS, "*": "·", "->": "→"}
 NUMBER = re.compile(r"(\d(?:\.\d+)?)e([+-]?\d+)")
 OPEN, CLOSE = "<mrow><mo>(</mo>", "<mo>)</mo></mrow>"
 Token = tuple[str, str]
@@ -49,7 +52,7 @@ class _Reader:
     def __init__(self, text: str) -> None:
         found = [(m.lastgroup, m[0]) for m in TOKENS.finditer(text) if m.lastgroup]
         self.tokens: list[Token] = [(str(kind), word) for kind, word in found]
-        self.at, self.bars = 0, 0
+        self.at = 0
 
     def row(self, ends: str = "") -> str:
         """Everything up to one of ``ends``, which is left to the caller."""
@@ -68,10 +71,8 @@ class _Reader:
         one = self._rate() or self._atom()
         while (token := self._next()) is not None and token[1] in ("^", "'"):
             self.at += 1
-            if token[1] == "'":
-                one = f"<msup>{one}<mo>′</mo></msup>"
-            else:
-                one = f"<msup>{one}{self._power()}</msup>"
+            above = f"<mo>{PRIME}</mo>" if token[1] == "'" else self._power()
+            one = f"<msup>{one}{above}</msup>"
         return one
 
     def _rate(self) -> str:
@@ -82,12 +83,12 @@ class _Reader:
         self.at += 1
         name = self._atom()
         self.at += 2
-        return f"<mfrac><mrow><mi mathvariant='normal'>d</mi>{name}</mrow><mrow><mi mathvariant='normal'>d</mi><mi>t</mi></mrow></mfrac>"
+        return f"<mfrac><mrow>{D}{name}</mrow><mrow>{D}<mi>t</mi></mrow></mfrac>"
 
     def _power(self) -> str:
         if (token := self._next()) is not None and token[1] == "-":
             self.at += 1
-            return f"<mrow><mo>−</mo>{self._atom()}</mrow>"
+            return f"<mrow><mo>{MINUS}</mo>{self._atom()}</mrow>"
         return self._atom()
 
     def _atom(self) -> str:
@@ -110,7 +111,7 @@ class _Reader:
             inside = self.row("|")
             self._skip()
             return f"<mrow><mo>|</mo>{inside}<mo>|</mo></mrow>"
-        return f"<mo>{html.escape(SIGNS.get(word, word))}</mo>"
+        return f"<mo>{SIGNS.get(word) or html.escape(word)}</mo>"
 
     def _unit(self) -> str:
         """What a number is in, where a unit follows it."""
@@ -120,8 +121,7 @@ class _Reader:
                 break
             found.append(token[1])
             self.at += 1
-        text = re.sub(r"\^(\d)", lambda power: "⁰¹²³⁴⁵"[int(power[1])], "".join(_spaced(found)))
-        return f"<mtext>&#8239;{html.escape(text)}</mtext>" if found else ""
+        return f"<mtext>&#8239;{html.escape(raised(''.join(_spaced(found))))}</mtext>" if found else ""
 
     def _name(self, word: str) -> str:
         if word == "sqrt" and (token := self._next()) is not None and token[1] == "(":
@@ -165,5 +165,5 @@ def _number(word: str) -> str:
     found = NUMBER.fullmatch(word)
     if not found:
         return f"<mn>{word}</mn>"
-    power = f"<msup><mn>10</mn><mn>{str(int(found[2])).replace('-', '−')}</mn></msup>"
+    power = f"<msup><mn>10</mn><mn>{str(int(found[2])).replace('-', MINUS)}</mn></msup>"
     return f"<mrow><mn>{found[1]}</mn><mo>·</mo>{power}</mrow>"

@@ -51,6 +51,7 @@ def story(f: Findings, found: Inquiry) -> Story:
         ),
         improved=improved is not None,
         laws=laws_of(f, campaign.system),
+        laws_head="The nearest that was found" if f.missing and not f.discovered else "The law",
         laws_say=laws_say(f),
         errors=errors,
         errors_say=errors_say,
@@ -156,7 +157,7 @@ def _unseen(f: Findings, found: Inquiry) -> tuple[list[tuple[str, str, str]], st
         rows.append((words(cause), what[2] or name, least.removesuffix(" 1")))
     return (
         rows,
-        f"Smaller effects than these may be there: each would have been seen {beside} from this size on (to first order).",
+        f"Smaller effects may be there: each would have been seen {beside} from this size on, to first order.",
     )
 
 

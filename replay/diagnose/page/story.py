@@ -8,7 +8,6 @@ from typing import Any
 
 from straw.replay.diagnose.page.shown import Drawing
 
-
 #: A 95 % interval is so many standard deviations to either side.
 INTERVAL = 1.96
 
@@ -76,7 +75,9 @@ class Story:
     picture: Drawing
     runs: list[dict[str, Any]]  # for the player; each may have ``at``, the moment to begin with, and ``window``
     improved: bool  # whether there is an improved model to show
+    fitted_say: str = "Both are fitted to all of them."
     laws: Sequence[LawTold] = ()
+    laws_head: str = "The law"
     laws_say: str = ""
     errors: Sequence[Error] = ()
     errors_say: str = ""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 #: Units that are read in thousandths where numbers are small.
 SMALL = {"m": "mm", "s": "ms", "rad": "mrad", "N": "mN", "N m": "mN m"}
+MINUS = "\u2212"
 POWERS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -24,11 +26,16 @@ def sig(value: float) -> str:
     text = f"{value:.3g}".replace("e-0", "e-").replace("e+0", "e")
     head, _, power = text.partition("e")
     text = f"{head}·10{power.translate(POWERS).replace('-', '⁻')}" if power else head
-    return text.replace("-", "−")
+    return text.replace("-", MINUS)
 
 
-def quantity(values: Sequence[float], unit: str) -> str:
-    """A value, or the two ends of an interval, with the unit in which they are read."""
-    if unit in SMALL and max(map(abs, values)) < 0.1:
-        values, unit = [1e3 * v for v in values], SMALL[unit]
-    return f"{' to '.join(map(sig, values))} {unit}".removesuffix(" 1").strip()
+def quantity(value: float, low: float, high: float, unit: str) -> tuple[str, str]:
+    """A value with the unit in which it is read, and an interval in the same unit."""
+    if unit in SMALL and abs(value) < 0.1:
+        value, low, high, unit = 1e3 * value, 1e3 * low, 1e3 * high, SMALL[unit]
+    return f"{sig(value)} {raised(unit)}".removesuffix(" 1"), f"{sig(low)} to {sig(high)}"
+
+
+def raised(unit: str) -> str:
+    """A unit with its powers raised: kg/m^4."""
+    return re.sub(r"\^(-?\d+)", lambda found: found[1].translate(POWERS).replace("-", "⁻"), unit)

@@ -33,18 +33,15 @@ def written(story: Story) -> str:
 def _player_says(story: Story) -> str:
     if not story.runs:
         return ""
-    who = (
-        "base and improved model part most; both are fitted to all of them"
-        if story.improved
-        else ("the base model is off most")
-    )
-    return f"<h2>The recordings, played</h2><p>They begin where {who}.</p>"
+    who = "base and improved model part most" if story.improved else "the base model is off most"
+    fitted = f" {story.fitted_say}" if story.improved else ""
+    return f"<h2>The recordings, played</h2><p>{text(f'They begin where {who}.{fitted}')}</p>"
 
 
 def _below(s: Story) -> str:
     parts = []
     if s.laws:
-        parts.append("<h2>The law</h2>" + (f"<p>{text(s.laws_say)}</p>" if s.laws_say else ""))
+        parts.append(f"<h2>{text(s.laws_head)}</h2>" + (f"<p>{text(s.laws_say)}</p>" if s.laws_say else ""))
         parts += [_law(one) for one in s.laws]
     if s.errors:
         parts.append(f"<h2>{'Before and after' if s.improved else 'How far the base model is off'}</h2>")
@@ -88,8 +85,9 @@ def _law(one: LawTold) -> str:
         out += f"<p class=facts>{text(one.words)}</p>"
     if one.constants:
         rows = "".join(
-            f"<tr><td>{mathml(c.symbol)} <small>{text(c.about)}</small></td><td>{quantity([c.value], c.unit)}</td>"
-            f"<td>{quantity([c.low, c.high], c.unit)}</td></tr>"
+            f"<tr><td>{mathml(c.symbol)} <small>{text(c.about)}</small></td>"
+            + "".join(f"<td>{text(one)}</td>" for one in quantity(c.value, c.low, c.high, c.unit))
+            + "</tr>"
             for c in one.constants
         )
         head = "<tr><th>constant</th><th>value</th><th>95 % interval</th></tr>"
@@ -124,7 +122,8 @@ def _rivals(rivals: Sequence[Rival], channels: Sequence[str]) -> str:
         + "</tr>"
         for r in rivals
     )
-    return f"<div class=scroll><table class=rivals><tr><th></th><th>probability</th><th></th>{head}</tr>{rows}</table></div>"
+    top = f"<tr><th></th><th>probability</th><th></th>{head}</tr>"
+    return f"<div class=scroll><table class=rivals>{top}{rows}</table></div>"
 
 
 def _percent(p: float) -> str:
