@@ -105,10 +105,8 @@ def _errors(f: SystemFindings) -> list[Error]:
 def _errors_say(f: SystemFindings) -> str:
     names = [o.name for o in f.recordings if o.held.any() and not o.fitted.any()]
     where = f"in {and_(names)}, which no fit saw" if names else _there(f).lower()
-    return (
-        f"Misfit is the root mean square (RMS) of simulated minus measured {where}. Noise is what a perfect model would "
-        "leave."
-    )
+    misfit = f"Misfit is the root mean square (RMS) of simulated minus measured {where}."
+    return f"{misfit} Noise is what a perfect model would leave."
 
 
 def _the_law(f: SystemFindings, number: int) -> str:
@@ -129,14 +127,9 @@ def _fits(f: SystemFindings) -> list[tuple[str, str]]:
 
 def _unseen(f: SystemFindings) -> str:
     d = f.discovery
-    noise = and_(
-        [f"{sig(n)} {c.shown_unit} in {c.symbol}" for n, c in zip(d.noise, d.base.system.channels, strict=True)]
-    )
-    left = [
-        f"{sig(r)} {c.shown_unit} in {c.symbol}"
-        for r, c in zip(f.remainder, d.base.system.channels, strict=True)
-        if r > 0
-    ]
+    channels = d.base.system.channels
+    noise = and_([f"{sig(n)} {c.shown_unit} in {c.symbol}" for n, c in zip(d.noise, channels, strict=True)])
+    left = [f"{sig(r)} {c.shown_unit} in {c.symbol}" for r, c in zip(f.remainder, channels, strict=True) if r > 0]
     rest = f" What remains above noise, {and_(left)} (RMS), is not explained by anything here." if left else ""
     states = "".join(
         f" Of {_the_law(f, k)} nothing is known outside {one.law.state.name} = {sig(one.law.state.low)} to "

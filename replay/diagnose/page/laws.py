@@ -12,7 +12,7 @@ from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.page.fits import law_curve
 from straw.replay.diagnose.page.shown import LawCurve
 from straw.replay.diagnose.page.story import INTERVAL, Constant, LawTold
-from straw.replay.diagnose.page.words import words
+from straw.replay.diagnose.page.words import symbol_of, words
 from straw.replay.diagnose.system import System
 
 #: Points at which a formula is drawn.
@@ -36,7 +36,7 @@ def laws_of(f: Findings, system: System) -> list[LawTold]:
         about = law.about if law else {}
         told = []
         for name, v in constants.items():
-            symbol, _, what = about.get(name, name).partition(", ")
+            symbol, what = symbol_of(name, about.get(name, ""))
             told.append(Constant(symbol, what, v["value"], *intervals[cause, name], v["unit"]))
         picture = _drawn(law.curve) if law and law.curve else ""
         out.append(LawTold(words(cause), law.formula if law else "", law.source if law else "", told, picture))

@@ -16,7 +16,7 @@ from straw.replay.diagnose.page.laws import laws_of, laws_say
 from straw.replay.diagnose.page.player import Model, played
 from straw.replay.diagnose.page.shown import Shown
 from straw.replay.diagnose.page.story import Error, Next, Rival, Story
-from straw.replay.diagnose.page.words import and_, sig, words
+from straw.replay.diagnose.page.words import and_, raised, sig, symbol_of, words
 from straw.replay.diagnose.page.write import written
 
 #: How many other explanations are told.
@@ -42,7 +42,7 @@ def story(f: Findings, found: Inquiry) -> Story:
     return Story(
         says=f.says,
         where=" ".join(filter(None, [f.where, _gain(f, campaign.system.channels)])),
-        picture=shown.picture(f.model, places, f.causes),
+        picture=shown.picture(f.model, places, [f.missing.place] if f.missing and f.discovered else f.causes),
         runs=played(
             campaign.observations,
             Model(campaign.system, found.null),
@@ -153,8 +153,10 @@ def _unseen(f: Findings, found: Inquiry) -> tuple[list[tuple[str, str, str]], st
     rows = []
     for cause, size in sorted(sizes.items()):
         name, _, least = size.partition(" ")
-        what = found.campaign.system.shown().about(cause).get(name, name).partition(", ")
-        rows.append((words(cause), what[2] or name, least.removesuffix(" 1")))
+        symbol, what = symbol_of(name, found.campaign.system.shown().about(cause).get(name, ""))
+        number, _, unit = least.partition(" ")
+        size_ = f"{sig(float(number))} {raised(unit)}".removesuffix(" 1")
+        rows.append((words(cause), what or symbol, size_))
     return (
         rows,
         f"Smaller effects may be there: each would have been seen {beside} from this size on, to first order.",

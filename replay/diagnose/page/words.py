@@ -8,6 +8,8 @@ from collections.abc import Sequence
 #: Units that are read in thousandths where numbers are small.
 SMALL = {"m": "mm", "s": "ms", "rad": "mrad", "N": "mN", "N m": "mN m"}
 MINUS = "\u2212"
+#: What a constant is begins with its symbol: "c, damping at rest"; its name ends with its unit.
+SYMBOL, UNIT = re.compile(r"(\S{1,8})(?:[,;] (.*))?"), re.compile(r"_(m|m2|m3|s|n|pa|rad|kg)(_.*)?$")
 POWERS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -39,3 +41,9 @@ def quantity(value: float, low: float, high: float, unit: str) -> tuple[str, str
 def raised(unit: str) -> str:
     """A unit with its powers raised: kg/m^4."""
     return re.sub(r"\^(-?\d+)", lambda found: found[1].translate(POWERS).replace("-", "⁻"), unit)
+
+
+def symbol_of(name: str, about: str) -> tuple[str, str]:
+    """A constant's symbol and what it is, from its name and what is said about it."""
+    found = SYMBOL.fullmatch(about)
+    return (found[1], found[2] or "") if found else (UNIT.sub("", name), about)

@@ -13,6 +13,7 @@ from straw.model.terms import TERMS
 from straw.replay.diagnose.fit import Fit
 from straw.replay.diagnose.page.pictures import AFTER, BEFORE, INK, LEGEND, SOFT, axes_of, svg
 from straw.replay.diagnose.page.shown import Drawing, Law, Shown
+from straw.replay.diagnose.page.words import symbol_of
 from straw.replay.diagnose.systems.straw.experiment import Experiment
 from straw.replay.diagnose.systems.straw.law_curves import about_instrument, instrument_law, law_curve
 from straw.replay.diagnose.systems.straw.library import hypothesis
@@ -47,7 +48,8 @@ class StrawShown(Shown):
         for k in hypothesis([cause], self.straw.cells).unknowns:
             _, term, name, *where = k.target.split(".")
             known = {c.name: c.about for c in TERMS[term.partition("&")[0]].constants}
-            about[".".join([name, *where])] = f"cell {where[0]}, {known[name]}" if where else known[name]
+            symbol, what = symbol_of(name, known[name])
+            about[".".join([name, *where])] = f"{symbol}_{where[0]}, {what}" if where else known[name]
         return about
 
     def law(self, cause: str, fit: Fit, covariance: Floats) -> Law | None:
