@@ -18,7 +18,7 @@ from straw.replay.demo.film import lens_alone
 from straw.replay.diagnose.diagnosis import inquire
 from straw.replay.diagnose.findings import Findings, conclude
 from straw.replay.diagnose.heldout import Held
-from straw.replay.diagnose.report import report
+from straw.replay.diagnose.page.report import report
 from straw.replay.diagnose.systems.straw.observation import observe
 from straw.replay.diagnose.systems.straw.system import StrawSystem
 from straw.replay.errors import ReplayError

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.fit import Contestant
+from straw.replay.diagnose.fit import Contestant, Fit
 from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.judge import CALIBRATION, decisive
 from straw.replay.diagnose.robust import weights
@@ -19,16 +20,9 @@ Floats = NDArray[np.float64]
 
 
 def constants_of(system: System, best: Contestant) -> dict[str, dict[str, dict[str, Any]]]:
-    """The causes' constants with one sigma, by cause and constant; residuals beyond noise widen it.
-
-    So many squared sigmas are one deviation here (`ONE_DEVIATION`): no model is nature, and the base's constants make
-    up for what it leaves out, so instruments' constants came out up to ten of the likelihood's own deviations wrong.
-    """
-    fit, slopes = best.fit, best.fit.slopes
-    w = weights(fit.residual)
-    spread = max(1.0, float(np.mean(w * fit.residual**2)))
-    prior = np.diag([1 / k.sd**2 for k in fit.unknowns])
-    covariance = np.linalg.pinv((slopes * w[:, None]).T @ slopes / (spread * ONE_DEVIATION) + prior)
+    """The causes' constants with one sigma, by cause and constant."""
+    fit = best.fit
+    covariance = covariance_of(fit)
     out: dict[str, dict[str, dict[str, Any]]] = {cause: {} for cause in best.hypothesis.causes}
     for k, (unknown, u) in enumerate(zip(fit.unknowns, fit.u, strict=True)):
         cause, name, unit = system.named(unknown)
@@ -36,6 +30,19 @@ def constants_of(system: System, best: Contestant) -> dict[str, dict[str, dict[s
             sigma = abs(unknown.per_u(float(u))) * float(np.sqrt(covariance[k, k]))
             out[cause][name] = {"value": unknown.value(float(u)), "sigma": sigma, "unit": unit}
     return out
+
+
+def covariance_of(fit: Fit) -> Floats:
+    """Of a fit's u, (unknowns, unknowns); residuals beyond noise widen it.
+
+    So many squared sigmas are one deviation here (`ONE_DEVIATION`): no model is nature, and the base's constants make
+    up for what it leaves out, so instruments' constants came out up to ten of the likelihood's own deviations wrong.
+    """
+    w = weights(fit.residual)
+    spread = max(1.0, float(np.mean(w * fit.residual**2)))
+    prior = np.diag([1 / k.sd**2 for k in fit.unknowns])
+    curvature = (fit.slopes * w[:, None]).T @ fit.slopes / (spread * ONE_DEVIATION) + prior
+    return np.asarray(np.linalg.pinv(curvature))
 
 
 def told(constants: dict[str, dict[str, Any]]) -> list[str]:
@@ -46,16 +53,23 @@ def told(constants: dict[str, dict[str, Any]]) -> list[str]:
     ]
 
 
-def smallest_seen(campaign: Campaign, found: Inquiry) -> dict[str, str]:
-    """The smallest effect of each cause these runs would have shown: four sigmas, estimated to first order."""
-    null, out = found.null, {}
+def smallest_seen(
+    campaign: Campaign, found: Inquiry, *, beside: Fit | None = None, but: Collection[str] = ()
+) -> dict[str, str]:
+    """The smallest effect of each cause these runs would have shown: four sigmas, estimated to first order.
+
+    ``beside`` the base's fit or another; ``but``: causes that are not told.
+    """
+    null, out = beside or found.null, {}
     w = np.sqrt(weights(null.residual))
     known = null.slopes * w[:, None]
     prior = np.diag([1 / k.sd**2 for k in null.unknowns])
     n = len(null.u)
     for c in found.singles.values():
-        unknowns = c.fit.unknowns
+        unknowns = (*null.unknowns, *c.hypothesis.unknowns)
         strengths = sum(k.kind == "strength" for k in unknowns[n:])
+        if c.name in but:
+            continue
         if strengths > 4 or unknowns[n].kind != "strength":  # a spread has no one size, a form none
             continue
         # as it may act by its own account: what a fit found beside no effect is by chance

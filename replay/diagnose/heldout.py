@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ class Held:
     """RMS by channel (SI) on runs that were not fitted: base model, improved model, and the recordings' noise.
 
     ``steps``: RMS of the base with the first cause, with the first two, ...; ``moves``: range of each channel there.
+    ``lines``: what base and improved model show (SI, (channels, n) each) by run held out.
     """
 
     train: tuple[str, ...]
@@ -34,6 +35,7 @@ class Held:
     floor: dict[str, float]
     moves: dict[str, float]
     steps: tuple[tuple[str, dict[str, float]], ...] = ()
+    lines: Mapping[str, tuple[Floats, Floats]] = field(default_factory=dict)
 
     @property
     def worse(self) -> list[str]:
@@ -52,7 +54,8 @@ class Held:
 
     def of_base(self) -> Held:
         """The same where nothing improves on the base."""
-        return replace(self, chi2_after=self.chi2_before, after=self.before, steps=())
+        lines = {name: (before, before) for name, (before, _) in self.lines.items()}
+        return replace(self, chi2_after=self.chi2_before, after=self.before, steps=(), lines=lines)
 
     @property
     def remainder(self) -> dict[str, float]:
@@ -118,7 +121,12 @@ def hold_out(
         noise_floor(rest),
         moves(rest),
         tuple(steps) if added else (),
+        {o.name: (_shown(rest, o, base), _shown(rest, o, last)) for o in rest.observations},
     )
+
+
+def _shown(campaign: Campaign, observed: Any, fit: Fit) -> Floats:
+    return campaign.system.simulated(observed, fit.unknowns, fit.u)
 
 
 def _chosen(campaign: Campaign, located: Sequence[Located]) -> list[str]:

@@ -147,7 +147,7 @@ def sentence(found: Sequence[Located], wanders: Sequence[Wandering], channels: S
     cell = f" (cell {top.cells[0]})" if top.cells else ""
     where = f"in {top.run}, which shows no snap" if top.phase == "no snap" else f"{top.phase}{cell} of {top.run}"
     text = (
-        f"They differ most {where}, in {names[top.channel]}, and mostly in {top.kind}; "
+        f"Base model and recordings differ most {where}, in {names[top.channel]}, and mostly in {top.kind}; "
         f"{100 * share:.0f} % of the misfit lies in stretches of that kind"
     )
     if wanders and wanders[0].spread_sigma > 10:

@@ -20,6 +20,7 @@ from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
 if TYPE_CHECKING:  # what a system may bring of its own is asked for with the engine's own words
     from straw.replay.diagnose.campaign import Campaign
     from straw.replay.diagnose.fit import Contestant, Fit
+    from straw.replay.diagnose.page.shown import Shown
 
 Floats = NDArray[np.float64]
 
@@ -231,6 +232,12 @@ class System(ABC):
     def missing(self, campaign: Campaign, null: Fit, told: Any) -> Any:
         """What no cause explains, as a law over a state; None where that is not looked for."""
         return None
+
+    def shown(self) -> Shown:
+        """What the page shows of it beside its channels; by default nothing."""
+        from straw.replay.diagnose.page.shown import Shown
+
+        return Shown()
 
     def fitted(self, unknowns: Sequence[Unknown], u: Floats) -> Any:
         """The model with unknowns at u."""

@@ -13,7 +13,7 @@ from straw.replay.commands.diagnose import check_campaign, chosen
 from straw.replay.diagnose.diagnosis import inquire
 from straw.replay.diagnose.findings import Findings, conclude
 from straw.replay.diagnose.inquiry import Inquiry, Told, silent
-from straw.replay.diagnose.report import report
+from straw.replay.diagnose.page.report import report
 from straw.replay.diagnose.systems.straw.observation import observe
 from straw.replay.diagnose.systems.straw.snaps import crossings, levels_of
 from straw.replay.diagnose.systems.straw.system import StrawSystem

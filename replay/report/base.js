@@ -64,14 +64,18 @@ const arraysOf = (run) => {
   }
   const time = unpack(run.time), a = { time };
   for (const [name, s] of Object.entries(run.signals)) {
-    a[name] = { measured: s.measured && unpack(s.measured), sigma: s.sigma && unpack(s.sigma), predicted: unpack(s.predicted) };
+    a[name] = { measured: s.measured && unpack(s.measured), sigma: s.sigma && unpack(s.sigma), predicted: unpack(s.predicted), before: s.before && unpack(s.before) };
   }
-  withGaps(time, Object.keys(run.signals).flatMap((n) => [a[n].measured, a[n].sigma, a[n].predicted].filter(Boolean)));
-  a.shapeTime = unpack(run.shape.time);
-  a.zeta = unpackRows(run.shape.zeta);
-  a.phi = unpackRows(run.shape.phi);
-  a.inside = unpack(run.shape.inside);
-  a.pressureTime = unpack(run.pressure.time);
+  withGaps(time, Object.keys(run.signals).flatMap((n) => [a[n].measured, a[n].sigma, a[n].predicted, a[n].before].filter(Boolean)));
+  a.shapeTime = run.shape ? unpack(run.shape.time) : time; // a system without a shape has its samples only
+  if (run.shape) {
+    a.zeta = unpackRows(run.shape.zeta);
+    a.phi = unpackRows(run.shape.phi);
+    a.inside = unpack(run.shape.inside);
+  }
+  if (run.shapeBefore) a.before = { time: unpack(run.shapeBefore.time), zeta: unpackRows(run.shapeBefore.zeta), phi: unpackRows(run.shapeBefore.phi) };
+  a.pressureTime = run.pressure ? unpack(run.pressure.time) : [];
+  if (!run.pressure) return (run.arrays = a);
   a.pressure = unpack(run.pressure.measured);
   a.command = run.pressure.command ? unpack(run.pressure.command) : a.pressureTime.map(() => null);
   return (run.arrays = a);

@@ -108,25 +108,29 @@ function drawCharts(run) {
     const low = q.measured.map((m, k) => (known && m !== null ? m - 2 * q.sigma[k] : null));
     const high = q.measured.map((m, k) => (known && m !== null ? m + 2 * q.sigma[k] : null));
     add({
-      ...title, height: 150, series: [hidden, hidden, line("measured", "measured", 3.2), line("model", "predicted", 1.3)],
+      ...title, height: 150, series: [hidden, hidden, line("measured", "measured", 3.2), ...(q.before ? [line("base", "before", 1.3)] : []), line(run.who || "model", "predicted", 1.3)],
       bands: [{ series: [1, 2], fill: color("band") }],
-    }, () => [a.time, high, low, q.measured, q.predicted]);
+    }, () => [a.time, high, low, q.measured, ...(q.before ? [q.before] : []), q.predicted]);
     // The residual's scale never shrinks below 4 sigma, so that noise looks like noise.
-    const residual = q.predicted.map((v, k) => (v === null || q.measured[k] === null ? null : (v - q.measured[k]) / (known ? q.sigma[k] : 1)));
+    const off = (said) => said.map((v, k) => (v === null || q.measured[k] === null ? null : (v - q.measured[k]) / (known ? q.sigma[k] : 1)));
+    const residual = off(q.predicted), others = q.before ? [off(q.before)] : [];
     const least = known ? 4 : 0;
     add({
-      height: 80, unit: known ? "residual / σ" : `residual / ${s.unit}`, series: [line("residual", "predicted", 1)],
+      height: 80, last: run.brief && !run.pressure && q === a[Object.keys(run.signals).pop()], unit: known ? "residual / σ" : `residual / ${s.unit}`, series: [...others.map(() => line("base", "before", 1)), line("residual", "predicted", 1)],
       scales: { y: { range: (u, min, max) => { const r = Math.max(least, 1.1 * Math.max(-min, max)); return [-r, r]; } } },
-    }, () => [a.time, residual]);
+    }, () => [a.time, ...others, residual]);
   }
-  add({
-    title: "Pressure", note: "gauge; the measured one drives the model", height: 150, unit: "kPa",
+  if (run.pressure) add({
+    title: "Pressure", note: "gauge; the measured one drives the model", last: run.brief, height: 150, unit: "kPa",
     series: [line("measured", "measured", 3.2), line("command", "command", 1.4, [6, 4]), line("inside", "inside", 1.6, [2, 3])],
   }, () => [a.pressureTime, a.pressure, a.command, resample(a.shapeTime, a.inside, a.pressureTime)]);
   // What other channels and sensors show, where there are any.
   for (const name of Object.keys(a.others || {})) {
     add({ title: html(name.split(" / ")[0]), note: "", height: 90, unit: name.split(" / ")[1] || "", series: [line("measured", "measured", 1.6)] }, () => [a.pressureTime, a.others[name]]);
   }
+  const [min, max] = span();
+  const whole = () => { charts.forEach((chart) => chart.setScale("x", { min, max })); return feeds; };
+  if (run.brief) return whole();
   // The cells in time, as in the paper's Figs. 6 e, f and 7 e, f: those that snap in colour, the rest grey.
   const cells = [...Array(run.straw.cells).keys()];
   const quietFirst = cells.sort((p, q) => run.snapping.includes(p + 1) - run.snapping.includes(q + 1));
@@ -135,9 +139,7 @@ function drawCharts(run) {
   const rows = (rows, factor) => () => [a.shapeTime, ...quietFirst.map((n) => Array.from(evenRow(run, rows, n), (v) => v * factor))];
   add({ title: "Cells, ζ", note: names, height: 120, unit: "mm", series: lines }, rows(a.zeta, 1e3));
   add({ title: "Cells, φ", note: "", height: 140, unit: "rad", series: lines, last: true }, rows(a.phi, 1));
-  const [min, max] = span();
-  charts.forEach((chart) => chart.setScale("x", { min, max }));
-  return feeds;
+  return whole();
 }
 
 function resample(time, values, at) {

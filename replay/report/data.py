@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from straw.model.frustum import Frustum
 from straw.model.frustum_table import TableFrustum
 from straw.model.parameters import StrawParameters
+from straw.model.simulate import Prediction
 from straw.replay.compare import Comparison
 from straw.replay.metrics.snaps import Snap
 from straw.replay.metrics.validation import Quantity
@@ -77,7 +78,7 @@ def data_of(c: Comparison, role: str = "") -> dict[str, Any]:
         "inputs": "Uncertain inputs: " + (", ".join(c.inputs) or "none given") + ".",
         "time": packed(c.signals["x_m"].time_s),
         "signals": signals,
-        "shape": shape(c),
+        "shape": shape(c.prediction, c.straw.form),
         "pressure": pressure(run.pressure, run.command),
         "straw": straw_data(c.straw),
         "toml": c.straw.to_toml(),
@@ -99,10 +100,9 @@ def _quantity(q: Quantity) -> dict[str, Any]:
     return {"name": q.name, "unit": unit, "digits": digits, "verdict": q.verdict, **scaled}
 
 
-def shape(c: Comparison) -> dict[str, Any]:
+def shape(p: Prediction, form: str) -> dict[str, Any]:
     """Every frustum that moves, in 16 bits a number, and the pressure inside (kPa)."""
-    p = c.prediction
-    moving = slice(0, 2) if c.straw.form == "full" else slice(1, 2)
+    moving = slice(0, 2) if form == "full" else slice(1, 2)
     zeta, phi = (rows[:, :, moving].reshape(len(p.time_s), -1) for rows in (p.zeta_m, p.frustum_phi_rad))
     every = slice(None, None, int(np.ceil(2 * zeta.size / SHAPES)))
     return {

@@ -35,9 +35,20 @@ def page(
 
 
 def assemble(
-    title: str, says: str, runs: list[dict[str, Any]], kind: str = "", scripts: Sequence[str] = SCRIPTS
+    title: str,
+    says: str,
+    runs: list[dict[str, Any]],
+    kind: str = "",
+    scripts: Sequence[str] = SCRIPTS,
+    *,
+    above: str = "",
+    below: str = "",
+    styles: Sequence[str] = ("page",),
 ) -> str:
-    """Template, style and script round the data of some runs; ``kind`` is the body's class."""
+    """Template, styles and scripts round the data of some runs; ``kind`` is the body's class.
+
+    ``above`` and ``below`` the player stands what else a page tells, as HTML.
+    """
     here = files("straw.replay.report")
 
     def part(name: str) -> str:
@@ -49,7 +60,9 @@ def assemble(
         "title": html.escape(title),
         "sentence": html.escape(says),
         "kind": kind,
-        "style": part("vendor/uPlot.min.css") + part("page.css"),
+        "style": part("vendor/uPlot.min.css") + "".join(part(f"{name}.css") for name in styles),
+        "above": above,
+        "below": below,
         "uplot": part("vendor/uPlot.iife.min.js"),
         "data": data,
         "script": "\n".join(part(f"{name}.js") for name in scripts),

@@ -21,7 +21,7 @@ function prepareTime(run) {
   slider.max = end;
   prepareFilm(run);
   // begin where there is something to see: at the first snap, else at the end
-  setTime(run.snaps.length ? Math.min(...run.snaps.map(([t]) => t)) + 0.05 : run.live ? end : start);
+  setTime(run.at ?? (run.snaps.length ? Math.min(...run.snaps.map(([t]) => t)) + 0.05 : run.live ? end : start));
 }
 
 function play(on) {

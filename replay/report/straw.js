@@ -35,8 +35,9 @@ function reachOf(run) {
     return (run.reach = b);
   }
   const step = Math.max(1, Math.floor(a.zeta.length / 600));
-  for (let k = 0; k < a.zeta.length; k += step) {
-    const cells = chainOf(run, a.zeta[k], a.phi[k]), [x, z, angle] = cells[cells.length - 1].end;
+  const states = a.zeta.map((zeta, k) => [zeta, a.phi[k]]).concat(a.before ? a.before.zeta.map((zeta, k) => [zeta, a.before.phi[k]]) : []);
+  for (let k = 0; k < states.length; k += step) {
+    const cells = chainOf(run, ...states[k]), [x, z, angle] = cells[cells.length - 1].end;
     const [sin, cos] = [Math.sin(angle), Math.cos(angle)], corners = cells.map(({ end }) => end);
     for (const across of [-s.rO, s.rO]) corners.push([x + s.board * sin + across * cos, z + s.board * cos - across * sin]);
     for (const [u, v] of corners) {
@@ -48,6 +49,7 @@ function reachOf(run) {
 }
 
 function drawStraw(run, t) {
+  if (!run.straw) return; // a system that has no drawing
   const a = arraysOf(run), s = run.straw, r = reachOf(run);
   if (!a.zeta.length) return;
   const ratio = Math.min(0.6, Math.max(0.42, (r.z[1] - r.z[0]) / (r.x[1] - r.x[0]))), [c, width, height] = canvasOf("#straw", ratio);
@@ -87,6 +89,15 @@ function drawStraw(run, t) {
     last = tx;
   });
   const tip = cells[cells.length - 1].end;
+  if (a.before) { // the base model's straw: its outline, and its tip
+    const i = indexAt(a.before.time, t), other = chainOf(run, a.before.zeta[i], a.before.phi[i]);
+    c.strokeStyle = color("before");
+    c.lineWidth = 1.2;
+    for (const { base, middle, end } of other) {
+      for (const [one, r1, two, r2] of [[base, s.rI, middle, s.rO], [middle, s.rO, end, s.rI]]) { quad(one, r1, two, r2); c.stroke(); }
+    }
+    drawBoard(c, side, other[other.length - 1].end, s, color("before"), [], scale);
+  }
   drawBoard(c, side, tip, s, color("predicted"), [], scale);
   const j = indexAt(a.time, t), m = (name) => (a[name].measured ? a[name].measured[j] / run.signals[name].factor : null);
   const seen = [m("x_m"), m("z_m"), m("phi_rad")];
@@ -128,6 +139,7 @@ function polygon(c, points) {
 }
 
 function statesKey() {
+  if (!runs[0].straw) return;
   $("#states").innerHTML = Object.values(STATES).map(([name, word]) => `<span class="box" style="background:var(--${name})"></span>${word}`).join("") +
-    ` <span class="swatch predicted"></span>model's tip` + (document.body.className === "live" ? "" : ` <span class="mark measured">┄</span> measured tip`);
+    ` <span class="entry base"><span class="swatch before"></span>base model</span> <span class="entry"><span class="swatch predicted"></span>${runs[0].who || "model"}'s tip</span>` + (document.body.className === "live" ? "" : ` <span class="mark measured">┄</span> measured tip`);
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -38,10 +38,12 @@ class Experiment:
     initial_deployed: str
     why: str
     expected_separation_sigma: float
+    #: What each hypothesis predicts: its name, times (n,), s, and tip (3, n), SI.
+    seen: tuple[tuple[str, Floats, Floats], ...] = field(default=(), compare=False, repr=False)
 
     def as_json(self) -> dict[str, Any]:
         """The contract's entry."""
-        return dict(vars(self))
+        return {name: value for name, value in vars(self).items() if name != "seen"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +86,14 @@ def next_experiment(campaign: Campaign, survivors: Sequence[Contestant], *, expl
         why = f"{choice.why}; would tell {' from '.join(names)}"
     else:
         why = f"{choice.why}; what comes nearest, {' and '.join(names)}, differs most there"
-    return Experiment(written(choice), ",".join(map(str, choice.deployed)), why, separation)
+    protocol = protocol_from_toml(written(choice), "an experiment")
+    played = (_played(straw_of(campaign), c, protocol) for c in survivors)
+    seen = tuple(
+        (name, np.arange(tip.shape[1]) * SIMULATED_EVERY_S, tip)
+        for name, tip in zip(names, played, strict=True)
+        if tip is not None
+    )
+    return Experiment(written(choice), ",".join(map(str, choice.deployed)), why, separation, seen)
 
 
 def rated(campaign: Campaign, survivors: Sequence[Contestant], protocols: Iterable[str]) -> list[Rated | None]:

@@ -109,6 +109,11 @@ class Missing:
             f"{100 * self.explains:.0f} % of what the base model leaves"
         )
 
+    @property
+    def place(self) -> str:
+        """What it acts on, by the name of the term or the instrument's curve."""
+        return self.curve.state.values.split(".")[1]
+
     def discovered(self, cells: Sequence[int]) -> dict[str, Any]:
         """The same in the contract's words, with a law file."""
         return discovered(self, cells)

@@ -16,6 +16,7 @@ from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Contestant, Fit, evaluated
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
 from straw.replay.diagnose.inquiry import Told
+from straw.replay.diagnose.page.shown import Shown
 from straw.replay.diagnose.settings import MOST_WORK
 from straw.replay.diagnose.system import Channel, Differences, Level, Misfit, System
 from straw.replay.diagnose.systems.straw.base import base_fit, telling_runs
@@ -204,6 +205,12 @@ class StrawSystem(System):
     def missing(self, campaign: Campaign, null: Fit, told: Told) -> Missing | None:
         """A missing force as a curve over a state."""
         return missing_force(campaign, null, told)
+
+    def shown(self) -> Shown:
+        """Portrait, laws, motion, and the next protocol."""
+        from straw.replay.diagnose.systems.straw.shown import StrawShown
+
+        return StrawShown(self.straw)
 
     def fitted(self, unknowns: Sequence[Unknown], u: Floats) -> StrawParameters:
         """The straw with unknowns at u."""

@@ -1,0 +1,87 @@
+"""Recordings for the replay page's player, with base and improved model laid over each other."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from straw.replay.diagnose.fit import Fit
+from straw.replay.diagnose.page.moment import parting
+from straw.replay.diagnose.system import Recording, System
+from straw.replay.report.data import packed
+
+Floats = NDArray[np.float64]
+
+#: So many recordings are played: those held out first, then those in which the models part most.
+PLAYED = 3
+#: Samples of a longer recording are left out evenly.
+MOST = 12000
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A system with a fit of it."""
+
+    system: System
+    fit: Fit
+
+    def shows(self, one: Recording) -> Floats:
+        """What the channels show, (channels, n)."""
+        return self.system.simulated(one, self.fit.unknowns, self.fit.u)
+
+
+def played(
+    recordings: Sequence[Recording], before: Model, after: Model | None, heldout: Collection[str]
+) -> list[dict[str, Any]]:
+    """The player's data of a few recordings; without an improved model it is the base that is played."""
+    rows = []
+    for one in recordings:
+        base = before.shows(one)
+        better = after.shows(one) if after else None
+        apart = (base - (one.seen if better is None else better)) / one.sigma()
+        rows.append((one.name not in heldout, -float(np.nansum(apart**2)), one, base, better))
+    rows.sort(key=lambda row: row[:2])
+    return [_data(one, before, after, base, better) for *_, one, base, better in rows[:PLAYED]]
+
+
+def _data(one: Recording, before: Model, after: Model | None, base: Floats, better: Floats | None) -> dict[str, Any]:
+    system = before.system
+    moment, window = parting(one.time_s, base, one.seen if better is None else better)
+    signals = {}
+    every = slice(None, None, -(-len(one.time_s) // MOST))
+    for k, channel in enumerate(system.channels):
+        scale = channel.shown_per_si
+        signals[channel.name] = {
+            "title": channel.symbol,
+            "unit": channel.shown_unit,
+            "factor": scale,
+            "measured": packed(one.seen[k, every] * scale),
+            "sigma": packed(one.sigma()[k, every] * scale),
+            "predicted": packed((base if better is None else better)[k, every] * scale),
+            "before": None if better is None else packed(base[k, every] * scale),
+            "known": True,
+            "metrics": None,
+        }
+    data: dict[str, Any] = {
+        "id": one.name,
+        "role": "",
+        "who": "base model" if after is None else "improved model",
+        "brief": True,
+        "at": moment,
+        "window": window,
+        "events": [],
+        "snaps": [[float(t), "measured"] for t in one.events_s[::2]],
+        "snapping": [],
+        "lost": [],
+        "toml": "",
+        "time": packed(one.time_s[every]),
+        "signals": signals,
+    }
+    shown = system.shown().played(one, (after or before).fit)
+    if after and shown.get("shape"):
+        data["shapeBefore"] = system.shown().played(one, before.fit)["shape"]
+    return data | shown
