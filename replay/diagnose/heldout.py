@@ -95,8 +95,8 @@ def hold_out(
 
     ``added``: fits with the first cause, with the first two, ..., all but the last, which ``better`` is, with the
     cause's name; the last's is the name of the last cause. ``smooth``: what a curve in it is charged for being rough,
-    as in `fitted`. Held out are runs in which the misfit is, of different
-    kinds, and at most a quarter; None with fewer than three runs.
+    as in `fitted`. Held out are runs in which the misfit is, of different kinds, and at most a quarter; None with fewer
+    than three runs.
     """
     names = [o.name for o in campaign.observations]
     if len(names) < 3:
