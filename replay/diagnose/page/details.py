@@ -31,10 +31,10 @@ def details(f: Findings, found: Inquiry) -> list[tuple[str, str]]:
         head = ("run", "channel", "phase", "time", "cell", "a matter of", "share of squared misfit")
         out.append(("The stretches that differ most", table(head, rows)))
     if f.wandering:
-        rows = [(w.constant, w.equation, f"{w.spread_sigma:.0f}", w.goes_with) for w in f.wandering[:4]]
-        head = ("constant", "equation", "spread, standard deviations", "goes with")
+        wandering = [(w.constant, w.equation, f"{w.spread_sigma:.0f}", w.goes_with) for w in f.wandering[:4]]
+        columns = ("constant", "equation", "spread, standard deviations", "goes with")
         words = "<p>If each run had constants of its own: how far they would spread, and with what.</p>"
-        out.append(("Which constant of the base would have to wander", words + table(head, rows)))
+        out.append(("Which constant of the base would have to wander", words + table(columns, wandering)))
     out += [(f"The {name}, as a file", f"<pre>{html.escape(text)}</pre>") for name, text in f.written.items()]
     return out
 

@@ -115,7 +115,7 @@ class _Reader:
 
     def _unit(self) -> str:
         """What a number is in, where a unit follows it."""
-        found = []
+        found: list[str] = []
         while (token := self._next()) is not None and (token[1] in UNITS or (found and token[1] in "/^()2345")):
             if token[1] == ")" and "(" not in found:
                 break
@@ -134,7 +134,7 @@ class _Reader:
         head, _, tail = word.partition("_")
         symbol = GREEK.get(head, head)
         if head not in GREEK and len(re.sub(r"\d+$", "", head)) > SYMBOL:
-            return f"<mtext>&nbsp;{html.escape(word.replace('_', ' '))}&nbsp;</mtext>"
+            return f"<mtext>&#160;{html.escape(word.replace('_', ' '))}&#160;</mtext>"
         digits = re.fullmatch(r"(\D+)(\d+)", symbol)
         if digits and not tail:
             symbol, tail = digits.groups()

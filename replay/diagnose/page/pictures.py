@@ -16,8 +16,9 @@ THEMED = {INK: "ink", SOFT: "soft", LINE: "line", BEFORE: "before", AFTER: "afte
 #: Colours of lines that are told apart and are neither base nor improved model.
 OTHERS = (BEFORE, AFTER, INK, SOFT)
 LEGEND: dict[str, Any] = {"frameon": False, "labelcolor": INK, "fontsize": 9}
-STYLE = {
-    "svg.fonttype": "none", "font.size": 10, "axes.edgecolor": SOFT, "axes.labelcolor": SOFT, "xtick.color": SOFT,
+STYLE: dict[Any, Any] = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "straw", "font.size": 10, "axes.edgecolor": SOFT, "axes.labelcolor": SOFT, "xtick.color": SOFT,
     "ytick.color": SOFT, "text.color": INK, "axes.facecolor": "none", "figure.facecolor": "none",
     "axes.spines.top": False, "axes.spines.right": False, "legend.frameon": False, "axes.titlelocation": "left",
     "axes.titlesize": 10, "font.family": "sans-serif",

@@ -89,7 +89,7 @@ def next_experiment(campaign: Campaign, survivors: Sequence[Contestant], *, expl
     protocol = protocol_from_toml(written(choice), "an experiment")
     played = (_played(straw_of(campaign), c, protocol) for c in survivors)
     seen = tuple(
-        (name, np.arange(tip.shape[1]) * SIMULATED_EVERY_S, tip)
+        (name, np.arange(tip.shape[1], dtype=np.float64) * SIMULATED_EVERY_S, tip)
         for name, tip in zip(names, played, strict=True)
         if tip is not None
     )
