@@ -72,10 +72,10 @@ _KIND = np.array([term.kind for term in TERMS.values()])[_TERM]
 
 def given(straw: StrawParameters, table: Table, directions: Sequence[Direction]) -> Given:
     """Directions laid out; the pressure's on the grid of ``table``."""
-    c, wall, P = straw.constants(), _walls(straw, directions), len(directions)
     for d in directions:
         if d.cells != straw.cells:
             raise ModelError(f"derivative: {d.name} is of {d.cells} cells, the straw has {straw.cells}")
+    c, wall, P = straw.constants(), _walls(straw, directions), len(directions)
     scalars = np.array([d.scalars for d in directions]).reshape(P, len(SCALARS)).T.copy()
     rigid = straw.form == "truncated"
     odd = np.array([d.frusta[0, :, 0] for d in directions]).reshape(P, straw.cells).T.copy()
