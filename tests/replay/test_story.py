@@ -15,7 +15,7 @@ from straw.model.parameters import StrawParameters
 from straw.model.terms import TERMS
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.findings import Findings, conclude
-from straw.replay.diagnose.fit import Contestant, fitted
+from straw.replay.diagnose.fit import Contestant, Fit, fitted
 from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.page.fits import law_curve
 from straw.replay.diagnose.page.mathml import mathml
@@ -26,8 +26,9 @@ from straw.replay.diagnose.page.story import Story
 from straw.replay.diagnose.page.words import quantity, symbol_of
 from straw.replay.diagnose.page.write import written
 from straw.replay.diagnose.systems.oscillator.system import OscillatorSystem
-from straw.replay.diagnose.systems.straw.library import causes
+from straw.replay.diagnose.systems.straw.library import causes, hypothesis
 from straw.replay.diagnose.systems.straw.portrait import PLACES, place_of, portrait
+from straw.replay.diagnose.systems.straw.shown import StrawShown
 from tests.replay.browser import asked
 from tests.replay.test_system import stiffening
 
@@ -66,6 +67,7 @@ def test_a_fraction_a_power_a_root_and_a_rate_are_typeset_as_such() -> None:
     assert elements("x^2 + sqrt(y)").count("msup") == 1
     assert "msqrt" in elements("x^2 + sqrt(y)")
     assert elements("d v/dt = ... + (0.2 N s/m) v").count("mfrac") == 1  # the unit is no fraction of symbols
+    assert "mtext" not in elements("rho/2 A")  # A is an area here, no ampere
     for broken in ("(((", "a/", "^", "|x", "sqrt(", "<b>&"):
         elements(broken)
 
@@ -98,6 +100,23 @@ def test_the_portrait_marks_what_a_cause_acts_on() -> None:
     assert "device marked" in gauge.svg
     assert "gauge" in gauge.caption
     assert "marked" not in portrait(straw, (), []).svg.replace("marked: nothing", "")
+
+
+def test_every_cause_of_a_straw_is_told_as_a_law_and_all_but_one_as_a_curve_with_its_band() -> None:
+    straw, without = StrawParameters(), set()
+    for name in causes(straw.cells):
+        cause = hypothesis([name], straw.cells)
+        u = np.array(cause.starts[-1])
+        fit = Fit(cause.unknowns, u, np.zeros(1), np.zeros((1, len(u))), 0.0)
+        law = StrawShown(straw).law(name, fit, 1e-2 * np.eye(len(u)))
+        assert law is not None, name
+        assert elements(law.formula), name
+        if law.curve is None:
+            without.add(name)
+        else:
+            assert np.all(np.isfinite(law.curve.values)), name
+            assert np.any(law.curve.sigmas > 0), name
+    assert without == {"odd_frusta_compliance"}  # a ratio of two moduli: over nothing
 
 
 def test_what_is_told_are_the_figures_of_the_findings(told: tuple[Story, Findings]) -> None:

@@ -18,12 +18,14 @@ GREEK |= {"lambda": GREEK["lamda"], "Phi": unicodedata.lookup("GREEK CAPITAL LET
 MINUS, PRIME, D = "&#x2212;", "&#x2032;", "<mi mathvariant='normal'>d</mi>"
 FUNCTIONS = {"exp", "tanh", "sign", "max", "min", "sin", "cos", "log", "ln", "late", "mod"}
 TOKENS = re.compile(
-    r"\s+|(?P<number>\d+(?:\.\d+)?(?:e[+-]?\d+)?)|(?P<name>[^\W\d]\w*)|(?P<unit>\[[^\]]*\])|(?P<other>->|.)"
+    r"\s+|(?P<number>\d+(?:\.\d+)?(?:e[+-]?\d+)?)|(?P<name>[^\W\d]\w*(?:'s\b)?)|(?P<unit>\[[^\]]*\])|(?P<other>->|.)"
 )
 #: Units that may follow a number; a symbol of the same name stands elsewhere.
 UNITS = {"m", "mm", "s", "ms", "N", "Pa", "kPa", "rad", "mrad", "V", "A", "kg", "K", "Hz", "J", "W"}
 #: Longest name that is a symbol by itself; longer ones are words.
 SYMBOL = 2
+#: Words as short.
+SHORT = {"of", "at", "by", "in", "is", "or", "to", "as", "on"}
 SIGNS = {"-": MINUS, "*": "·", "->": "→"}
 NUMBER = re.compile(r"(\d(?:\.\d+)?)e([+-]?\d+)")
 OPEN, CLOSE = "<mrow><mo>(</mo>", "<mo>)</mo></mrow>"
@@ -60,15 +62,15 @@ class _Reader:
         while (token := self._next()) is not None and not (ends and token[1] in ends):
             self.at += 1
             if token[1] == "/" and out:
-                out.append(f"<mfrac>{_bare(out.pop())}{_bare(self.factor())}</mfrac>")
+                out.append(f"<mfrac>{_bare(out.pop())}{_bare(self.factor(plain=True))}</mfrac>")
             else:
                 self.at -= 1
                 out.append(self.factor())
         return "".join(out)
 
-    def factor(self) -> str:
-        """One symbol, number or bracket with what hangs on it."""
-        one = self._rate() or self._atom()
+    def factor(self, *, plain: bool = False) -> str:
+        """One symbol, number or bracket with what hangs on it; ``plain``: a number below a line has no unit."""
+        one = self._rate() or self._atom(plain)
         while (token := self._next()) is not None and token[1] in ("^", "'"):
             self.at += 1
             above = f"<mo>{PRIME}</mo>" if token[1] == "'" else self._power()
@@ -91,14 +93,14 @@ class _Reader:
             return f"<mrow><mo>{MINUS}</mo>{self._atom()}</mrow>"
         return self._atom()
 
-    def _atom(self) -> str:
+    def _atom(self, plain: bool = False) -> str:
         token = self._next()
         if token is None:
             return "<mrow></mrow>"
         self.at += 1
         kind, word = token
         if kind == "number":
-            return f"<mrow>{_number(word)}{self._unit()}</mrow>"
+            return _number(word) if plain else f"<mrow>{_number(word)}{self._unit()}</mrow>"
         if kind == "name":
             return self._name(word)
         if kind == "unit":
@@ -133,7 +135,7 @@ class _Reader:
             return f"<mi mathvariant='normal'>{word}</mi><mo>&#x2061;</mo>"
         head, _, tail = word.partition("_")
         symbol = GREEK.get(head, head)
-        if head not in GREEK and len(re.sub(r"\d+$", "", head)) > SYMBOL:
+        if word in SHORT or (head not in GREEK and len(re.sub(r"\d+$", "", head)) > SYMBOL):
             return f"<mtext>&#160;{html.escape(word.replace('_', ' '))}&#160;</mtext>"
         digits = re.fullmatch(r"(\D+)(\d+)", symbol)
         if digits and not tail:

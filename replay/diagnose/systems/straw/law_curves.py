@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from straw.model.channel import AMBIENT_PA
 from straw.model.parameters import StrawParameters
 from straw.model.term import Frustum, Term
+from straw.model.terms import TERMS
 from straw.replay.diagnose.fit import Fit
 from straw.replay.diagnose.page.shown import Law, LawCurve
 from straw.replay.diagnose.systems.straw.constants import applied
@@ -162,9 +164,15 @@ def _loop(straw: StrawParameters, term: Term) -> Curve:
         for z, v in zip(zeta, rate, strict=True):
             force = memory(_at(s, float(z), 0.0, float(v)), k, force, 0.0, step)[0]
             out.append(-force)
-        return np.array(out[n:])
+        return np.array(out[n - 1 :])
 
-    return f"height ζ of a frustum, swung in {PERIOD_S:g} s / mm", "force / N", 1e3 * zeta[n:], values
+    return f"height ζ of a frustum, swung in {PERIOD_S:g} s / mm", "force / N", 1e3 * zeta[n - 1 :], values
+
+
+def _of(straw: StrawParameters, term: str, name: str) -> float:
+    """A constant of a term, given or by default."""
+    default = next(c.default for c in TERMS[term].constants if c.name == name)
+    return float(straw.terms.get(term, {}).get(name, default))
 
 
 def _flow_m3_per_s(straw: StrawParameters) -> Floats:
@@ -183,6 +191,16 @@ FLOWS: dict[str, Callable[[StrawParameters], Curve]] = {
     ),
     "fluid_inertia": lambda s: _line(
         s, "fluid_inertia", "inertance_kg_per_m4", "dQ/dt / (mL/s²)", 10 * _flow_m3_per_s(s), 1e6
+    ),
+    "trapped_gas": lambda s: (
+        "volume of the gas, of that at rest", "pressure / kPa", np.linspace(0.7, 1.3, POINTS),
+        lambda one, _: AMBIENT_PA / 1e3 * (np.linspace(0.7, 1.3, POINTS) ** -_of(one, "trapped_gas", "exponent") - 1),
+    ),
+    "ambient_drag": lambda s: (
+        "speed of the tip / (m/s)", "drag of the board / mN", np.linspace(0, 1, POINTS),
+        lambda one, _: 500 * np.linspace(0, 1, POINTS) ** 2 * np.prod(
+            [_of(one, "ambient_drag", name) for name in ("c_d", "fluid_kg_per_m3", "board_m2")]
+        ),
     ),
     "line_lag": lambda s: (
         "time after a step / ms", "share of the step",
