@@ -18,7 +18,7 @@ from straw.replay.diagnose.fit import Contestant, Fit, evaluated, fitted
 from straw.replay.diagnose.hypothesis import Hypothesis
 from straw.replay.diagnose.inquiry import Inquiry, Told
 from straw.replay.diagnose.judge import CALIBRATION, unexplained
-from straw.replay.diagnose.pairs import pairs, seconds, telling
+from straw.replay.diagnose.pairs import find_pairs, seconds, telling
 from straw.replay.diagnose.propose.proposal import Proposal
 from straw.replay.diagnose.refine import finish, refine, refined
 from straw.replay.diagnose.screen import Start, screen
@@ -77,7 +77,7 @@ def explain(
     if not far and _unexplained(found):
         _large(found, hypotheses, wide_known, proposal, steps)
     if _unexplained(found):
-        _in_pairs(found, names, proposal, steps)
+        _pairs(found, names, proposal, steps)
     elif not campaign.stop():
         steps("second causes that are small", found)
         seconds(found, names)
@@ -106,22 +106,23 @@ def _large(
         refine(found, tournament(wide, known, group, given))
         finish(found)
         if next(iter(found.judgement().probability)) == "unknown":  # no cause alone is likely: before others are tried
-            _in_pairs(found, [h.name for h in hypotheses], proposal, steps)
+            _pairs(found, [h.name for h in hypotheses], proposal, steps)
         alternate(found)
         if not _unexplained(found):
             return
 
 
-def _in_pairs(found: Inquiry, names: Sequence[str], proposal: Proposal | None, steps: _Steps) -> None:
+def _pairs(found: Inquiry, names: Sequence[str], proposal: Proposal | None, steps: _Steps) -> None:
+    """Causes in pairs, second ones of the size that only a fit finds among those that the proposal puts first."""
     steps("pairs", found)
-    first = list(proposal.scores)[:SHORTLIST] if proposal and proposal.familiar else names
-    pairs(found, names, first, _starts(found.campaign, proposal))
+    find_pairs(found, names, _first(names, proposal), _starts(found.campaign, proposal))
 
 
 def alternate(found: Inquiry) -> None:
     """The best fitted to the coarse comparison and to all samples in turn, while that takes away half of what is left.
 
-    The tournament compares only the runs that tell most; its constants may leave the others in a local minimum.
+    The tournament compares only the runs that tell most; its constants may leave the others in a local minimum. Leaving
+    one takes away most of what is left; a round that takes less is spent better on another hypothesis.
     """
     campaign, before = found.campaign, np.inf
     while _unexplained(found) and (left := unexplained(campaign, found.best)) < before / 2:
@@ -168,11 +169,14 @@ def _starts(campaign: Campaign, proposal: Proposal | None) -> list[Start]:
     return out
 
 
+def _first(names: Sequence[str], proposal: Proposal | None) -> Sequence[str]:
+    """The causes that the proposal puts first; all of them where it has seen nothing like these runs."""
+    return list(proposal.scores)[:SHORTLIST] if proposal and proposal.familiar else names
+
+
 def _in_turn(hypotheses: Sequence[Hypothesis], proposal: Proposal | None) -> list[list[Hypothesis]]:
     """The hypotheses that the proposal puts first, and the others."""
-    if proposal is None or not proposal.familiar:
-        return [list(hypotheses)]
-    first = list(proposal.scores)[:SHORTLIST]
+    first = _first([h.name for h in hypotheses], proposal)
     groups = [[h for h in hypotheses if (h.name in first) is one] for one in (True, False)]
     return [group for group in groups if group]
 

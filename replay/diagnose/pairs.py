@@ -21,15 +21,15 @@ def telling(found: Inquiry) -> Campaign:
     return found.campaign.only(found.campaign.system.telling(found.campaign, found.null)).coarse()
 
 
-def pairs(found: Inquiry, names: Sequence[str], first: Sequence[str], proposed: Sequence[Start]) -> None:
-    """Second causes beside the best: fitted coarsely where it is far off (those among ``first``), by first order where
-    that tells."""
+def find_pairs(found: Inquiry, names: Sequence[str], first: Sequence[str], proposed: Sequence[Start]) -> None:
+    """Second causes beside the best: fitted coarsely where it is far off (those among ``first``), and by first order
+    where that leaves more than noise."""
     if unexplained(found.campaign, found.best) > FAR:
         beside_best(found, first)
         finish(found)
         nested(found)
     if not found.campaign.stop() and unexplained(found.campaign, found.best) > NOISE_LEAVES:
-        in_pairs(found, telling(found), names, proposed)
+        screened_pairs(found, names, proposed)
         finish(found)
         nested(found)
 
@@ -46,9 +46,9 @@ def beside_best(found: Inquiry, names: Sequence[str]) -> None:
     refine(found, both)
 
 
-def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], proposed: Sequence[Start]) -> None:
-    """Second causes beside the best: by first order in all that is seen, and by a coarse tournament."""
-    campaign = found.campaign
+def screened_pairs(found: Inquiry, names: Sequence[str], proposed: Sequence[Start]) -> None:
+    """Second causes that first order promises most beside the best two, and the ``proposed`` pairs."""
+    campaign, wide = found.campaign, telling(found)
     for first in [c for c in found.contestants if len(c.hypothesis.causes) == 1][:2]:
         others = [campaign.hypothesis([name]) for name in names if name not in first.hypothesis.causes]
         for start in screen(campaign, first.fit, others, first.hypothesis)[:FOLLOWED]:
@@ -79,8 +79,8 @@ def seconds(found: Inquiry, names: Sequence[str]) -> None:
 def nested(found: Inquiry) -> None:
     """Each cause of the best pair alone, from the pair's constants: where the other of the two does nothing, the
     search for the one alone had only ended in another local minimum."""
-    best = found.contestants[0]
-    if len(best.hypothesis.causes) == 1:
+    best = found.contestants[0] if found.contestants else None
+    if best is None or len(best.hypothesis.causes) == 1:
         return
     at = {unknown.target: float(u) for unknown, u in zip(best.fit.unknowns, best.fit.u, strict=True)}
     for cause in best.hypothesis.causes:

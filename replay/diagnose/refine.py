@@ -54,7 +54,8 @@ def drawn(fit: Fit, known: int) -> list[Floats]:
 
 
 def refine(found: Inquiry, coarse: Sequence[Contestant]) -> None:
-    """What was fitted coarsely, fitted to all samples: carefully what is near the best."""
+    """What was fitted coarsely, fitted to all samples: with draws what costs no more above the best than the best leaves,
+    beyond which hypotheses are not carried on either (`reach`)."""
     for one in coarse:
         if one.cost < 2 * coarse[0].cost:
             found.keep(Contestant(one.hypothesis, refined(found.campaign, one.fit, FIRST_ROUNDS)))
@@ -78,5 +79,6 @@ def _best_cost(found: Inquiry, done: set[str]) -> float:
 
 
 def reach(found: Inquiry) -> float:
-    """How much more than the best a hypothesis may cost that is still carried on."""
+    """How much more than the best a hypothesis may cost that is still carried on: as much as the best itself leaves,
+    since a search that ended that far from noise may have ended in a local minimum for any of them."""
     return max(NOISE_LEAVES, unexplained(found.campaign, found.best))
