@@ -54,7 +54,7 @@ def drawn(fit: Fit, known: int) -> list[Floats]:
 
 
 def refine(found: Inquiry, coarse: Sequence[Contestant]) -> None:
-    """What was fitted coarsely, fitted to all samples: with draws what costs no more above the best than the best leaves,
+    """What was fitted coarsely, fitted to all samples: with draws what costs no more above the best than that leaves,
     beyond which hypotheses are not carried on either (`reach`)."""
     for one in coarse:
         if one.cost < 2 * coarse[0].cost:
