@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 
+from straw.replay.diagnose.bootstrap import accept
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.explain import explain
 from straw.replay.diagnose.inquiry import Inquiry, Told, silent
@@ -42,4 +43,6 @@ def inquire(
     campaign.stop = stop  # what is asked of the inquiry later has a budget of its own
     if found.spent:  # without each cause fitted alone, one that does nothing would be named beside the other
         nested(found)
+    if found.whole:
+        accept(found, names)
     return found

@@ -18,7 +18,7 @@ from straw.replay.diagnose.fit import Contestant, Fit, evaluated, fitted
 from straw.replay.diagnose.hypothesis import Hypothesis
 from straw.replay.diagnose.inquiry import Inquiry, Told
 from straw.replay.diagnose.judge import CALIBRATION, unexplained
-from straw.replay.diagnose.pairs import find_pairs, seconds, telling
+from straw.replay.diagnose.pairs import beside_best, find_pairs, seconds, telling
 from straw.replay.diagnose.propose.proposal import Proposal
 from straw.replay.diagnose.refine import finish, refine, refined
 from straw.replay.diagnose.screen import Start, screen
@@ -37,7 +37,7 @@ from straw.replay.diagnose.tournament import fitted_contestant, tournament
 Floats = NDArray[np.float64]
 
 #: Stages that progress is told in, at most.
-STAGES = 8
+STAGES = 10
 
 
 def explain(
@@ -105,9 +105,10 @@ def _large(
         steps("causes that are large", found)
         refine(found, tournament(wide, known, group, given))
         finish(found)
-        if next(iter(found.judgement().probability)) == "unknown":  # no cause alone is likely: before others are tried
-            _pairs(found, [h.name for h in hypotheses], proposal, steps)
         alternate(found)
+        if _unexplained(found):  # the truth is more often a second cause than one that the proposal puts behind others
+            steps("second causes that are large", found)
+            beside_best(found, _first([h.name for h in hypotheses], proposal))
         if not _unexplained(found):
             return
 

@@ -23,11 +23,8 @@ def telling(found: Inquiry) -> Campaign:
 
 def find_pairs(found: Inquiry, names: Sequence[str], first: Sequence[str], proposed: Sequence[Start]) -> None:
     """Second causes beside the best: fitted coarsely where it is far off (those among ``first``), and by first order
-    where that leaves more than noise."""
-    if unexplained(found.campaign, found.best) > FAR:
-        beside_best(found, first)
-        finish(found)
-        nested(found)
+    where more than noise is left."""
+    beside_best(found, first)
     if not found.campaign.stop() and unexplained(found.campaign, found.best) > NOISE_LEAVES:
         screened_pairs(found, names, proposed)
         finish(found)
@@ -35,7 +32,9 @@ def find_pairs(found: Inquiry, names: Sequence[str], first: Sequence[str], propo
 
 
 def beside_best(found: Inquiry, names: Sequence[str]) -> None:
-    """Second causes, large ones too, beside the best single cause: a tournament as of single causes, once."""
+    """Second causes beside the best single cause that is far off: a tournament as of single causes, once."""
+    if found.campaign.stop() or unexplained(found.campaign, found.best) <= FAR:
+        return
     best = next((c for c in found.contestants if len(c.hypothesis.causes) == 1), None)
     if best is None or any(best.name in pair.hypothesis.causes for pair in found.pairs.values()):
         return
@@ -44,6 +43,8 @@ def beside_best(found: Inquiry, names: Sequence[str]) -> None:
     others = [found.campaign.hypothesis([name]) for name in names if name not in best.hypothesis.causes]
     both = [Contestant(c.hypothesis.beside(best.hypothesis), c.fit) for c in tournament(wide, known, others, [])]
     refine(found, both)
+    finish(found)
+    nested(found)
 
 
 def screened_pairs(found: Inquiry, names: Sequence[str], proposed: Sequence[Start]) -> None:
