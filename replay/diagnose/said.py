@@ -83,8 +83,8 @@ def doubts(found: Inquiry) -> list[str]:
         )
     if chance := found.chance.get(next(iter(found.judgement().probability))):
         out.append(
-            f"the second cause gains {chance.gain:.0f} squared standard deviations beside {_words(chance.first)}; in 98 "
-            f"of 100 of {chance.simulated} simulated campaigns with {_words(chance.first)} alone one gains less than "
+            f"the second cause gains {chance.gain:.0f} squared standard deviations beside {_words(chance.first)}; in 98 % "
+            f"of {chance.simulated} simulated campaigns with {_words(chance.first)} alone, any second gains less than "
             f"{chance.most:.0f}"
         )
     out += found.campaign.system.doubts(runs)
