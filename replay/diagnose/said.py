@@ -82,10 +82,10 @@ def doubts(found: Inquiry) -> list[str]:
             f"{len(runs)} run{'s' if len(runs) > 1 else ''}: nothing could be held out, and repeats are not known"
         )
     if chance := found.chance.get(next(iter(found.judgement().probability))):
+        first = _words(chance.first)
         out.append(
-            f"the second cause gains {chance.gain:.0f} squared standard deviations beside {_words(chance.first)}; in 98 % "
-            f"of {chance.simulated} simulated campaigns with {_words(chance.first)} alone, any second gains less than "
-            f"{chance.most:.0f}"
+            f"the second cause gains {chance.gain:.0f} squared standard deviations beside {first}; in 98 % of "
+            f"{chance.simulated} simulated campaigns with {first} alone, any second gains less than {chance.most:.0f}"
         )
     out += found.campaign.system.doubts(runs)
     if found.campaign.tally["failed"]:
