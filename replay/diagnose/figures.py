@@ -82,5 +82,5 @@ def smallest_seen(
         size = float(np.linalg.norm(column - shadow))
         if size > 0:
             _, name, unit = campaign.system.named(unknown)
-            out[c.name] = f"{name} {np.sqrt(decisive(CALIBRATION.cause)) / size:.2g} {unit}"
+            out[c.name] = f"{name} {np.sqrt(decisive()) / size:.2g} {unit}"
     return out

@@ -33,6 +33,8 @@ class Calibration:
     other: float  # probability that a right law has another form than nature's;
     form: float  # it then leaves this share of what it explains, or more,
     power: float  # the less probable by this power
+    chance: float  # probability that a wrong cause explains all that there is, and that a wrong second one explains all
+    second_chance: float  # that its first leaves
     missed: float  # probability that the search missed the truth, or that it is none of the hypotheses
 
 
@@ -99,14 +101,20 @@ def weighed(
     """Probabilities, largest first, of hypotheses that leave ``excess`` and have so many ``constants``, of "complete"
     (in ``excess``) and "unknown".
 
-    Prior times `_log_likelihood`, normalised, mixed with an even distribution for what the search missed.
+    Prior times likelihood, normalised, mixed with an even distribution for what the search missed. Likelihoods are
+    ratios: how much more probable it is that a right hypothesis leaves this than that a wrong one does.
     """
     base = excess["complete"]
-    log_p = {"complete": _log_likelihood(base, 0.0, by), "unknown": -by.unknown}
+    log_p = {"complete": -base / (2 * by.scale), "unknown": -by.unknown}
     for name, count in constants.items():
-        together = name.count("+") + 1
-        prior = by.cause + by.second * (together - 1) + by.constant * (min(count, MOST_COUNTED) - together)
-        log_p[name] = _log_likelihood(excess[name], base, by) - prior
+        causes = name.split("+")
+        prior = by.cause + by.second * (len(causes) - 1) + by.constant * (min(count, MOST_COUNTED) - len(causes))
+        log_p[name] = _log_ratio(excess[name], base, by.chance, by) - prior
+        if len(causes) > 1:  # one after the other, unless only both together explain something
+            first = min(base, *(excess.get(cause, base) for cause in causes))
+            alone = _log_ratio_of_form(first, base, by.chance, by)
+            both = alone + _log_ratio(excess[name], first, by.second_chance, by) - prior
+            log_p[name] = max(log_p[name], both)
     top = max(log_p.values())
     total = sum(np.exp(v - top) for v in log_p.values())
     even = by.missed / len(log_p)
@@ -114,28 +122,37 @@ def weighed(
     return dict(sorted(probability.items(), key=lambda kv: -kv[1]))
 
 
-def decisive(log_prior: float, base: float = 0.0, by: Calibration = CALIBRATION) -> float:
-    """Squared sigmas by which a hypothesis that costs so much prior must be better, then leaving nothing, to be as
-    probable, where the base's excess is this; none: that of the other is the base."""
+def decisive(by: Calibration = CALIBRATION) -> float:
+    """Squared sigmas that the base, or a first cause of nature's own form, must leave for a cause of one constant that
+    leaves nothing to be as probable."""
     from scipy.optimize import brentq  # takes its time
 
-    most = 2 * by.scale * log_prior + by.form * base * np.expm1(log_prior / by.power)
-    return float(brentq(lambda excess: _log_likelihood(excess, base, by) + log_prior, 0.0, most + 1.0))
+    def odds(left: float) -> float:
+        return _log_ratio(0.0, left, by.chance, by) - by.cause + left / (2 * by.scale)
+
+    return float(brentq(odds, 0.0, 2 * by.scale * (by.cause + 1)))
 
 
-def _log_likelihood(excess: float, base: float, by: Calibration) -> float:
-    """How much more probable it is that a right hypothesis leaves this than that a wrong one does, in logarithms.
+def _log_ratio(excess: float, before: float, chance: float, by: Calibration) -> float:
+    """Of a hypothesis that leaves ``excess`` of what was there ``before``: a mixture of right laws of nature's own form,
+    which leave noise, and of right laws of another form."""
+    noise = -excess / (2 * by.scale) - np.log(chance + (1 - chance) * _noise_share(before, by))
+    form = _log_ratio_of_form(excess, before, chance, by)
+    return float(np.logaddexp(np.log1p(-by.other) + noise, np.log(by.other) + form))
 
-    A mixture: laws of nature's own form leave noise; those of another leave a part that stands to what they explain in
-    any ratio, small ones being the more typical of right laws and the rarer among wrong ones by a power law. A base of
-    0 stands for one that may be right: it has no other form, and leaves noise.
-    """
-    noise = -excess / (2 * by.scale)
-    if base == 0:
-        return float(noise)
-    explained = max(base - excess, 1e-9 * base)
-    other = np.log(by.other) - by.power * np.log1p(excess / (by.form * explained))
-    return float(np.logaddexp(np.log1p(-by.other) + noise, other))
+
+def _log_ratio_of_form(excess: float, before: float, chance: float, by: Calibration) -> float:
+    """Of laws of another form: they leave a part that stands to what they explain in any ratio, small ones being the
+    more typical of right laws by a power law. Wrong ones leave any share of what was there, or by ``chance`` none."""
+    width = max(by.form, _noise_share(before, by))
+    explained = max(before - excess, 1e-9 * before, 1e-9)
+    typical = -by.power * np.log1p(excess / (by.form * explained))
+    return float(typical - np.log(chance + (1 - chance) * width))
+
+
+def _noise_share(before: float, by: Calibration) -> float:
+    """The share of what was there that is no more than noise."""
+    return 2 * by.scale / (2 * by.scale + before)
 
 
 def by_cause(probability: Mapping[str, float]) -> dict[str, float]:

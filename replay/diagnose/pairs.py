@@ -9,7 +9,7 @@ import numpy as np
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Contestant, evaluated, fitted
 from straw.replay.diagnose.inquiry import Inquiry
-from straw.replay.diagnose.judge import CALIBRATION, decisive, unexplained
+from straw.replay.diagnose.judge import decisive, unexplained
 from straw.replay.diagnose.refine import finish, refine, refined
 from straw.replay.diagnose.screen import Start, screen
 from straw.replay.diagnose.settings import COARSE_ROUNDS, FAR, FIRST_ROUNDS, FOLLOWED, NOISE_LEAVES, ROUNDS
@@ -62,16 +62,16 @@ def screened_pairs(found: Inquiry, names: Sequence[str], proposed: Sequence[Star
 
 
 def seconds(found: Inquiry, names: Sequence[str]) -> None:
-    """Second causes that stay within the noise of a sample, yet gain over all of them what makes a pair as probable as
-    its first cause alone: promised to first order beside the best single causes, then fitted."""
-    campaign, before = found.campaign, len(found.pairs)
-    for first in found.contestants[:2]:
-        highest = min(found.null.cost - decisive(CALIBRATION.cause), found.best.cost + FAR)
-        if len(first.hypothesis.causes) > 1 or first.cost > highest:
+    """Second causes that stay within the noise of a sample, yet gain over all of them what makes a cause as probable as
+    none: promised to first order beside the best single causes, then fitted."""
+    campaign, before, least = found.campaign, len(found.pairs), decisive()
+    singles = [c for c in found.contestants if len(c.hypothesis.causes) == 1]
+    for first in singles[:2]:
+        if first.cost > min(found.null.cost - least, found.best.cost + FAR):
             continue
         others = [campaign.hypothesis([name]) for name in names if name not in first.hypothesis.causes]
         for start in screen(campaign, first.fit, others, first.hypothesis)[:FOLLOWED]:
-            if start.gain > decisive(CALIBRATION.second, found.null.cost - first.cost) and not campaign.stop():
+            if start.gain > least and not campaign.stop():
                 found.keep(fitted_contestant(campaign, start, ROUNDS, found.null.unknowns))
     if len(found.pairs) > before:
         nested(found)
