@@ -182,7 +182,7 @@ def test_a_mend_of_frames_that_are_not_there_leaves_nothing(place, tmp_path, cap
     (tmp_path / "mend.toml").write_text('[[invalid]]\nframes = "30-36"\nreason = "r"\n', encoding="utf-8")
     command = ["track", str(place / "v.mp4"), "--camera", str(place / "placed.json"), "-o", str(tmp_path / "t.mcap")]
     assert main([*command, "--mend", str(tmp_path / "mend.toml")]) == 2
-    assert capsys.readouterr().err.strip().endswith("names frames 30-36, the film has 0 to 35")
+    assert capsys.readouterr().err.strip().endswith("names frames 30-36, the video has 0 to 35")
     assert not (tmp_path / "t.mcap").exists()
 
 
