@@ -15,6 +15,7 @@ from straw.replay.errors import USER_ERRORS
 from straw.replay.investigate.options import investigate_options
 from straw.replay.options import (
     Parser,
+    VersionAction,
     command,
     identified_options,
     json_option,
@@ -32,6 +33,7 @@ def parser() -> argparse.ArgumentParser:
     top = Parser(
         prog="straw", description="Drive, film, track, compare and diagnose inflatable multistable structures."
     )
+    top.add_argument("--version", action=VersionAction, nargs=0, help="the version, and in a clone the commit")
     commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True)
 
     p = command(commands, "demo", "the whole loop without hardware: drive, film, track, compare, diagnose")

@@ -15,6 +15,17 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
 
 
+class VersionAction(argparse.Action):
+    """Prints the version, and in a clone the commit; both are looked up only when asked for."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        """Print it and exit."""
+        from straw.rig.provenance import version_line
+
+        print(version_line())
+        parser.exit()
+
+
 def rig_options(p: argparse.ArgumentParser) -> None:
     """Which rig, or an emulated one."""
     p.add_argument("--rig", type=Path, metavar="rig.toml", help="description of the rig; options override it")

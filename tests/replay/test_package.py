@@ -124,6 +124,18 @@ def test_the_constraints_pin_every_dependency_to_a_version_that_is_allowed(repos
             assert wanted.specifier.contains(pins[wanted.name.lower()]), wanted
 
 
+def test_without_git_and_tags_the_version_is_that_of_the_next_release(repository: Path, wheel: Path) -> None:
+    """The one that CITATION and the CHANGELOG's first heading name."""
+    settings = tomllib.loads((repository / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools_scm"]
+    release = settings["fallback_version"].removesuffix(".dev0")
+    assert wheel.name.split("-")[1] == f"{release}.dev0"
+    texts = {
+        name: (repository / ".github" / name).read_text(encoding="utf-8") for name in ("CITATION.cff", "CHANGELOG.md")
+    }
+    assert f"\nversion: {release}\n" in texts["CITATION.cff"]
+    assert texts["CHANGELOG.md"].partition("\n## ")[2].startswith(release)
+
+
 def test_every_command_answers_beside_files_of_the_rooms_names(installed: dict[str, str], foreign: Path) -> None:
     for words in commands():
         assert asked(installed, foreign, installed["STRAW"], *words, "--help").startswith("usage: straw")
