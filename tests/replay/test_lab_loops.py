@@ -110,7 +110,7 @@ def test_a_yes_takes_control_a_no_does_not_and_only_the_question_that_is_asked_i
 def test_another_terminal_answers_as_the_page_does(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["investigate", str(tmp_path), "--specimen", "s", "--operator", "Ada", "--answer"]
     assert main([*words, "yes"]) == 2
-    assert "none goes on" in capsys.readouterr().err
+    assert "none is running" in capsys.readouterr().err
     going = Going(tmp_path, named_after=1)
     ServedLab.until(lambda: (read_pulse(going.place) or {}).get("asked"))
     assert main([*words, "yes"]) == 0
@@ -132,7 +132,7 @@ def test_a_loop_whose_process_died_is_told_from_one_that_goes_on(lab: ServedLab,
     os.utime(place / PULSE, (0, 0))  # an hour ago and more
     assert lab.get(f"/api/loop?log={LOG}")["cut"]
     assert "does not go on" in lab.post("investigate", do="stop", log=LOG)
-    with pytest.raises(ReplayError, match="none goes on"):
+    with pytest.raises(ReplayError, match="none is running"):
         answer(place, True, "Ada")
 
 
