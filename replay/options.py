@@ -1,4 +1,4 @@
-"""Options that several commands share, and how a command is entered; imports nothing heavy."""
+"""Options that several commands share, and how a command is registered; imports nothing heavy."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NoReturn
 
 
 class Parser(argparse.ArgumentParser):
-    """Says in one line what is wrong with a command line."""
+    """Reports an error of the command line in one line."""
 
     def error(self, message: str) -> NoReturn:
         """Exit 2 with one line."""
@@ -88,7 +88,7 @@ def one_or_more(text: str) -> int:
 def command(
     commands: argparse._SubParsersAction[Parser], name: str, text: str, module: str | None = None
 ) -> argparse.ArgumentParser:
-    """Enter a command; ``module`` of `straw.replay.commands` runs it."""
+    """Register a command; ``module`` of `straw.replay.commands` runs it."""
     made = commands.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
     made.set_defaults(module=module or name)
     return made

@@ -131,7 +131,7 @@ def test_a_loop_whose_process_died_is_told_from_one_that_goes_on(lab: ServedLab,
 
     os.utime(place / PULSE, (0, 0))  # an hour ago and more
     assert lab.get(f"/api/loop?log={LOG}")["cut"]
-    assert "does not go on" in lab.post("investigate", do="stop", log=LOG)
+    assert "is not running" in lab.post("investigate", do="stop", log=LOG)
     with pytest.raises(ReplayError, match="none is running"):
         answer(place, True, "Ada")
 
