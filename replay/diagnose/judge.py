@@ -1,4 +1,4 @@
-"""Weighs hypotheses: how much each leaves unexplained beyond noise, as probabilities with "complete" and "unknown"."""
+"""Weighs hypotheses: from their misfit beyond noise to probabilities, with "complete" and "unknown"."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ class Calibration:
     `python -m tests.benchmarks.calibrating` finds them and writes `calibration.toml`.
     """
 
-    scale: float  # squared sigmas that count as one: solvers err and runs repeat only to this
+    scale: float  # squared sigmas that count as one, for numerical errors and imperfect repeats
     cause: float  # what a cause, a second one beside it, each constant beyond a cause's first, and one that the library
     second: float  # does not hold cost in logarithms of prior probability, "complete" costing nothing
     constant: float
     unknown: float
-    other: float  # probability that a right law has another form than nature's;
-    form: float  # it then leaves this share of what it explains, or more,
+    other: float  # probability that a right law has another form than the true one;
+    form: float  # its misfit is then at least this share of what it explains,
     power: float  # the less probable by this power
     missed: float  # probability that the search missed the truth, or that it is none of the hypotheses
 
@@ -49,12 +49,12 @@ class Judgement:
     """Probabilities of hypotheses by name (``complete``, ``unknown``, causes, joint ones), largest first."""
 
     probability: Mapping[str, float]
-    excess: Mapping[str, float]  # misfit beyond noise that each hypothesis leaves, sigmas squared
-    left_over: float  # of the best of them, from where its differences are too large to be noise
+    excess: Mapping[str, float]  # misfit of each hypothesis beyond noise, sigmas squared
+    left_over: float  # of the best one, in intervals whose differences are too large to be noise
 
 
 def unexplained(campaign: Campaign, fit: Fit) -> float:
-    """Squared sigmas of a fit that lie in stretches whose differences are too large to be noise."""
+    """Squared sigmas of a fit in intervals whose differences are too large to be noise."""
     return sum(run_by_run(campaign, fit))
 
 
@@ -78,13 +78,13 @@ def beyond_noise(row: Floats, shaped: tuple[int, ...]) -> float:
 
 
 def _gently(squares: Floats) -> Floats:
-    """Sums of squares as the robust cost counts them, roughly: large ones with their root."""
+    """Approximate robust cost of sums of squares: large ones count with their root."""
     knee = 25.0 * BLOCK
     return np.where(squares > knee, 2 * np.sqrt(np.maximum(squares, 0) * knee) - knee, squares)
 
 
 def judge(campaign: Campaign, null: Fit, contestants: Sequence[Contestant]) -> Judgement:
-    """Probabilities over the base alone, all contestants, and a cause nobody has thought of."""
+    """Probabilities over the base alone, all contestants, and an unknown cause."""
     fits = {"complete": null, **{c.name: c.fit for c in contestants}}
     best = min(fits.values(), key=lambda fit: fit.cost)
     left_over = max(0.0, unexplained(campaign, best) - NOISE_LEAVES)
@@ -99,7 +99,7 @@ def weighed(
     """Probabilities, largest first, of hypotheses that leave ``excess`` and have so many ``constants``, of "complete"
     (in ``excess``) and "unknown".
 
-    Prior times `_log_likelihood`, normalised, mixed with an even distribution for what the search missed.
+    Prior times `_log_likelihood`, normalised, mixed with a uniform distribution for causes that the search missed.
     """
     base = excess["complete"]
     log_p = {"complete": _log_likelihood(base, 0.0, by), "unknown": -by.unknown}
@@ -115,20 +115,20 @@ def weighed(
 
 
 def decisive(log_prior: float, base: float = 0.0, by: Calibration = CALIBRATION) -> float:
-    """Squared sigmas by which a hypothesis that costs so much prior must be better, then leaving nothing, to be as
-    probable, where the base's excess is this; none: that of the other is the base."""
-    from scipy.optimize import brentq  # takes its time
+    """Squared sigmas by which a hypothesis with this prior cost must be better, leaving no misfit, to be as probable,
+    where the base's excess is given; without it the alternative is the base itself."""
+    from scipy.optimize import brentq  # slow to import
 
     most = 2 * by.scale * log_prior + by.form * base * np.expm1(log_prior / by.power)
     return float(brentq(lambda excess: _log_likelihood(excess, base, by) + log_prior, 0.0, most + 1.0))
 
 
 def _log_likelihood(excess: float, base: float, by: Calibration) -> float:
-    """How much more probable it is that a right hypothesis leaves this than that a wrong one does, in logarithms.
+    """Log likelihood ratio of this misfit under a right against a wrong hypothesis.
 
-    A mixture: laws of nature's own form leave noise; those of another leave a part that stands to what they explain in
-    any ratio, small ones being the more typical of right laws and the rarer among wrong ones by a power law. A base of
-    0 stands for one that may be right: it has no other form, and leaves noise.
+    A mixture: laws of the true form leave noise; laws of another form leave a part in some ratio to what they explain,
+    with a power law that makes small ratios typical of right laws and rare among wrong ones. A base of 0 is one that
+    may be right: it has no other form, and leaves noise.
     """
     noise = -excess / (2 * by.scale)
     if base == 0:
@@ -149,6 +149,6 @@ def by_cause(probability: Mapping[str, float]) -> dict[str, float]:
 
 
 def surviving(probability: Mapping[str, float], covers: float = COVERED) -> list[str]:
-    """The fewest hypotheses that together are as probable as ``covers``, what the search missed being any of them."""
+    """The smallest set of hypotheses with probability ``covers``; what the search missed may be any of them."""
     total = list(itertools.accumulate(probability.values()))
     return list(probability)[: int(np.searchsorted(total, covers * (1 - CALIBRATION.missed))) + 1]

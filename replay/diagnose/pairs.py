@@ -17,13 +17,13 @@ from straw.replay.diagnose.tournament import fitted_contestant, tournament
 
 
 def telling(found: Inquiry) -> Campaign:
-    """The runs that tell most, compared coarsely."""
+    """The most informative runs, compared coarsely."""
     return found.campaign.only(found.campaign.system.telling(found.campaign, found.null)).coarse()
 
 
 def pairs(found: Inquiry, names: Sequence[str], first: Sequence[str], proposed: Sequence[Start]) -> None:
-    """Second causes beside the best: fitted coarsely where it is far off (those among ``first``), by first order where
-    that tells."""
+    """Second causes beside the best: fitted coarsely where its fit is poor (those among ``first``), to first order
+    where that is valid."""
     if unexplained(found.campaign, found.best) > FAR:
         beside_best(found, first)
         finish(found)
@@ -47,7 +47,7 @@ def beside_best(found: Inquiry, names: Sequence[str]) -> None:
 
 
 def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], proposed: Sequence[Start]) -> None:
-    """Second causes beside the best: by first order in all that is seen, and by a coarse tournament."""
+    """Second causes beside the best: to first order in all samples, and by a coarse tournament."""
     campaign = found.campaign
     for first in [c for c in found.contestants if len(c.hypothesis.causes) == 1][:2]:
         others = [campaign.hypothesis([name]) for name in names if name not in first.hypothesis.causes]
@@ -61,8 +61,8 @@ def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], proposed: Seq
 
 
 def seconds(found: Inquiry, names: Sequence[str]) -> None:
-    """Second causes that stay within the noise of a sample, yet gain over all of them what makes a pair as probable as
-    its first cause alone: promised to first order beside the best single causes, then fitted."""
+    """Second causes below the noise of a sample that over all samples gain enough to make a pair as probable as its
+    first cause alone: selected to first order beside the best single causes, then fitted."""
     campaign, before = found.campaign, len(found.pairs)
     for first in found.contestants[:2]:
         highest = min(found.null.cost - decisive(CALIBRATION.cause), found.best.cost + FAR)
@@ -77,8 +77,8 @@ def seconds(found: Inquiry, names: Sequence[str]) -> None:
 
 
 def nested(found: Inquiry) -> None:
-    """Each cause of the best pair alone, from the pair's constants: where the other of the two does nothing, the
-    search for the one alone had only ended in another local minimum."""
+    """Each cause of the best pair alone, from the pair's constants: if the other cause has no effect, the search for
+    the single one had ended in another local minimum."""
     best = found.contestants[0]
     if len(best.hypothesis.causes) == 1:
         return

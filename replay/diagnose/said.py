@@ -1,4 +1,4 @@
-"""Findings in plain sentences: the verdict, why a cause is not named, and what a reader should know of the search."""
+"""Findings in sentences: the verdict, why a cause is not named, and remarks on the search."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ OTHERS = {"complete": "nothing missing", "unknown": "something no hypothesis hol
 
 @dataclass(frozen=True)
 class Refuted:
-    """A hypothesis that predicts runs held out worse than the base does, and by how much."""
+    """A hypothesis that predicts held-out runs worse than the base does, and by how much."""
 
     name: str
     worse: str
@@ -67,7 +67,7 @@ def says(
 
 
 def doubts(found: Inquiry) -> list[str]:
-    """What a reader should know about how this was found."""
+    """Remarks on how this was found."""
     runs = found.campaign.observations
     out = []
     if not found.whole:
@@ -94,7 +94,7 @@ def _sure(causes: Sequence[str], probability: Mapping[str, float]) -> float:
 
 
 def _not_told(causes: Sequence[str], probability: Mapping[str, float]) -> str:
-    """What cannot be told apart, each with its own probability; a single cause may be too improbable to be named."""
+    """Hypotheses that cannot be distinguished, with probabilities; a single cause may be too improbable to be named."""
     sure = {_words(c): _sure([c], probability) for c in causes}
     sure |= {text: probability[name] for name, text in OTHERS.items() if probability[name] > 1 - COVERED}
     among = [f"{name} ({p:.2f})" for name, p in sure.items()]
