@@ -26,8 +26,9 @@ class Calibration:
     """
 
     scale: float  # squared sigmas that count as one, for numerical errors and imperfect repeats
-    cause: float  # what a cause, a second one beside it, each constant beyond a cause's first, and one that the library
-    second: float  # does not hold cost in logarithms of prior probability, "complete" costing nothing
+    # minus log prior of a cause, of a second one beside it, of each constant beyond a cause's first, and of a cause
+    cause: float
+    second: float  # that the library does not hold; that of "complete" is 0
     constant: float
     unknown: float
     other: float  # probability that a right law has another form than the true one;

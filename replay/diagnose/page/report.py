@@ -1,4 +1,4 @@
-"""What `straw diagnose` found, as a story: gathers what the page tells from findings, fits and the system."""
+"""The result of `straw diagnose` as a story: gathers the page's contents from findings, fits and the system."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from straw.replay.diagnose.page.story import Error, Next, Rival, Story
 from straw.replay.diagnose.page.words import and_, raised, sig, symbol_of, words
 from straw.replay.diagnose.page.write import written
 
-#: How many other explanations are told.
+#: Largest number of other explanations shown.
 RIVALS = 6
 #: What judged names stand for that are no causes.
 WORDS = {"complete": "nothing missing: the base model", "unknown": "something no hypothesis holds"}
@@ -31,7 +31,7 @@ def report(findings: Findings, found: Inquiry) -> str:
 
 
 def story(f: Findings, found: Inquiry) -> Story:
-    """What the page tells."""
+    """The page's contents."""
     campaign = found.campaign
     improved = _improved(f)
     model = (f.missing.curve.campaign if improved and not f.best else campaign).system
@@ -77,7 +77,7 @@ def _improved(f: Findings) -> Fit | None:
 
 
 def _gain(f: Findings, channels: Sequence[Any]) -> str:
-    """What the improved model is worth where it was not fitted, in one sentence."""
+    """The improved model's held-out improvement, in one sentence."""
     held = f.held
     if held is None or _improved(f) is None:
         return ""
@@ -129,7 +129,7 @@ def _error(c: Any, before: float, after: float | None, noise: float, told: str) 
 
 
 def _rivals(f: Findings, found: Inquiry) -> list[Rival]:
-    """The most probable hypotheses, with what each leaves in all runs."""
+    """The most probable hypotheses, with the misfit of each in all runs."""
     fits = {"complete": found.null, **{c.name: c.fit for c in found.contestants}}
     channels, out = found.campaign.system.channels, []
     for name, p in list(f.judgement.probability.items())[:RIVALS]:
