@@ -71,7 +71,7 @@ def waits(lab: ServedLab) -> bool:
     return bool(lab.get("/api/loops")["logs"]) and bool(lab.get(f"/api/loop?log={LOG}")["waits"])
 
 
-def test_a_loop_is_seen_answered_and_its_end_is_told(lab: ServedLab, tmp_path: Path) -> None:
+def test_a_loop_is_shown_answered_and_its_end_reported(lab: ServedLab, tmp_path: Path) -> None:
     going = Going(tmp_path)
     lab.until(lambda: waits(lab))
     said = lab.get(f"/api/loop?log={LOG}")
@@ -119,7 +119,7 @@ def test_another_terminal_answers_as_the_page_does(tmp_path: Path, capsys: pytes
     assert '"who": "Ada"' in (tmp_path / LOG).read_text()
 
 
-def test_a_loop_whose_process_died_is_told_from_one_that_goes_on(lab: ServedLab, tmp_path: Path) -> None:
+def test_a_loop_whose_process_died_is_distinguished_from_a_running_one(lab: ServedLab, tmp_path: Path) -> None:
     place = tmp_path / LOG.removesuffix(".jsonl")
     place.mkdir()
     with Log(tmp_path / LOG) as log:
