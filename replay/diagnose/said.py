@@ -7,11 +7,9 @@ from dataclasses import dataclass
 
 from straw.replay.diagnose.heldout import Held
 from straw.replay.diagnose.inquiry import Inquiry
+from straw.replay.diagnose.names import NO_CAUSE, words
 from straw.replay.diagnose.settings import COVERED
 from straw.replay.diagnose.system import Channel
-
-#: What is no cause, in words.
-OTHERS = {"complete": "nothing missing", "unknown": "something no hypothesis holds"}
 
 
 @dataclass(frozen=True)
@@ -43,7 +41,7 @@ def says(
 ) -> str:
     """The verdict in one sentence; ``experiment``: whether one is proposed that would tell more."""
     runs = len(found.campaign.observations)
-    named = " and ".join(_words(c) for c in causes)
+    named = " and ".join(words(c) for c in causes)
     if not found.whole:
         so_far = f"; so far {named} would explain these runs best" if named else ""
         return f"Stopped before every cause was looked at: nothing is named and nothing excluded{so_far}."
@@ -57,7 +55,7 @@ def says(
         tail = "; the next experiment below would tell more" if experiment else ""
         if refuted:
             return (
-                f"Nothing is named: {_words(refuted.name)} explains all runs together best (probability "
+                f"Nothing is named: {words(refuted.name)} explains all runs together best (probability "
                 f"{probability[refuted.name]:.2f}), but fitted without the runs held out it predicts them worse than "
                 f"the base ({refuted.worse}){tail}."
             )
@@ -84,10 +82,6 @@ def doubts(found: Inquiry) -> list[str]:
     return out
 
 
-def _words(name: str) -> str:
-    return name.replace("_", " ").replace("+", " and ")
-
-
 def _sure(causes: Sequence[str], probability: Mapping[str, float]) -> float:
     """Probability that at least one of these causes takes part."""
     return sum(p for name, p in probability.items() if set(causes) & set(name.split("+")))
@@ -95,8 +89,8 @@ def _sure(causes: Sequence[str], probability: Mapping[str, float]) -> float:
 
 def _not_told(causes: Sequence[str], probability: Mapping[str, float]) -> str:
     """Hypotheses that cannot be distinguished, with probabilities; a single cause may be too improbable to be named."""
-    sure = {_words(c): _sure([c], probability) for c in causes}
-    sure |= {text: probability[name] for name, text in OTHERS.items() if probability[name] > 1 - COVERED}
+    sure = {words(c): _sure([c], probability) for c in causes}
+    sure |= {text: probability[name] for name, text in NO_CAUSE.items() if probability[name] > 1 - COVERED}
     among = [f"{name} ({p:.2f})" for name, p in sure.items()]
     if len(among) < 2:
         return f"These runs do not settle it: {''.join(among) or 'nothing'} is the most probable, and not enough so"

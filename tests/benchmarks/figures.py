@@ -1,6 +1,6 @@
 """Figures of README.md that benchmarks rewrite: with --write a command replaces its own and the row of its last run.
 
-A figure stands between comments as GROUP.NAME, `<!-- soak.wrong -->0<!-- / -->`. A command states all figures of a group
+A figure stands between comments as GROUP.NAME, `<!-- soak.wrong -->0<!-- / -->`; a command states a group's figures
 at once, so that no group mixes two runs. The last runs are in a table between the comments of `runs.table`.
 """
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib.metadata
 import os
 import shutil
@@ -191,3 +192,33 @@ def test_importing_straw_loads_nothing_that_is_heavy() -> None:
     count, _, names = subprocess.check_output([sys.executable, "-c", code], text=True).partition(" ")
     assert int(count) < 20
     assert "simulate" in names
+
+
+def test_no_circle_of_imports_among_the_files(repository: Path) -> None:
+    """As they are loaded: what is imported within a function, or for types only, comes later."""
+    files = {
+        "straw." + name[:-3].replace("/", ".").removesuffix(".__init__"): name
+        for name in tracked(repository)
+        if name.startswith(tuple(f"{room}/" for room in ROOMS)) and name.endswith(".py")
+    }
+    uses = {module: imported(repository / name) & set(files) - {module} for module, name in files.items()}
+    while free := {module for module, used in uses.items() if not used & set(uses)}:
+        uses = {module: used for module, used in uses.items() if module not in free}
+    assert sorted(uses) == []
+
+
+def imported(path: Path) -> set[str]:
+    """Modules of straw that a file imports when it is loaded."""
+    found: set[str] = set()
+    waiting: list[ast.stmt] = list(ast.parse(path.read_text(encoding="utf-8")).body)
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, ast.Import):
+            found |= {name.name for name in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found |= {node.module, *(f"{node.module}.{name.name}" for name in node.names)}
+        elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            waiting += node.orelse
+        elif not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            waiting += [child for child in ast.iter_child_nodes(node) if isinstance(child, ast.stmt)]
+    return found

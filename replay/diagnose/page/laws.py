@@ -9,10 +9,11 @@ import numpy as np
 from straw.replay.diagnose.figures import covariance_of
 from straw.replay.diagnose.findings import Findings
 from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.names import words
 from straw.replay.diagnose.page.fits import law_curve
 from straw.replay.diagnose.page.shown import LawCurve
 from straw.replay.diagnose.page.story import INTERVAL, Constant, LawTold
-from straw.replay.diagnose.page.words import symbol_of, words
+from straw.replay.diagnose.page.words import symbol_of
 from straw.replay.diagnose.system import System
 
 #: Points at which a formula is drawn.

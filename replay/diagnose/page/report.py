@@ -10,19 +10,18 @@ from straw.replay.diagnose.findings import Findings
 from straw.replay.diagnose.fit import Fit
 from straw.replay.diagnose.heldout import noise_floor, plain_rms
 from straw.replay.diagnose.inquiry import Inquiry
+from straw.replay.diagnose.names import words
 from straw.replay.diagnose.page.details import details
 from straw.replay.diagnose.page.fits import left_over
 from straw.replay.diagnose.page.laws import laws_of, laws_say
 from straw.replay.diagnose.page.player import Model, played
 from straw.replay.diagnose.page.shown import Shown
 from straw.replay.diagnose.page.story import Error, Next, Rival, Story
-from straw.replay.diagnose.page.words import and_, raised, sig, symbol_of, words
+from straw.replay.diagnose.page.words import and_, raised, sig, symbol_of
 from straw.replay.diagnose.page.write import written
 
 #: Largest number of other explanations shown.
 RIVALS = 6
-#: What judged names stand for that are no causes.
-WORDS = {"complete": "nothing missing: the base model", "unknown": "something no hypothesis holds"}
 
 
 def report(findings: Findings, found: Inquiry) -> str:
@@ -138,7 +137,7 @@ def _rivals(f: Findings, found: Inquiry) -> list[Rival]:
             rms = plain_rms(found.campaign, fits[name].unknowns, fits[name].u)
             leaves = [f"{c.shown_per_si * rms[c.name]:.3g}" for c in channels]
         chosen = set(name.split("+")) == set(f.causes) or name == f.verdict
-        out.append(Rival(WORDS.get(name) or words(name), p, leaves, chosen))
+        out.append(Rival(words(name) + (": the base model" if name == "complete" else ""), p, leaves, chosen))
     return out
 
 

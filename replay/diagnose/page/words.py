@@ -13,11 +13,6 @@ SYMBOL, UNIT = re.compile(r"(\S{1,8})(?:[,;] (.*))?"), re.compile(r"_(m|m2|m3|s|
 POWERS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def words(name: str) -> str:
-    """A hypothesis' name: ``squeeze_film+gauge_offset`` is squeeze film and gauge offset."""
-    return name.replace("_", " ").replace("+", " and ")
-
-
 def and_(names: Sequence[str]) -> str:
     """One, two and three."""
     return " and ".join([*filter(None, [", ".join(names[:-1])]), *names[-1:]])
