@@ -1,4 +1,4 @@
-"""Judges: reality against prediction. Called, as `straw.replay(recordings)`, it lays recordings over the model."""
+"""Compares recordings with predictions. `straw.replay(recordings)` calls this package: see ``api/comparing.py``."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 class _Room(ModuleType):
-    """This package, which has the name of a command that the API has, too."""
+    """This package, callable because `straw.replay` is both a package and a function of the API."""
 
     def __call__(self, *recordings: Any, **options: Any) -> Replay:
         """As `straw.replay.api.comparing.replay`."""

@@ -1,4 +1,4 @@
-"""Operator, notes, tags and facts: from the command line into the recording, and beside it."""
+"""Operator, notes, tags and metadata: from the command line into the recording, and beside it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from straw.replay.errors import ReplayError
 from straw.rig.notes import check_word, say
 
-#: What the recording knows by itself, and nobody may claim otherwise.
+#: Keys that the recording sets itself and --meta may not override.
 TAKEN = (
     "run_id",
     "cells",

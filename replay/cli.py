@@ -1,4 +1,4 @@
-"""The ``straw`` command: reads the command line and hands over; nothing heavy is imported until a command runs."""
+"""The ``straw`` command: parses the command line; nothing heavy is imported until a command runs."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from straw.replay.errors import USER_ERRORS
 from straw.replay.investigate.options import investigate_options
 from straw.replay.options import (
     Parser,
+    VersionAction,
     command,
     identified_options,
     json_option,
@@ -32,6 +33,7 @@ def parser() -> argparse.ArgumentParser:
     top = Parser(
         prog="straw", description="Drive, film, track, compare and diagnose inflatable multistable structures."
     )
+    top.add_argument("--version", action=VersionAction, nargs=0, help="the version, and in a clone the commit")
     commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True)
 
     p = command(commands, "demo", "the whole loop without hardware: drive, film, track, compare, diagnose")
@@ -265,7 +267,7 @@ def parser() -> argparse.ArgumentParser:
     solid_options(p)
     straw_options(p)
 
-    p = command(commands, "check", "a law, or another part of your own: does it do what it must, in one line")
+    p = command(commands, "check", "check a law, or another part of your own, against its contract")
     p.add_argument("part", type=Path, metavar="PART.py", help="a LAW, CONTROLLER, READER, FIGURE, or a system")
     p.add_argument("--on", type=Path, metavar="TABLE", help="a table of its logger, for a reader to be tried on")
     p.add_argument("--run", action="store_true", help="run the straw with the law as well: compiles, a minute or two")
@@ -319,7 +321,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def plug(args: argparse.Namespace) -> None:
-    """Make laws of the user's own part of the model, before a command loads it: those named, and the straw file's."""
+    """Register the user's own laws before a command loads the model: those named, and those of the straw file."""
     straw, rig = getattr(args, "straw", None), getattr(args, "rig", None)
     named = [*getattr(args, "laws", [])]
     if isinstance(rig, Path) and straw is None:
@@ -351,7 +353,7 @@ def main(argv: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("straw: interrupted; what was finished is kept", file=sys.stderr)
         return 130
-    except BrokenPipeError:  # the reader of our output has gone, as `| head` does
+    except BrokenPipeError:  # the reader of our output has ended, as `| head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
 

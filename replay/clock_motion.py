@@ -1,7 +1,7 @@
-"""The camera's clock from the motion itself: the shift at which the tip moves as the model says it should.
+"""The camera's clock from the motion itself: the shift at which the tip moves as the model predicts.
 
-For want of an LED. It believes the model: a straw that answers later than predicted shifts the clock by as much, so a
-clock from the motion must not be used to find a delay.
+A substitute where there is no LED. It relies on the model: a straw that responds later than predicted shifts the clock
+by as much, so a clock from the motion must not be used to find a delay.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from straw.tracking.trace import TipTrace
 Floats = NDArray[np.float64]
 
 RATE_HZ = 240.0
-ARM_M = 0.1  # an angle counts as on an arm of the straw's own length
+ARM_M = 0.1  # angles are weighted with the straw's length as lever arm
 
 
 def clock_from_motion(run: Run, tip: TipTrace, straw: StrawParameters) -> CameraClock:
-    """Fit ``t_track = a + t_host`` of a track whose times may be off by any amount; b is taken as 1.
+    """Fit ``t_track = a + t_host`` of a track whose times may be off by any amount; b is fixed at 1.
 
     Raises ReplayError where nothing moves, or the run cannot be predicted.
     """
@@ -43,7 +43,7 @@ def clock_from_motion(run: Run, tip: TipTrace, straw: StrawParameters) -> Camera
     def misfit(shift_s: float) -> float:
         at_s = seen_s - shift_s
         error = seen - np.column_stack([np.interp(at_s, host_s, axis) for axis in predicted.T])
-        error -= np.median(error, axis=0)  # where the camera stood is another question
+        error -= np.median(error, axis=0)  # an offset of position belongs to the camera's place, not to the clock
         return float(np.mean(np.sum(error**2, axis=1)))
 
     coarse_s = _coarse_shift(host_s, predicted, seen_s, seen)
@@ -54,7 +54,7 @@ def clock_from_motion(run: Run, tip: TipTrace, straw: StrawParameters) -> Camera
     at_s = seen_s - shift_s
     speed = np.column_stack([np.interp(at_s, host_s, np.gradient(axis, host_s)) for axis in predicted.T])
     power = float(np.sum(speed**2))
-    # A model's misfit is not white: taken as alike for a tenth of a second, it counts that many samples as one.
+    # A model's misfit is not white: samples within a tenth of a second count as one.
     alike = max(0.1 / float(np.median(np.diff(seen_s))), 1.0)
     sigma_s = float(np.sqrt(misfit(shift_s) * alike / power))
     residual_s = float(np.sqrt(misfit(shift_s) * len(seen_s) / power))
@@ -62,12 +62,12 @@ def clock_from_motion(run: Run, tip: TipTrace, straw: StrawParameters) -> Camera
 
 
 def _coarse_shift(host_s: Floats, predicted: Floats, seen_s: Floats, seen: Floats) -> float:
-    """Where the speeds of both look most alike, to a frame."""
+    """The shift at which the speeds of both correlate best, to a frame."""
     from scipy.signal import fftconvolve
 
     grid_s = np.arange(seen_s[0], seen_s[-1], 1 / RATE_HZ)
     moved = np.column_stack([np.interp(grid_s, seen_s, axis) for axis in seen.T])
-    width = 12  # a twentieth of a second: noise would drown a shorter difference
+    width = 12  # a twentieth of a second: over a shorter time noise dominates the difference
     a, b = (np.linalg.norm(x[width:] - x[:-width], axis=1) for x in (moved, predicted))
     likeness = fftconvolve(a - a.mean(), (b - b.mean())[::-1], mode="full")
     lag = int(np.argmax(likeness)) - (len(b) - 1)

@@ -1,4 +1,4 @@
-"""Lays a model's prediction over a recorded run: same pressure, same start, same times."""
+"""Compares a recorded run with the model's prediction: same pressure, same start, same times."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from straw.rig.run import Run
 Floats = NDArray[np.float64]
 
 CHANNELS = ("x_m", "z_m", "phi_rad")
-#: How much finer the run is integrated to see what the integration leaves.
+#: Factor on the tolerance of a second integration, which gives the numerical error.
 FINER = 0.1
 
 
@@ -46,7 +46,7 @@ class Signal:
 class Comparison:
     """A run, the prediction of it, and both side by side: signals by channel, snaps in pairs, figures judged.
 
-    ``inputs``: what of the prediction's inputs was taken as uncertain.
+    ``inputs``: the uncertain inputs of the prediction.
     """
 
     run: Run
@@ -63,9 +63,9 @@ class Comparison:
 def setting(
     run: Run, straw: StrawParameters
 ) -> tuple[StrawParameters, Callable[[Floats], Floats], Floats, tuple[int, ...]]:
-    """What a gathered run asks `straw.model.simulate.simulate`: straw, pressure, times (the last are the tip's), start.
+    """Arguments of `straw.model.simulate.simulate` for a gathered run: straw, pressure, times (the tip's last), start.
 
-    The recording's measured pressure drives the model, never the command; the specimen is as worn as the run says.
+    The recording's measured pressure drives the model, never the command; the specimen's wear follows the run's cycle.
     Raises ReplayError where straw and run do not belong together.
     """
     assert run.pressure is not None
@@ -81,7 +81,7 @@ def setting(
 
 
 def predict(run: Run, straw: StrawParameters, *, tolerance_m: float = TOLERANCE_M) -> Prediction:
-    """What a straw does under a gathered run's measured pressure, at the tip's samples (n,), from where it started.
+    """Motion of a straw under a gathered run's measured pressure, at the tip's samples (n,), from the run's start.
 
     Raises what `setting` raises, and ModelError where the model cannot follow.
     """
@@ -91,8 +91,8 @@ def predict(run: Run, straw: StrawParameters, *, tolerance_m: float = TOLERANCE_
 def compare(run: Run, straw: StrawParameters, uncertain: Mapping[str, float] | None = None) -> Comparison:
     """Predict a gathered run and compare the tip; raises what `predict` raises.
 
-    ``uncertain``: standard uncertainties of constants by name. What each does to the prediction, with the pressure's
-    own sigma (taken as common to all readings, the worst it can be) and a finer integration, makes up ``u_val``.
+    ``uncertain``: standard uncertainties of constants by name. Their effects on the prediction, that of the
+    pressure's sigma (taken as common to all readings, the worst case) and a finer integration make up ``u_val``.
     """
     prediction = predict(run, straw)
     fine = predict(run, straw, tolerance_m=FINER * TOLERANCE_M)

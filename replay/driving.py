@@ -17,10 +17,9 @@ Floats = NDArray[np.float64]
 def driving_pressure(measured: PressureLog, command: PressureLog | None) -> Callable[[Floats], Floats]:
     """Measured pressure (Pa) as a function of seconds since the run's zero; constant outside the log.
 
-    Between readings runs a monotone cubic, which has no overshoot of its own: straight lines would make a controller
-    that settles with time constant tau late by h^2 / (12 tau), 0.4 ms of 20 ms at 100 Hz. At a command the curve
-    starts anew from the last reading, for until it is told the controller holds. Only the command's time is used,
-    never its value.
+    Readings are joined by a monotone cubic, which adds no overshoot; straight lines would delay a controller that
+    settles with time constant tau by h^2 / (12 tau), 0.4 ms of 20 ms at 100 Hz. At a command a new cubic starts from
+    the last reading, as the controller holds until then. Only the command's time is used, never its value.
     """
     time_s, pressure_pa = measured.time_s, measured.pressure_pa
     if len(time_s) == 1:

@@ -1,4 +1,4 @@
-"""Filming: the camera of a rig started before a run and stopped after it, its film laid beside the recording."""
+"""Filming: starts the rig's camera before a run, stops it after, and stores the video beside the recording."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from straw.rig.rig_file import CameraFile
 class Filming:
     """``with Filming(camera, recording)`` films what happens inside, then fetches it.
 
-    A camera that does not start is an error before anything moves; one that fails later costs no run: it is said, the
-    film is safe on its card.
+    A camera that does not start is an error before anything moves; a later failure is reported and does not end the
+    run, and the video remains on the camera's card.
     """
 
     def __init__(self, camera: CameraFile | None, recording: Path) -> None:
@@ -42,9 +42,7 @@ class Filming:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
         if self.camera is not None and self._gopro is None:
-            say(
-                f"press the shutter again; the film belongs to the run by: straw runs attach {self.recording.stem} FILM"
-            )
+            say(f"press the shutter again; add the video to the run with: straw runs attach {self.recording.stem} FILM")
         if self._gopro is None:
             return
         try:
@@ -54,6 +52,6 @@ class Filming:
                 self.films = tuple(camera.fetch(clip, path) for clip, path in zip(clips, names, strict=True))
             if self.films and self.recording.exists():
                 seal(self.recording, self.films)
-            say(f"the film: {', '.join(map(str, self.films)) or 'the camera wrote none'}")
+            say(f"the video: {', '.join(map(str, self.films)) or 'the camera wrote none'}")
         except RigError as failed:
             say(f"{failed}; the run is recorded all the same")

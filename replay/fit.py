@@ -1,8 +1,8 @@
-"""Fits constants of the straw to recordings, all runs at once: from blurred to sharp, with intervals.
+"""Fits constants of the straw to recordings, all runs at once, with decreasing blur in time, and with intervals.
 
-A run that snaps makes point-wise least squares a landscape of plateaus and cliffs: a snap 30 ms late is a large error
-whatever its cause, and the way down is as narrow as the snap is short. Blurring the difference in time widens the
-valley to the blur. Several starts go down that way on a few runs that differ most; the best is finished on all.
+A run that snaps gives point-wise least squares plateaus and cliffs: a snap 30 ms late is a large error whatever its
+cause, and the basin of attraction is as narrow as the snap is short. Blurring the difference in time widens the basin
+to the blur. Several starts are followed that way on a few dissimilar runs; the best is finished on all runs.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ FINISH = (0.02, 0.0)
 #: Starts that are followed down, and runs they are followed on.
 FOLLOWED_STARTS, SEARCHED_RUNS = 2, 3
 MOST_EVALUATIONS = 15
-#: Residuals within this long count as one piece of evidence.
+#: Residuals within this time count as one independent sample.
 BLOCK_S = 0.5
-#: Differences beyond this many sigmas count with their size, not their square.
+#: Differences beyond this many sigmas count linearly, not squared.
 ROBUST_SIGMAS = 5.0
 #: Simulations that fail count as this many sigmas everywhere.
 FAILED_SIGMAS = 1e3
@@ -124,7 +124,7 @@ def _pool(executor: Executor | None) -> Iterator[Executor]:
 
 
 def most_different(runs: Sequence[Run]) -> list[Run]:
-    """A few runs that show most: for each start configuration the one whose tip travels furthest, longest first."""
+    """The most informative runs: for each start configuration the one whose tip travels furthest, longest first."""
     furthest: dict[tuple[int, ...] | None, tuple[float, Run]] = {}
     for run in runs:
         assert run.tip is not None
@@ -135,7 +135,7 @@ def most_different(runs: Sequence[Run]) -> list[Run]:
 
 
 def _gentle(differences: Floats) -> float:
-    """Misfit in which what is far off counts little more than what is off."""
+    """Robust misfit, in which large differences count little more than moderate ones."""
     return float(np.sum(np.log1p((differences / ROBUST_SIGMAS) ** 2)))
 
 
@@ -152,7 +152,7 @@ def _descend(problem: _Problem, at: Floats, blur_s: float) -> Floats:
         slopes,
         loss="soft_l1",
         f_scale=ROBUST_SIGMAS,
-        x_scale="jac",  # a few permille of r_ch do as much as a tenth of c_zeta
+        x_scale="jac",  # a few permille of r_ch have the effect of a tenth of c_zeta
         xtol=1e-5,
         ftol=1e-3,
         max_nfev=MOST_EVALUATIONS,
@@ -172,9 +172,9 @@ def fit(
     """Constants (all above zero) with which one straw explains all gathered runs best.
 
     Starts from the straw's own values and from ``starts`` (values in the order of ``names``), those that look best
-    through the widest blur. Intervals take residuals within half a second as one piece of evidence, so that a model
-    that leaves something out does not look certain, and carry the gauge's noise, which moves every snap of a run
-    together. They say nothing about a model that is wrong.
+    through the widest blur. Intervals treat residuals within half a second as one sample, so that an incomplete
+    model does not look certain, and include the gauge's noise, which shifts all snaps of a run together. They do not
+    account for a wrong model.
     Raises ReplayError where nothing can be simulated.
     """
     with _pool(executor) as pool:
@@ -242,7 +242,7 @@ def _plain(run: Run, row: Floats, channel: int) -> Floats:
 
 
 def _covariance(problem: _Problem, left: list[Floats], slopes: Floats) -> Floats:
-    """Covariance that stays honest for correlated residuals: blocks of time are the independent pieces.
+    """Covariance that is valid for correlated residuals: blocks of time are treated as independent.
 
     (J'J)^-1 (sum over blocks of (J'r)(J'r)') (J'J)^-1, the sandwich of Liang and Zeger (1986).
     """
@@ -263,7 +263,7 @@ def _covariance(problem: _Problem, left: list[Floats], slopes: Floats) -> Floats
 
 
 def _from_gauge(problem: _Problem, best: Floats, slopes: Floats) -> Floats:
-    """Covariance from the gauge's noise: how the optimum moves, to first order, when readings are noisy once more."""
+    """Covariance from the gauge's noise: first-order change of the optimum when its noise is added once more."""
     jobs = [problem.pool.submit(problem.difference.gauge, run, best) for run in problem.runs]
     bread, changes = np.linalg.pinv(slopes.T @ slopes), []
     for run, job in zip(problem.runs, jobs, strict=True):

@@ -19,7 +19,7 @@ from straw.rig.run import PressureLog, Run
 
 Floats = NDArray[np.float64]
 
-#: Accuracy of simulations while searching; what it leaves in the tip is below a camera's noise.
+#: Tolerance of simulations while searching; the tip's error is below a camera's noise.
 SEARCH_TOLERANCE_M = 2e-6
 #: Draws of the gauge's noise.
 GAUGE_DRAWS = 12
@@ -31,7 +31,7 @@ UNSTATED = {"x_m": 30e-6, "z_m": 30e-6, "phi_rad": 2e-3}
 class Difference:
     """Simulated less recorded as a function of the logarithms of constants ``names`` of a straw.
 
-    It travels to an executor's workers.
+    It is pickled for an executor's workers.
     """
 
     straw: StrawParameters

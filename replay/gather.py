@@ -1,4 +1,4 @@
-"""Gathers recordings: raw runs, with the tracks that were derived from them laid beside their pressure."""
+"""Gathers recordings: raw runs, joined with the tracks that were derived from them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from straw.tracking.trace import TipTrace
 
 
 def read_whole(path: Path, *, partial: bool = False) -> Run:
-    """Read a run; ReplayError for a cut or damaged one unless ``partial`` takes it for what is left."""
+    """Read a run; ReplayError for a cut or damaged one unless ``partial`` accepts the rest."""
     run = read_run(path)
     if run.damage and not partial:
         raise ReplayError(f"{path}: {run.damage[0]}; copy it again, or replay what is left with --partial")
@@ -68,7 +68,7 @@ def _shifted(tip: TipTrace, shift_s: float) -> TipTrace:
 
 
 def check_run(run: Run) -> Run:
-    """The run, if it can be compared with a prediction; ReplayError saying what it lacks."""
+    """The run, if it can be compared with a prediction; otherwise a ReplayError that names what is missing."""
     if run.pressure is None:
         tracked = bool(run.metadata.get("parent_sha256"))
         cure = "give the run it was tracked from as well" if tracked else "give a run that recorded it"

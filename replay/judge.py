@@ -1,4 +1,4 @@
-"""Figures of merit of a run: snaps, ring-down, end pose; each judged against what is uncertain about it."""
+"""Figures of merit of a run: snaps, ring-down, end pose; each judged against its uncertainty."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ UNITS = {"x_m": "m", "z_m": "m", "phi_rad": "rad"}
 
 @dataclass(frozen=True)
 class Motion:
-    """A tip's motion (n,) at valid samples, with what was seen in it; sigma by channel, NaN where unknown.
+    """A tip's motion (n,) at valid samples, with its snaps and ring-down; sigma by channel, NaN where unknown.
 
-    ``pressure_pa`` (n,): the gauge pressure that drove it; NaN where nobody said.
+    ``pressure_pa`` (n,): the gauge pressure that drove it; NaN where unknown.
     """
 
     time_s: Floats
@@ -73,7 +73,7 @@ def measured_motion(tip: TipTrace, limit_rad: float, pressure_pa: Floats) -> Mot
 
 
 def predicted_motion(p: Prediction, at: TipTrace, limit_rad: float, pressure_pa: Floats) -> Motion:
-    """The predicted tip at the measurement's valid samples; its snaps know their cells."""
+    """The predicted tip at the measurement's valid samples, with the cell of each snap."""
     pose = {name: getattr(p, name)[-len(at) :][at.valid] for name in UNITS}
     exact = {name: np.zeros(len(values)) for name, values in pose.items()}
     seen = _seen(at.time_s[at.valid], pose, exact, limit_rad, pressure_pa)
@@ -98,15 +98,15 @@ def _seen(
 
 
 def pairs_of(measured: Motion, predicted: Motion) -> list[Pair]:
-    """Snaps of both, paired; measured ones are put down to cells by where the tip's swing hinges."""
+    """Snaps of both, paired; measured ones are assigned to cells by the hinge of the tip's swing."""
     return match(named(list(measured.snaps), list(predicted.snaps)), list(predicted.snaps))
 
 
 def quantities(
     measured: Motion, predicted: Motion, numerical: Motion, inputs: Mapping[str, Motion], limit_rad: float = math.inf
 ) -> list[Quantity]:
-    """Every figure of merit, those from outside last. ``numerical``: integrated finer; ``inputs``: each input moved by
-    one sigma; ``limit_rad``: the turn that tells a snap."""
+    """Every figure of merit, the user's own last. ``numerical``: integrated finer; ``inputs``: each input moved by
+    one sigma; ``limit_rad``: the turn that counts as a snap."""
 
     def again(noisy: Motion) -> Motion:
         return _seen(noisy.time_s, noisy.pose, noisy.sigma, limit_rad, noisy.pressure_pa)
@@ -122,7 +122,7 @@ def quantities(
     moved = [every(motion) for motion in inputs.values()]
 
     def change(name: str, other: Mapping[str, tuple[str, float, float, float]]) -> float:
-        return other[name][2] - base[name][2] if name in other else math.nan  # then nothing can be said of it
+        return other[name][2] - base[name][2] if name in other else math.nan  # then it cannot be judged
 
     return [
         Quantity(name, unit, seen, said, u_data, abs(change(name, fine)), math.hypot(*(change(name, m) for m in moved)))

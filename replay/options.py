@@ -1,4 +1,4 @@
-"""Options that several commands share, and how a command is entered; imports nothing heavy."""
+"""Options that several commands share, and how a command is registered; imports nothing heavy."""
 
 from __future__ import annotations
 
@@ -8,11 +8,22 @@ from typing import NoReturn
 
 
 class Parser(argparse.ArgumentParser):
-    """Says in one line what is wrong with a command line."""
+    """Reports an error of the command line in one line."""
 
     def error(self, message: str) -> NoReturn:
         """Exit 2 with one line."""
         self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
+
+
+class VersionAction(argparse.Action):
+    """Prints the version, and in a clone the commit; both are looked up only when asked for."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        """Print it and exit."""
+        from straw.rig.provenance import version_line
+
+        print(version_line())
+        parser.exit()
 
 
 def rig_options(p: argparse.ArgumentParser) -> None:
@@ -77,7 +88,7 @@ def one_or_more(text: str) -> int:
 def command(
     commands: argparse._SubParsersAction[Parser], name: str, text: str, module: str | None = None
 ) -> argparse.ArgumentParser:
-    """Enter a command; ``module`` of `straw.replay.commands` runs it."""
+    """Register a command; ``module`` of `straw.replay.commands` runs it."""
     made = commands.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
     made.set_defaults(module=module or name)
     return made

@@ -34,7 +34,7 @@ def write_picture(figure: Figure, path: Path, dpi: int, option: str) -> None:
 
 
 def check_new(path: Path) -> None:
-    """Raise ReplayError unless a recording can be made at a path: before the work, not after it."""
+    """Raise ReplayError unless a recording can be made at a path; called before the work."""
     if path.exists():
         raise ReplayError(f"{path}: exists and is not overwritten; choose another name or move it away")
     if not path.parent.is_dir():
@@ -42,7 +42,8 @@ def check_new(path: Path) -> None:
 
 
 def check_places(*paths: Path | None, given: Sequence[Path] = ()) -> None:
-    """Raise ReplayError unless results can be written over these paths, of which none is an input: before the work."""
+    """Raise ReplayError unless results can be written over these paths, of which none is an input; called before the
+    work."""
     for path in paths:
         if path is None:
             continue
@@ -60,7 +61,7 @@ def write_json(path: Path, data: Any) -> None:
 
 
 def finite(data: Any) -> Any:
-    """The same data with NaN and infinities as None, which is what JSON has for them."""
+    """The same data with NaN and infinities as None, as JSON has no such numbers."""
     if isinstance(data, float):
         return data if math.isfinite(data) else None
     if isinstance(data, dict):

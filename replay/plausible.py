@@ -1,4 +1,4 @@
-"""Whether a recording can be what it says: units by their size, noise by what moves, pressure and tip at one time."""
+"""Plausibility of a recording: magnitudes of units, noise against motion, pressure and tip at the same time."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from straw.tracking.trace import TipTrace
 
 Floats = NDArray[np.float64]
 
-#: What the air weighs where people work, Pa: from 1900 m above the sea to the highest weather. A gauge that begins with
-#: it and never comes near zero shows absolute pressure.
+#: Atmospheric pressure where people work, Pa: from 1900 m above sea level to the highest weather. A gauge that starts
+#: there and never comes near zero shows absolute pressure.
 AIR_PA = (80e3, 108.5e3)
-#: Thirty readings of normal noise span 4.1 ± 0.7 deviations, more of them more: less than two is none that was seen.
+#: Thirty readings of normal noise span 4.1 ± 0.7 deviations, more readings more: a span below two is implausible.
 SPANS_SIGMAS = 2.0
-#: Share of the tip's samples during which the pressure was read: the rest of a prediction has nothing to go by.
+#: Least share of the tip's samples with a pressure; without one there is nothing to predict from.
 TOGETHER = 0.5
 
 
 def check_plausible(run: Run) -> None:
-    """Raise ReplayError where a gathered run's pressure, tip or sigma is of no plausible size, saying what it looks
-    like, or where its pressure and its tip were hardly recorded at the same time."""
+    """Raise ReplayError where a gathered run's pressure, tip or sigma has an implausible magnitude, with what it looks
+    like, or where pressure and tip were hardly recorded at the same time."""
     tip, log = run.tip, run.pressure
     assert tip is not None
     assert log is not None
@@ -39,7 +39,7 @@ def check_plausible(run: Run) -> None:
         if len(values) >= 30 and float(np.ptp(values)) < SPANS_SIGMAS * sigma:
             raise ReplayError(
                 f"{run.path}: /tip/state sigma_{channel} is {sigma:.3g}, and {channel} spans {np.ptp(values):.3g} in "
-                f"all; no noise is so still: write it in {channel.rpartition('_')[2]}"
+                f"all, less than such noise: write it in {channel.rpartition('_')[2]}"
             )
 
 

@@ -1,4 +1,4 @@
-"""Progress for anything slow: a bar where a person watches, a file where a page does, nothing where a log is kept."""
+"""Progress for anything slow: a bar on a terminal, a file for a page, nothing in a log."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tqdm import tqdm
 from straw.model.compiled import COMPILED_BEFORE
 
 Progress = Callable[[int, int], None]
-#: Names a file in which a command says how far it is: whoever starts it for a page sets this.
+#: Environment variable with the file for a command's progress, set by a process that shows it on a page.
 TOLD_IN = "STRAW_PROGRESS"
 TELL_S = 0.3
 
@@ -55,7 +55,7 @@ def stage_bar(title: str) -> Iterator[Callable[[str, int, int], None]]:
 
 @contextmanager
 def _bar(title: str, unit: str, form: str | None = None) -> Iterator[tqdm[NoReturn]]:
-    room = shutil.get_terminal_size()  # tqdm draws nothing on a terminal that does not tell its size
+    room = shutil.get_terminal_size()  # tqdm draws nothing on a terminal of unknown size
     with tqdm(
         desc=title,
         unit=f" {unit}",
@@ -69,7 +69,7 @@ def _bar(title: str, unit: str, form: str | None = None) -> Iterator[tqdm[NoRetu
 
 
 def _teller() -> Callable[[str, int, int], None]:
-    """Writes how far it is into the file of `TOLD_IN`, now and then; does nothing where none is named."""
+    """Writes the progress into the file of `TOLD_IN` at intervals; does nothing where none is named."""
     named, last_s = os.environ.get(TOLD_IN), -TELL_S
 
     def tell(what: str, done: int, total: int) -> None:
@@ -90,7 +90,7 @@ def say(text: str) -> None:
 
 
 def prepare(*, derivatives: bool = False) -> None:
-    """Tell a person who waits that the model is about to be compiled; nothing where a log is kept."""
+    """Announce on a terminal that the model is about to be compiled."""
     if sys.stderr.isatty() and not COMPILED_BEFORE:
         takes = "two or three minutes, with its derivatives" if derivatives else "about half a minute"
         say(f"compiling the model, once on this machine: {takes}")
@@ -98,10 +98,10 @@ def prepare(*, derivatives: bool = False) -> None:
 
 @contextmanager
 def compiling_meanwhile() -> Iterator[Callable[[], int]]:
-    """Compile the model's derivatives in a process of its own; what is given waits for it."""
+    """Compile the model's derivatives in a process of its own and wait for it."""
     child = subprocess.Popen([sys.executable, "-P", "-m", "straw.model.warm_up"], stderr=subprocess.DEVNULL)
     try:
-        yield child.wait  # where it failed, what asks for derivatives says why
+        yield child.wait  # if it failed, the first use of derivatives raises the reason
     finally:
         child.terminate()
         child.wait()

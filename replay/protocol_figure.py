@@ -1,4 +1,4 @@
-"""A protocol as a picture: what is commanded, what a controller makes of it, and the limits."""
+"""A protocol as a picture: the command, a controller's response, and the limits."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 KPA = 1e3
-DRAWN = 4000  # points of a curve that are told apart on a picture of 1170 pixels, and then some
+DRAWN = 4000  # more points than can be distinguished on a picture of 1170 pixels
 #: Units of the time axis, each from where the protocol has more than two of them.
 UNITS_S = {"days": 86400.0, "h": 3600.0, "min": 60.0, "s": 1.0}
 
 
 def protocol_figure(protocol: PressureProtocol) -> Figure:
-    """Command against time, what a controller of nominal speed makes of it, and the limits."""
-    from matplotlib.figure import Figure  # takes its time
+    """Command against time, the response of a controller of nominal speed, and the limits."""
+    from matplotlib.figure import Figure  # slow to import
 
     figure = Figure(figsize=(9, 4.2), layout="constrained")
     axes = figure.subplots()

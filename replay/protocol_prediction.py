@@ -1,4 +1,4 @@
-"""What the model says a protocol does, of any length, and that as a recording of its own."""
+"""The model's prediction of a protocol of any length, and its recording."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from straw.tracking.trace import TipTrace
 Floats = NDArray[np.float64]
 
 RATE_HZ = 240.0
-LONG_S = 600.0  # up to here a prediction is sampled all through
+LONG_S = 600.0  # up to this duration a prediction is sampled throughout
 REST_S = 10.0  # a straw of the paper's kind has come to rest after some two seconds
 MOST_SAMPLES = 200_000  # a recording of some 20 MB; a quarter of an hour at full rate
-#: Predictions of a protocol nobody ran stand at this moment: a message at time 0 breaks Foxglove.
+#: Zero of a prediction without a run: a message at time 0 breaks Foxglove.
 NOMINAL_ZERO_NS = 1_000_000_000
 #: All of a protocol.
 WHOLE = (-math.inf, math.inf)
@@ -99,7 +99,7 @@ def rate_of(stretches: list[Stretch], window_s: tuple[float, float]) -> float:
 
 
 def trace_of(p: Prediction | LongPrediction, time_s: Floats) -> TipTrace:
-    """A prediction's tip as a trace: sure of itself, hence without sigmas."""
+    """A prediction's tip as a trace, without sigmas."""
     unknown = np.full(len(time_s), np.nan)
     return TipTrace(
         time_s, p.x_m, p.z_m, p.phi_rad, unknown, unknown, unknown, np.ones(len(time_s), bool), np.arange(len(time_s))

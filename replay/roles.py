@@ -14,9 +14,9 @@ FITTED, HELD_OUT = "fitted", "held out"
 
 
 def roles_of(fitted: Sequence[str], runs: Sequence[Run]) -> dict[str, str]:
-    """Role of every run by its SHA-256; none where nothing was said to be fitted.
+    """Role of every run by its SHA-256; empty where no run is named as fitted.
 
-    ``fitted`` names runs by file or run id, or a JSON of ``straw identify runs`` or ``straw diagnose`` that tells.
+    ``fitted`` names runs by file or run id, or a JSON of ``straw identify runs`` or ``straw diagnose``.
     ReplayError for a name that is none of the runs.
     """
     if not fitted:

@@ -1,4 +1,4 @@
-"""Signals of any two origins laid over each other: their difference where both have samples."""
+"""Compares signals of two origins: their difference where both have samples."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def tip_series(tip: TipTrace, shift_s: float = 0.0) -> dict[str, Series]:
 
 
 def differ(a: Series, b: Series, name: str) -> Metrics:
-    """b - a at a's times within what both cover; commands are held, everything else is joined by straight lines."""
+    """b - a at a's times within what both cover; commands are held, all else is interpolated linearly."""
     inside = (a.time_s >= b.time_s[0]) & (a.time_s <= b.time_s[-1])
     if not np.any(inside):
         raise ReplayError(f"{name}: the two runs do not overlap in time; check their zero_time_ns")

@@ -48,7 +48,7 @@ def protocol_of(run: Run, given: Path | None) -> PressureProtocol:
 
 
 def three_ways(run: Run, straw: StrawParameters, protocol: PressureProtocol) -> ThreeWays:
-    """Run the protocol on emulator and model, and lay all three over each other in pairs.
+    """Run the protocol on emulator and model, and compare all three in pairs.
 
     Raises ReplayError where recording and protocol do not belong together, and what the emulator and the model raise.
     """

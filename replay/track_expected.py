@@ -16,17 +16,18 @@ from straw.tracking.trace import TipTrace
 Floats = NDArray[np.float64]
 
 RATE_HZ = 240.0
-_LONGEST_S = 60.0  # of the run; the first minute tells, and predicting takes a hundredth of it
-_CHANNELS = {"X": ("x_m", 5e-4), "Z": ("z_m", 5e-4), "Phi": ("phi_rad", 5e-3)}  # and how much motion tells a direction
-_AGAINST = -0.5  # correlation: no physics that a model may lack turns a motion round
-_SLOWER = 3.0  # times; replays are 4 to 40 times slower than life
-_PATH = (0.05, 0.95)  # of the way that the tip goes: between them it moves
+_LONGEST_S = 60.0  # of the run: one minute suffices, and its prediction takes a hundredth of that
+# least motion that determines a direction
+_CHANNELS = {"X": ("x_m", 5e-4), "Z": ("z_m", 5e-4), "Phi": ("phi_rad", 5e-3)}
+_AGAINST = -0.5  # correlation: no missing physics reverses a motion
+_SLOWER = 3.0  # factor; slow motion is 4 to 40 times slower than real time
+_PATH = (0.05, 0.95)  # shares of the tip's path between which its duration is taken
 
 
 def against_model(run: Run, tip: TipTrace, straw: StrawParameters, camera: Camera) -> list[str]:
     """Return warnings, one line each; none where the run does not determine the motion, or all agrees.
 
-    Compared are directions, and how long the motion takes: what a model that lacks some physics still knows.
+    Directions and durations of the motion are compared, which are right even if the model lacks some physics.
     """
     if run.pressure is None or run.initial_deployed is None or run.cells != straw.cells:
         return []
@@ -36,7 +37,7 @@ def against_model(run: Run, tip: TipTrace, straw: StrawParameters, camera: Camer
     host_s = np.arange(begin_s, min(float(run.pressure.time_s[-1]), begin_s + _LONGEST_S), 1 / RATE_HZ)
     try:
         expected = simulate(straw, driving_pressure(run.pressure, run.command), host_s, run.initial_deployed)
-    except USER_ERRORS:  # whoever replays the run hears of it
+    except USER_ERRORS:  # straw replay reports it
         return []
     pairs = {}
     for name, (channel, least) in _CHANNELS.items():
@@ -64,21 +65,21 @@ def against_model(run: Run, tip: TipTrace, straw: StrawParameters, camera: Camer
 
 
 def _likeness(seen_s: Floats, seen: Floats, host_s: Floats, predicted: Floats) -> float:
-    """Correlation of two displacements from rest, neither with its mean taken away: the direction is asked."""
+    """Correlation of two displacements from rest, without subtracting means, as the direction is wanted."""
     there = np.interp(seen_s, host_s, predicted)
     size = float(np.linalg.norm(seen) * np.linalg.norm(there))
     return float(seen @ there) / size if size > 0 else 0.0
 
 
 def _slower(seen_s: Floats, host_s: Floats, pairs: dict[str, tuple[Floats, Floats]]) -> float:
-    """How many times longer the tip takes for most of its way than predicted."""
+    """Factor by which the tip takes longer for most of its path than predicted."""
     seen = np.column_stack([one / np.ptp(other) for one, other in pairs.values()])
     predicted = np.column_stack([other / np.ptp(other) for _, other in pairs.values()])
     return _moving_s(seen_s, seen) / max(_moving_s(host_s, predicted), 1 / RATE_HZ)
 
 
 def _moving_s(time_s: Floats, place: Floats) -> float:
-    """Seconds between a twentieth of the way gone and all but a twentieth; steps below a hundredth of it are noise."""
+    """Seconds between 5 % and 95 % of the path; steps below 1 % of it count as noise."""
     coarse = np.round(place / 0.01) * 0.01
     gone = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(coarse, axis=0), axis=1))))
     if gone[-1] <= 0:

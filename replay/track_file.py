@@ -1,4 +1,4 @@
-"""From a video to the recording of its track: followed, written with quality, corners and camera, and doubts said."""
+"""From a video to the recording of its track, with quality, corners, camera and warnings."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ from straw.tracking.mend import Edit, load_edits, mended
 from straw.tracking.task import Track
 from straw.tracking.track import track
 
-_MISFIT, _MISFIT_PX = 3.0, 0.1  # how much more than a board by itself, and at least, tells of a wrong lens or place
+# factor over a free board's residual, and least residual, that indicate a wrong lens or place
+_MISFIT, _MISFIT_PX = 3.0, 0.1
 
 
 def track_to_file(
@@ -47,10 +48,10 @@ def track_to_file(
 ) -> Track:
     """Track a video and write the tip on the run's clock; without a run, on the wall clock of now.
 
-    ``mend``: a file of changes by hand (see ``straw.tracking.mend``), which goes on record with the track;
-    ``calibration``: the file that ``camera`` was read from, whose name and SHA-256 do, too;
-    ``progress``: told (frames done, frames in all) in place of a bar.
-    The track's record is left open, for more to be made of it; an interrupted one stays beside ``output``.
+    ``mend``: a file of changes by hand (see ``straw.tracking.mend``), which is recorded with the track;
+    ``calibration``: the file that ``camera`` was read from, whose name and SHA-256 are recorded, too;
+    ``progress``: called with (frames done, frames in all) in place of a bar.
+    The track's record is left open for further outputs; an interrupted one stays beside ``output``.
     """
     check_new(output)
     edits = load_edits(mend) if mend else []
@@ -60,7 +61,7 @@ def track_to_file(
     if beside := siblings(files):
         say(f"{files[0].name}: {', '.join(path.name for path in beside)} beside it belong to it; name all to join them")
     for copy, other in copies(files):
-        say(f"{copy.name}: holds the same film as {other.name}, which is tracked twice; is it the right file?")
+        say(f"{copy.name}: holds the same video as {other.name}, which is tracked twice; is it the right file?")
     with progress_bar(f"track {files[0].name}", "frame") as bar:
         try:
             known: dict[str, Any] = {"rest_pose": rest, "start_s": 0.0 if clock else start_s, "record": record}
@@ -87,7 +88,7 @@ def track_to_file(
     }
     metadata |= {"calibration": calibration.name, "calibration_sha256": sha256} if calibration else {}
     if not filmed:
-        say(f"{files[0].name}: without --run nothing says when it was filmed; its times count from now")
+        say(f"{files[0].name}: the time of filming is unknown without --run; its times count from now")
     zero_ns = filmed.zero_time_ns if filmed else time.time_ns()
     try:
         write_track(
@@ -118,7 +119,7 @@ def track_to_file(
 
 
 def by_hand(tracked: Track, files: Sequence[Path], edits: Sequence[Edit], start_s: float) -> Track:
-    """Return the track with what was changed by hand: poses first, then points, which fill what is not valid then."""
+    """Return the track with corrections by hand: poses first, then points, which fill the frames still invalid."""
     tracked = mended(tracked, edits)
     for edit in edits:
         if edit.kind == "point":
@@ -144,7 +145,7 @@ def corners(tracked: Track) -> Iterator[tuple[NDArray[np.float64], NDArray[np.bo
 
 
 def lens_of(camera: Camera) -> tuple[tuple[int, int], str, Sequence[float], NDArray[np.float64]]:
-    """A lens as viewers know it: picture size, distortion model in ROS's words, coefficients, matrix."""
+    """A lens for viewers: picture size, ROS's name of the distortion model, coefficients, matrix."""
     lens = camera.lens
     model = "kannala_brandt" if lens.kind == "fisheye" else "plumb_bob"
     matrix = np.array(((lens.fx, 0, lens.cx), (0, lens.fy, lens.cy), (0, 0, 1.0)))

@@ -1,4 +1,4 @@
-"""The quality report of a track: one page with what a person would want to see before trusting it."""
+"""The quality report of a track: one page to judge it by."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def page(track: Track, videos: Sequence[str]) -> str:
         f"<tr><td>{html.escape(reason)}</td><td>{count}</td></tr>" for reason, count in track.invalid.items()
     )
     hand = "".join(f"<tr><td>{html.escape(why)}</td><td>{count}</td></tr>" for why, count in track.by_hand.items())
-    hand = f"<h2>Poses that no board gave</h2><table>{hand}</table>" if hand else ""
+    hand = f"<h2>Poses not from the board</h2><table>{hand}</table>" if hand else ""
     lost = f"<h2>Frames without a trustworthy board</h2><table>{lost}</table>" if lost else ""
     pictures = "".join(
         f"<h2>{title}</h2><p>{text}</p><img alt='{title}' src='data:image/png;base64,{_png(draw, track)}'>"
@@ -48,9 +48,9 @@ def page(track: Track, videos: Sequence[str]) -> str:
                 "Per frame: the corners' own residuals, the codec, and how well camera and row time are known.",
                 _sigmas,
             ),
-            ("Corners", "How many each frame rests on, and what they leave.", _corners),
+            ("Corners", "How many corners each frame uses, and their residual.", _corners),
             (
-                "Where corners miss",
+                "Residual of each corner",
                 "The mean over all frames, by corner of the board, and where the board was in the picture. A pattern "
                 "that is the same all over means a wrong lens.",
                 _pattern,
@@ -87,12 +87,12 @@ def _facts(track: Track) -> list[tuple[str, str]]:
         ("Lens", f"{camera.lens.name or 'unnamed'} ({camera.lens.kind}, {camera.lens.width}x{camera.lens.height})"),
         ("Placed by", place),
         (
-            "Board glued askew by",
+            "Board rotated on its mount by",
             f"{about_x:.2f} ± {sigma_x:.2f} mrad about x, {about_z:.2f} ± {sigma_z:.2f} mrad about z",
         ),
         ("Rolling shutter", f"{1e6 * (camera.line_s or 0):.3f} ± {1e6 * track.line_sigma_s:.3f} µs from row to row"),
-        ("Exposure", f"1/{1 / track.exposure_s:.0f} s" if track.exposure_s else "not known: too little motion to tell"),
-        ("Codec's lag", f"{track.lag_px:.4f} px behind the motion, by the jumps at keyframes; put right"),
+        ("Exposure", f"1/{1 / track.exposure_s:.0f} s" if track.exposure_s else "not known: too little motion"),
+        ("Codec's lag", f"{track.lag_px:.4f} px behind the motion, by the jumps at keyframes; corrected"),
         ("Corner residual", f"{float(np.nanmedian(track.rms_px)):.4f} px, median of the frames' rms"),
     ]
 

@@ -1,4 +1,4 @@
-"""A page to step through a film's frames as they were tracked, and to write down what is to be mended by hand."""
+"""A page to step through a video's frames as tracked, and to write corrections by hand."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ _HALF_PX = 260  # of the picture that is shown, round the board
 
 
 def frames_to_show(track: Track, text: str) -> list[int]:
-    """The frames of ``A-B`` that the film has; for "doubtful" those that are not valid and some around them, the first
+    """The frames of ``A-B`` that the video has; for "doubtful" the invalid ones and some around them, the first
     ``MOST``."""
     n = len(track.trace)
     if text == "doubtful":
         bad = np.flatnonzero(~track.trace.valid)
         near = np.unique(np.clip(bad[:, None] + np.arange(-_AROUND, _AROUND + 1), 0, n - 1))
         return [int(k) for k in near[:MOST]] or list(range(min(n, MOST)))
-    first, last = stretch_of(text, n)  # again: a damaged film has fewer than it declares
+    first, last = stretch_of(text, n)  # checked again, as a damaged video has fewer than it declares
     return list(range(first, last + 1))
 
 
 def stretch_of(text: str, frames: int) -> tuple[int, int]:
-    """The two numbers of ``A-B``; ReplayError for anything else, more than a page holds, or than the film has."""
+    """The two numbers of ``A-B``; ReplayError for anything else, more than a page holds, or than the video has."""
     match = re.fullmatch(r"(\d+)-(\d+)", text)
     if not match:
         raise ReplayError(f"--step-frames {text}: expected the first and the last frame, as 100-160, or doubtful")
@@ -46,7 +46,7 @@ def stretch_of(text: str, frames: int) -> tuple[int, int]:
     if last - first >= MOST:
         raise ReplayError(f"--step-frames {text}: a page holds {MOST} frames; take a part")
     if not first <= last < frames:
-        raise ReplayError(f"--step-frames {text}: the film has frames 0 to {frames - 1}")
+        raise ReplayError(f"--step-frames {text}: the video has frames 0 to {frames - 1}")
     return first, last
 
 
@@ -72,7 +72,7 @@ def steps_page(track: Track, videos: Sequence[Path], shown: Sequence[int]) -> st
 
 
 def _card(track: Track, index: int, picture: NDArray[np.uint8], middle: NDArray[Any]) -> dict[str, Any]:
-    """One frame: its pose in mm and deg, what is said of it, and the part of the picture round the board."""
+    """One frame: its pose in mm and deg, its remark, and the part of the picture around the board."""
     import cv2
 
     height, width = picture.shape[:2]

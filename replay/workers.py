@@ -15,7 +15,7 @@ ANSWERS_S = 10.0
 
 @contextmanager
 def threads(jobs: int, dask: str | None = None) -> Iterator[Executor]:
-    """An executor for what the compiled model does, which releases the GIL: threads here, or a Dask cluster."""
+    """An executor for the compiled model, which releases the GIL: threads here, or a Dask cluster."""
     if dask:
         with workers(1, dask) as executor:
             assert executor is not None

@@ -1,1 +1,1 @@
-"""Touches the world: ports, controllers, emulators, files."""
+"""The interface to hardware: ports, controllers, emulators, recordings."""

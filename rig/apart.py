@@ -1,12 +1,12 @@
-"""Starts a process of this package out of reach of what ends its parent: Ctrl-C, a closed terminal, a killed group."""
+"""Starts a process of this package that survives its parent's end by Ctrl-C, a closed terminal or a killed group."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
 
-# The other process must run the same code, wherever this one has it from, and nobody's file of the working directory
-# in place of a module: hence this process's own path, less that directory.
+# The other process must import the same code as this one, and no file of the working directory in place of a module:
+# hence this process's own path without that directory.
 START = "import sys; sys.path[:] = {path!r}; from {module} import main; main()"
 
 
@@ -36,4 +36,4 @@ def start_apart(module: str, *, answers: bool) -> subprocess.Popen[bytes]:
     except OSError:
         if not freed:
             raise
-        return started(apart)  # the job does not let its processes go
+        return started(apart)  # the job does not allow its processes to leave it

@@ -1,4 +1,4 @@
-"""CameraClock: t_video = a + b t_host, from an LED that both saw, or from the motion, and how sure it is."""
+"""CameraClock: t_video = a + b t_host, from an LED in both recordings or from the motion, with uncertainties."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ OUTLIER = 4.0  # robust sigmas
 class CameraClock:
     """``t_video = a_s + b * t_host``: seconds since the video's first frame, seconds since the run's zero.
 
-    ``residual_s`` is the RMS of what the fit leaves; ``sigma_b`` 0 says that b was taken as 1. ``source`` is "led" or
+    ``residual_s`` is the RMS residual of the fit; ``sigma_b`` 0 means that b was fixed at 1. ``source`` is "led" or
     "motion"; ``edges`` are the events that were used.
     """
 
@@ -68,10 +68,10 @@ def bursts_of(run: Run) -> list[tuple[list[float], list[float]]]:
 
 
 def fit_led(run: Run, blinks: Blinks) -> CameraClock:
-    """Weighted least squares through all changes that both saw; b is taken as 1 where only one burst was seen."""
+    """Weighted least squares through all changes seen by both; b is fixed at 1 where only one burst was seen."""
     host_s, half_s = (np.concatenate(columns) for columns in zip(*bursts_of(run), strict=True))
     burst = np.concatenate([[k] * len(times) for k, (times, _) in enumerate(bursts_of(run))])
-    # A stamp is anywhere within its half-width, a change anywhere within its frame: both uniform.
+    # A stamp lies anywhere within its half-width, a change anywhere within its frame: both uniform.
     sigma_s = np.hypot(blinks.sigma_s, half_s / np.sqrt(3.0))
     good = np.isfinite(blinks.time_s)
     late_s = blinks.time_s - host_s
@@ -91,7 +91,7 @@ def _fitted(host_s: Floats, video_s: Floats, sigma_s: Floats, slope: bool, sourc
     offset = float(np.sum(weight * y) / weight.sum())
     steep = float(np.sum(weight * x * y) / np.sum(weight * x**2)) if slope else 0.0
     residual = y - offset - steep * x
-    # What scatters more than it should makes the result less sure, never the other way round.
+    # Excess scatter increases the uncertainty; small scatter never reduces it.
     freedom = max(len(y) - 1 - slope, 1)
     inflate = max(1.0, float(np.sqrt(np.sum(weight * residual**2) / freedom)))
     sigma_b = inflate / float(np.sqrt(np.sum(weight * x**2))) if slope else 0.0

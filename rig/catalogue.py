@@ -1,4 +1,4 @@
-"""Catalogue: what recordings a folder holds, rebuilt from the files at any time; its index only makes that fast."""
+"""Catalogue: the recordings of a folder, rebuilt from the files at any time; its index only saves time."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from straw.rig.preview import Preview, preview_of
 from straw.rig.run import Run
 from straw.rig.run_read import read_run
 
-CRATE = "ro-crate-metadata.json"  # what lies beside it is a copy for others
+CRATE = "ro-crate-metadata.json"  # other files beside it are copies for other programs
 INDEX = ".straw-runs.json"
 RECORDINGS = (".mcap", ".mcap.part")
-#: Longer values of a recording's metadata (a straw's constants for one) are left to the recording.
+#: Longer values of a recording's metadata (such as a straw's constants) stay in the recording only.
 LONGEST = 200
 #: Changes when an entry's meaning does: an index of another version is rebuilt.
 VERSION = 2
@@ -57,7 +57,7 @@ def catalogue(
 ) -> list[Entry]:
     """Every recording below a folder, oldest first; a file that has not changed is not read again unless ``rebuild``.
 
-    RigError when the folder cannot be read; a recording that cannot is an entry that says so.
+    RigError when the folder cannot be read; an unreadable recording is an entry that says so.
     """
     if not folder.is_dir():
         raise RigError(f"{folder} is not a folder; name the one that holds the recordings")
@@ -87,7 +87,7 @@ def scan(
 
 
 def known(folder: Path) -> dict[str, Entry]:
-    """What the index of a folder says, by name; empty where there is none of use."""
+    """The entries of a folder's index by name; empty where there is no usable one."""
     names = [one.name for one in fields(Entry)]
     try:
         data: Any = json.loads((folder / INDEX).read_text(encoding="utf-8"))
@@ -104,11 +104,11 @@ def save(folder: Path, entries: list[Entry]) -> None:
         "version": VERSION,
         "recordings": [{one.name: getattr(entry, one.name) for one in fields(Entry)} for entry in entries],
     }
-    part = folder / f"{INDEX}.{os.getpid()}.part"  # two may build it at once
+    part = folder / f"{INDEX}.{os.getpid()}.part"  # two processes may build it at once
     try:
         part.write_text(json.dumps(data), encoding="utf-8")
         part.replace(folder / INDEX)
-    except OSError:  # a folder one may only read has a catalogue as well, only slower
+    except OSError:  # a read-only folder has a catalogue as well, only slower
         with suppress(OSError):
             part.unlink()
 
@@ -122,7 +122,7 @@ def find(folder: Path, wanted: str, entries: list[Entry] | None = None) -> Path:
     matches = [e for e in named if e.kind == "run"] or named  # a run before its tracks, and before what was cut
     matches = matches or [e for e in entries if len(wanted) >= 6 and e.sha256.startswith(wanted)]
     if not matches:
-        raise RigError(f"run {wanted!r} is not in {folder}; straw runs list shows what is")
+        raise RigError(f"run {wanted!r} is not in {folder}; straw runs list shows its runs")
     if len(matches) > 1:
         names = ", ".join(entry.name for entry in matches[:4])
         raise RigError(f"run {wanted!r} is the name of {len(matches)} recordings ({names}); give the file")
@@ -201,7 +201,7 @@ def _files(folder: Path) -> Iterator[tuple[str, os.stat_result, str]]:
         here, prefix = waiting.pop()
         try:
             found = {item.name: item for item in os.scandir(here)}
-        except OSError:  # a folder that is gone by now, or nobody may read
+        except OSError:  # a folder that was removed meanwhile, or is not readable
             continue
         if CRATE in found:
             continue

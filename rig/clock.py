@@ -1,4 +1,4 @@
-"""Clocks: one monotonic clock tied once to the wall, and one that is moved by hand."""
+"""Clocks: one monotonic clock tied once to the wall, and one that is advanced by hand."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import time
 class Clock:
     """Monotonic nanoseconds and the wall time (ns since the Unix epoch) they stand for.
 
-    The tie is made once, at construction: a wall clock that is stepped during a run must not tear the run apart.
+    They are tied once, at construction, so that a step of the wall clock during a run does not show in the recording.
     """
 
     def __init__(self) -> None:
@@ -38,14 +38,14 @@ class Clock:
 
 
 class SteppedClock(Clock):
-    """Stands still until somebody sleeps on it: a minute of emulated rig takes as long as its arithmetic.
+    """Advances only when something sleeps on it, so that a minute of emulated rig takes as long as its computation.
 
     An emulator and the program that drives it must share one. Then the wire's latency, the program's waits and the
     straw's motion are one time line, the same on every computer.
     """
 
     def __init__(self) -> None:
-        self._now_ns = 10**9  # no loop and no viewer likes a time of zero
+        self._now_ns = 10**9  # loops and viewers misread a time of zero
         self._lock = threading.Lock()
         super().__init__()
 

@@ -14,12 +14,12 @@ Value: TypeAlias = str | float | tuple[str, ...] | None
 
 @dataclass(frozen=True)
 class Column:
-    """One column: its title, what it says of an entry, and a few words on it."""
+    """One column: its title, its value for an entry, and a short description."""
 
     title: str
     value: Callable[[Entry], Value]
     about: str
-    order: Callable[[Entry], Value] | None = None  # where there is something quicker to sort by
+    order: Callable[[Entry], Value] | None = None  # a cheaper key to sort by, if any
 
 
 def _when(entry: Entry, letters: int) -> str | None:
@@ -35,7 +35,7 @@ def _deployed(entry: Entry) -> str | None:
     return entry.metadata.get("initial_deployed", "").replace(" ", "") or None
 
 
-#: By name. Units are in the titles; text that is not there is None, and so is a number that nobody knows.
+#: By name. Units are in the titles; absent text is None, and so is an unknown number.
 COLUMNS: dict[str, Column] = {
     "run": Column("run", lambda e: e.run_id or e.name, "its name"),
     "start": Column(
@@ -64,12 +64,12 @@ COLUMNS: dict[str, Column] = {
 
 
 def metadata_names(entries: Iterable[Entry]) -> list[str]:
-    """What the recordings themselves say beyond ``COLUMNS``: the keys of their metadata."""
+    """The columns beyond ``COLUMNS``: the keys of the recordings' own metadata."""
     return sorted({key for entry in entries for key in entry.metadata} - set(COLUMNS))
 
 
 def value_of(entry: Entry, name: str) -> Value:
-    """What a column, or a key of the recording's own metadata, says of an entry; worked out once an entry."""
+    """The value of a column, or of a key of the recording's own metadata, for an entry; computed once an entry."""
     known = entry.__dict__.get("_values")
     if known is None:
         known = entry.__dict__["_values"] = {}
@@ -102,7 +102,8 @@ def differing(entries: list[Entry], names: Iterable[str]) -> list[str]:
 
 
 def ordered(entries: list[Entry], by: str) -> list[Entry]:
-    """Sorted by a column; ``-name`` downwards. Numbers come before text, and what is not there last, either way."""
+    """Sorted by a column; ``-name`` downwards. Numbers come before text, and absent values last, in either
+    direction."""
     name = by.removeprefix("-")
     column = COLUMNS.get(name)
     key = (column and column.order) or (lambda entry: value_of(entry, name))

@@ -27,14 +27,15 @@ from straw.rig.reading import Answer, Command, Reading, Stamp
 class Controller(ABC):
     """A pressure controller. Channels are numbered from 1; pressures are gauge, in Pa.
 
-    A driver is one file, here or anybody's own, that ends in ``CONTROLLER = ItsClass`` and fills in the methods with an
-    underscore. Every set passes ``set_pressure``, which no driver overrides: nothing beyond ``limits`` can reach the
-    wire. ``open`` vents, so that the state is known; ``close`` vents, so that nothing stays under pressure.
+    A driver is one file, in ``rig/controllers`` or anywhere else, that ends in ``CONTROLLER = ItsClass`` and implements
+    the methods with an underscore. Every set passes ``set_pressure``, which no driver overrides: nothing beyond
+    ``limits`` can reach the wire. ``open`` vents, so that the state is known; ``close`` vents, so that nothing stays
+    under pressure.
     """
 
     name: str
-    port: str  # where it is connected, as it was given
-    span: PressureLimits  # what the instrument itself can do
+    port: str  # where it is connected, as given
+    span: PressureLimits  # the instrument's own range
     resolution_pa: float  # smallest step of a command
     byte_s: float = 0.0  # how long one byte of an answer takes on the line
 
@@ -53,9 +54,9 @@ class Controller(ABC):
         self._limits = self.span.and_also(limits)
         self._leashes = {channel: Leash(self.resolution_pa) for channel in channels}
         self._expected = {channel: Expectation() for channel in channels}
-        self._lock = threading.RLock()  # one exchange at a time, whoever asks: replies must not be mixed up
-        #: A driver calls it whenever it gets on, with the seconds that its next step may take where that is long: a
-        #: guardian knows by it that the driver waits for a slow instrument, and does not hang.
+        self._lock = threading.RLock()  # one exchange at a time over all threads: replies must not be mixed up
+        #: A driver calls it whenever it makes progress, with the seconds that its next step may take if that is long: a
+        #: guardian thereby distinguishes a driver that waits for a slow instrument from one that hangs.
         self.progress: Callable[..., None] = lambda next_s=0.0: None
 
     @abstractmethod
@@ -68,11 +69,11 @@ class Controller(ABC):
 
     @abstractmethod
     def _send(self, channel: int, pressure_pa: float) -> bytes:
-        """Tell the instrument one pressure, already checked and rounded, once; its answer when it acknowledged."""
+        """Send the instrument one pressure, already checked and rounded, once; return its acknowledgement."""
 
     @abstractmethod
     def _read(self) -> Answer:
-        """What each channel of the instrument shows."""
+        """The instrument's reading of each channel."""
 
     @abstractmethod
     def _vent(self, channel: int) -> None:
@@ -80,17 +81,17 @@ class Controller(ABC):
 
     @abstractmethod
     def snapshot(self) -> dict[str, str]:
-        """What a record should say about the instrument: firmware, port, settings."""
+        """What a recording should state about the instrument: firmware, port, settings."""
 
     def _trigger(self, high: bool) -> None:
         """Set the trigger output."""
         raise RigError(f"{self.name}: has no trigger output; drive the LED from another instrument, or leave it out")
 
     def beat(self) -> None:  # noqa: B027  only a guarded controller has somebody to tell
-        """Say that the script is alive, for pauses in which it neither sets nor reads."""
+        """Signal that the script is alive, in pauses in which it neither sets nor reads."""
 
     def record_in(self, path: Path) -> None:  # noqa: B027  likewise
-        """Where processes that outlive the script may note what they did."""
+        """Where processes that outlive the script record what they did."""
 
     @property
     def vent_command(self) -> str:
@@ -99,12 +100,12 @@ class Controller(ABC):
 
     @property
     def limits(self) -> PressureLimits:
-        """What may be asked of it; only ``narrowed`` changes it, and only ever to less."""
+        """The limits in force; only ``narrowed`` changes them, and only to narrower ones."""
         return self._limits
 
     @contextmanager
     def narrowed(self, limits: PressureLimits) -> Iterator[PressureLimits]:
-        """Within the block these limits bind as well."""
+        """Within the block these limits apply as well."""
         before, self._limits = self._limits, self._limits.and_also(limits)
         try:
             yield self._limits
@@ -127,7 +128,7 @@ class Controller(ABC):
 
     @final
     def close(self) -> None:
-        """Vent, then close the link whatever happened; raises RigError when the vent was not acknowledged."""
+        """Vent, then close the link in any case; raises RigError when the vent was not acknowledged."""
         if not self.is_open:
             return
         try:
@@ -153,7 +154,7 @@ class Controller(ABC):
         try:
             self.close()
         except RigError:
-            if error is None:  # an error that is already on its way explains more than the failed vent after it
+            if error is None:  # an error that is already being raised explains more than the failed vent after it
                 raise
 
     def rounded(self, pressure_pa: float) -> float:
@@ -187,7 +188,7 @@ class Controller(ABC):
 
     @final
     def read(self) -> tuple[Reading, ...]:
-        """Measured pressure of every channel in use; RigError rather than a value that cannot be true."""
+        """Measured pressure of every channel in use; RigError rather than an implausible value."""
         with self._lock:
             before_ns = self.clock.monotonic_ns()
             answer = self._read()
@@ -208,7 +209,7 @@ class Controller(ABC):
 
     @final
     def vent(self) -> None:
-        """Bring every channel in use to ambient pressure; tries each of them before it complains."""
+        """Bring every channel in use to ambient pressure; tries all of them before it raises an error."""
         failures: list[str] = []
         with self._lock:
             for channel in self.channels:
@@ -224,7 +225,7 @@ class Controller(ABC):
 
     @final
     def trigger(self, high: bool) -> Stamp:
-        """Set the trigger output, an LED in the camera's view for one; when it changed."""
+        """Set the trigger output, such as an LED in the camera's view; return when it changed."""
         with self._lock:
             before_ns = self.clock.monotonic_ns()
             self._trigger(high)
@@ -239,7 +240,7 @@ class Controller(ABC):
         except LinkLostError as lost:
             if not self.is_open:
                 raise
-            # A loose plug may be back by now: a fresh link costs little, a straw left under pressure much.
+            # A loose plug may be connected again: a fresh link costs little, a straw left under pressure much.
             self._close()
             try:
                 self._open()
@@ -260,7 +261,7 @@ class Controller(ABC):
             raise RigError(f"{self.name}: {reason} ({raw!r}); not used")
 
     def _stamp(self, before_ns: int, answer_bytes: int = 0) -> dict[str, Any]:
-        # The instrument measured before it began to answer, and the answer's own bytes take milliseconds.
+        # The instrument measured before it began to answer, and the bytes of the answer take milliseconds.
         on_the_line_ns = round(answer_bytes * self.byte_s * 1e9)
         after_ns = max(before_ns, self.clock.monotonic_ns() - on_the_line_ns)
         middle_ns = (before_ns + after_ns) // 2
@@ -294,7 +295,7 @@ def make_controller(name: str, port: str, **settings: Any) -> Controller:
 
 
 def driver_of(name: str) -> Callable[..., Controller]:
-    """The driver of a controller, by its name or file; RigError where there is none, or where it is none."""
+    """The driver of a controller, by its name or file; RigError where there is none, or it is no driver."""
     if name.endswith(".py"):
         return driver_in(Path(name).resolve())
     if name not in controller_names():
@@ -314,7 +315,7 @@ def driver_of(name: str) -> Callable[..., Controller]:
 
 
 def driver_in(path: Path) -> type[Controller]:
-    """The driver that a file gives as CONTROLLER; RigError, one line, where it gives none that can be used."""
+    """The driver that a file gives as CONTROLLER; RigError, one line, where it gives no usable one."""
     try:
         module = module_of(path, "controller")
     except ModelError as error:
@@ -323,11 +324,11 @@ def driver_in(path: Path) -> type[Controller]:
 
 
 def checked_driver(driver: object, where: str) -> type[Controller]:
-    """A driver's class, if it has all a driver needs; RigError saying what it lacks."""
+    """A driver's class, if it is complete; otherwise a RigError that names what is missing."""
     if not (isinstance(driver, type) and issubclass(driver, Controller)):
         raise RigError(f"{where}: CONTROLLER = {driver!r}; expected a class made of straw.Controller")
     if lacking := sorted(driver.__abstractmethods__):
         raise RigError(f"{where}: {driver.__name__} lacks {', '.join(lacking)}; see straw.Controller")
     if not isinstance(getattr(driver, "name", None), str):
-        raise RigError(f"{where}: {driver.__name__} has no name; give it one, as it stands on record")
+        raise RigError(f"{where}: {driver.__name__} has no name; give it one, as recordings name it")
     return driver

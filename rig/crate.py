@@ -1,4 +1,4 @@
-"""RO-Crate export: a run with everything that belongs to it, as a folder that research data repositories understand.
+"""RO-Crate export: a run with everything that belongs to it, as a folder that research data repositories can read.
 
 RO-Crate 1.1 (w3id.org/ro/crate/1.1): the files as they are, and ``ro-crate-metadata.json`` beside them, JSON-LD in the
 vocabulary of schema.org. The specification is two pages of JSON, so it is written here rather than by a package.
@@ -31,9 +31,10 @@ FORMATS = {
 
 
 def export(run: Run, files: Sequence[Path], output: Path, licence: str = "") -> list[Path]:
-    """Copy a run and its ``files`` into a new folder ``output`` (or a .zip) that is an RO-Crate; what it holds.
+    """Copy a run and its ``files`` into a new folder ``output`` (or a .zip) that is an RO-Crate; returns its file
+    names.
 
-    Attachments of the recording, its protocol for one, are written out as files too. RigError when the place is taken
+    Attachments of the recording, such as its protocol, are written as files too. RigError when the place is taken
     or a file cannot be copied; nothing half-written stays.
     """
     if output.exists():

@@ -26,9 +26,9 @@ class Emulation:
     """``with Emulation(stepper) as e:`` serves a controller at ``e.url``; ``e.twin.history`` holds what the straw did.
 
     ``name`` is a controller of ``straw.rig.controllers`` that has an emulator. Each of ``addresses`` is ``"host:port"``
-    (port 0 for any) or ``"pty"``; the one device answers on all of them, ``urls`` says where. The straw hangs on
-    channel 1, on further ``channels`` hangs a closed line; ``device`` are the emulated instrument's own settings. Time
-    is real unless ``clock`` is a SteppedClock, which the program that drives it has to share.
+    (port 0 for any) or ``"pty"``; the one device answers on all of them, ``urls`` says where. The straw is on
+    channel 1, a closed line on each further one of ``channels``; ``device`` are the emulated instrument's own settings.
+    Time is real unless ``clock`` is a SteppedClock, which the program that drives it has to share.
     """
 
     def __init__(
@@ -92,7 +92,7 @@ class Emulation:
             wire.close()
 
     def catch_up(self) -> None:
-        """Move the straw on to now: for a clock that does not run by itself, between two exchanges."""
+        """Advance the straw to the present time: for a clock that does not run by itself, between two exchanges."""
         self.twin.advance_to(self.twin.now())
 
     def __enter__(self) -> Self:

@@ -1,4 +1,4 @@
-"""Emulator: what every emulated device has: a grammar towards the wire, plants behind it, and ways to misbehave."""
+"""Emulator: what all emulated devices share: a wire grammar, plants behind it, and injected faults."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from straw.rig.plant import Plant
 
 
 class Emulator(ABC):
-    """One device as its port shows it: wire grammar only, no pressure physics, and time as an argument.
+    """One device as seen at its port: wire grammar only, no pressure physics, and time as an argument.
 
     ``plants`` maps channels (from 1) to whatever holds the pressure; channels without one read 0. A new emulator is
     one file in ``rig/emulators`` that ends in ``EMULATOR = ItsClass``.
@@ -31,7 +31,7 @@ class Emulator(ABC):
         """The answer that refuses this request."""
 
     def zeroed(self, line: bytes, time_s: float) -> bytes:
-        """The reply it gives, valid in form, when every sensor shows zero: a board that lost its regulators."""
+        """The well-formed reply when every sensor shows zero, as from a board that lost its regulators."""
         plants, self.plants = self.plants, {}
         try:
             return self.answer(line, time_s)

@@ -1,4 +1,4 @@
-"""The one kind of error this room raises on purpose: a single line that names the thing, the place and the cure."""
+"""The errors this package raises on purpose: one line that names the thing, the place and the cure."""
 
 
 class RigError(Exception):
@@ -6,12 +6,12 @@ class RigError(Exception):
 
 
 class LinkLostError(RigError):
-    """The way to an instrument is gone (unplugged, closed, refused): nothing more will come through it."""
+    """The link to an instrument is lost (unplugged, closed, refused) and must be opened again."""
 
 
 class LimitError(RigError):
-    """What was asked is not allowed; nothing was sent, and asking again changes nothing."""
+    """The request is not allowed; nothing was sent, and a repetition would be refused too."""
 
 
 class NoAnswerError(RigError):
-    """Nothing came back in time, or nothing whole: a slow instrument or a bad line, no refusal; asking again helps."""
+    """No complete answer in time: a slow instrument or a bad line, no refusal; a repetition may succeed."""

@@ -1,4 +1,4 @@
-"""Seeded faults on the wire: what loose plugs, noise and unhappy firmware do, repeatable and on record."""
+"""Seeded faults on the wire, as from loose plugs, noise and faulty firmware: repeatable and logged."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BANNER = b"\x00\xff boot 1.4.1 \x00"
 
 @dataclass(frozen=True)
 class Fault:
-    """One fault as it was made: when (s, the device's time), which, and what the wire brought instead of the truth."""
+    """One injected fault: when (s, the device's time), which, and what was sent instead of the true answer."""
 
     time_s: float
     kind: str
@@ -26,12 +26,12 @@ class Fault:
 
 
 class SeededFaults:
-    """Spoils a share ``rate`` of all exchanges; equal seeds spoil equal exchanges alike. ``log`` keeps every one.
+    """Corrupts a share ``rate`` of all exchanges; equal seeds give equal faults. ``log`` lists every one.
 
-    garble: a byte or three are others. truncate: the end is lost. merge: the terminator is lost, so that the next
-    answer follows on the same line. late: longer than anybody waits. nak: refused. silence: done, not answered. deaf:
-    neither. zero: a good answer with zeros in it. unplug: the port is gone for ``away_s``. reboot: it forgets what it
-    was told, is deaf for ``away_s``, and greets with noise.
+    garble: one to three bytes are replaced. truncate: the end is lost. merge: the terminator is lost, so that the next
+    answer follows on the same line. late: after the timeout. nak: refused. silence: executed, not answered. deaf:
+    neither. zero: a well-formed answer with zeros in it. unplug: the port is gone for ``away_s``. reboot: the device
+    loses its commands, ignores requests for ``away_s``, and sends noise at the end.
     """
 
     def __init__(

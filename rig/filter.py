@@ -3,9 +3,9 @@
     specimen = straw-7 and (cycle >= 20 or tag = good) and not archived
     protocol ~ fold highest > 30 "leaks at the base"
 
-A comparison is a column, one of = != < <= > >= ~ !~ (contains), and a value; beside each other means ``and``. A word by
-itself is a flag (starred, archived, locked, cut, damaged) or is looked for in run, specimen, protocol, tags and notes.
-Text is compared without regard to case. What is not there equals "" and is in no order.
+A comparison is a column, one of = != < <= > >= ~ !~ (contains), and a value; comparisons side by side are joined by
+``and``. A word by itself is a flag (starred, archived, locked, cut, damaged) or is searched for in run, specimen,
+protocol, tags and notes. Case is ignored. An absent value equals "" and is neither less nor greater than any other.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ FLAGS: dict[str, Test] = {
 
 
 def compiled(text: str, more: Iterable[str] = ()) -> Test:
-    """The test that a filter means; RigError, naming the place, where it means none. Empty text lets all pass.
+    """The test that a filter means; RigError, naming the place, where it is not valid. Empty text matches everything.
 
     ``more`` are columns beyond ``COLUMNS``: the metadata that the recordings carry (``columns.metadata_names``).
     """

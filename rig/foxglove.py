@@ -1,4 +1,4 @@
-"""Messages that viewers draw by themselves: the camera and the corners on its pictures, in Foxglove's schemas.
+"""Messages that viewers draw without configuration: the camera and the corners in its pictures, in Foxglove's schemas.
 
 Field names are those of github.com/foxglove/schemas (MIT); viewers find them by the descriptor that is in the file.
 """

@@ -1,4 +1,4 @@
-"""GuardedController: a controller whose port is held by a guardian process, so that a script that dies still vents."""
+"""GuardedController: a controller whose port is held by a guardian process, which vents when the script dies."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from straw.rig.last_word import SILENT_S, Orders, Silence
 from straw.rig.ports import remember
 from straw.rig.reading import Answer
 
-START_S = 20.0  # until the first sign of life: a slow disk, a scanner of viruses
-GONE_S = 1.0  # how long one that was told to end, or was killed, may take
+START_S = 20.0  # until the first heartbeat: a slow disk, a virus scanner
+GONE_S = 1.0  # how long a guardian may take to end after it was asked to or killed
 RELEASE_S = 3.0  # after a guardian's death its standby holds the port while it vents
 Answers = queue.SimpleQueue[tuple[int, Any] | None]
 
@@ -27,12 +27,12 @@ Answers = queue.SimpleQueue[tuple[int, Any] | None]
 class GuardedController(Controller):
     """The controller called ``name`` on ``port``, behind a guardian; used like any other.
 
-    While anything may be under pressure the script has to be heard from every ``heartbeat_s`` seconds: each set and
-    read counts, ``beat`` does where there is nothing to ask. A script that is silent for longer is vented, and its
-    sets and reads are refused until the controller is opened again. If a vent cannot be confirmed the guardian stays
-    behind for up to ``patience_s`` and vents when the link returns. A guardian that gives no sign of life is ended,
-    and its standby vents. Unless ``remembered`` is False, as for an emulator of one's own, ``straw rig vent`` finds
-    the port again. ``settings`` are the driver's.
+    While anything may be under pressure the script must call at least every ``heartbeat_s`` seconds: each set and read
+    counts, and ``beat`` in pauses. If the script is silent for longer, the guardian vents and refuses its sets and
+    reads until the controller is opened again. If a vent cannot be confirmed, the guardian stays for up to
+    ``patience_s`` and vents when the link returns. A guardian without a heartbeat of its own is ended, and its standby
+    vents. Unless ``remembered`` is False, as for an emulator of one's own, ``straw rig vent`` finds the port again.
+    ``settings`` are the driver's.
     """
 
     def __init__(
@@ -46,8 +46,8 @@ class GuardedController(Controller):
         **settings: Any,
     ) -> None:
         if name.endswith(".py"):
-            name = str(Path(name).resolve())  # the guardian may be started elsewhere
-        driver = make_controller(name, port, **settings)  # checks the settings here; it is opened over there only
+            name = str(Path(name).resolve())  # the guardian may be started in another folder
+        driver = make_controller(name, port, **settings)  # checks the settings here; only the guardian opens it
         self.name, self.port, self.span = driver.name, port, driver.span
         self.resolution_pa, self.byte_s = driver.resolution_pa, driver.byte_s
         super().__init__(channels=driver.channels, limits=driver.limits, sigma_pa=driver.sigma_pa)
@@ -92,7 +92,7 @@ class GuardedController(Controller):
     def _close(self) -> None:
         if self._process is None:
             return
-        with suppress(Exception):  # gone already, or it finds out by the closed pipe
+        with suppress(Exception):  # it has ended already, or ends by the closed pipe
             self._call("close")
         self._let_go()
 
@@ -116,17 +116,17 @@ class GuardedController(Controller):
         self._call("trigger", high)
 
     def beat(self) -> None:
-        """Say that the script is alive, for pauses in which it neither sets nor reads."""
+        """Signal that the script is alive, in pauses in which it neither sets nor reads."""
         with self._lock:
             self._call("beat")
 
     def record_in(self, path: Path) -> None:
-        """Where the guardian notes what it did after the script's end."""
+        """Where the guardian records what it did after the script's end."""
         self._record = str(path.absolute())
         self._call("note", self._record)
 
     def snapshot(self) -> dict[str, str]:
-        """What the driver says of itself, and how it is guarded."""
+        """The driver's own snapshot, and how it is guarded."""
         said: dict[str, str] = self._call("snapshot")
         return {**said, "guardian": f"heartbeat {self._orders.heartbeat_s:g} s"}
 
@@ -134,7 +134,7 @@ class GuardedController(Controller):
         return self._exchange((what, arguments))
 
     def _exchange(self, message: Any, first_s: float = 0.0) -> Any:
-        """One question to the guardian; LinkLostError when it is gone, or without a sign of life for ``SILENT_S``."""
+        """One request to the guardian; LinkLostError when it has ended, or without a heartbeat for ``SILENT_S``."""
         process = self._process
         if process is None or process.stdin is None:
             raise LinkLostError(f"{self.name} is not open; open it first")
@@ -159,7 +159,7 @@ class GuardedController(Controller):
             number, answer = said
             if number == self._asked:
                 break
-            silence = Silence(SILENT_S)  # a sign of life, or an answer that Ctrl-C left unread
+            silence = Silence(SILENT_S)  # a heartbeat, or an answer that Ctrl-C left unread
         if isinstance(answer, Exception):
             raise answer
         return answer
@@ -175,18 +175,18 @@ class GuardedController(Controller):
         process, self._process = self._process, None
         if process is None:
             return
-        with suppress(OSError):  # unsent words to a guardian that is gone
+        with suppress(OSError):  # unsent requests to a guardian that has ended
             process.stdin.close() if process.stdin else None
         try:
             process.wait(timeout=GONE_S)
             if self._is_remembered:
                 self._remember(0)
         except subprocess.TimeoutExpired:
-            process.returncode = 0  # it stays behind to vent when the link returns, and is nobody's zombie after us
+            process.returncode = 0  # it stays to vent when the link returns, and must not become a zombie
 
 
 def _listen(stream: BinaryIO, answers: Answers) -> None:
-    """Unpickle what the guardian says, in a thread, so that nobody waits for ever for a guardian that hangs."""
+    """Unpickle the guardian's answers, in a thread, so that a guardian that hangs blocks nothing."""
     with suppress(EOFError, OSError, pickle.UnpicklingError), stream:
         while True:
             answers.put(pickle.load(stream))

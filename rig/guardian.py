@@ -4,8 +4,8 @@ The script talks to it through two pipes (``rig/guarded.py`` is the other end), 
 the script ends, however it ends: SIGKILL, a crash, the task manager. The driver and its limits live here, so nothing a
 script does to its own objects reaches the instrument. It shares neither terminal nor process group with the script
 (on Windows neither console nor job), so that the Ctrl-C or the closed window that ends the script does not end it.
-It shows the script and its standby (``rig/standby.py``) that it gets on: without that sign it is ended, and the
-standby, which also outlives its death by force together with the script's, vents.
+It sends a heartbeat to the script and its standby (``rig/standby.py``): without one it is ended, and the standby, which
+also survives when guardian and script are both killed, vents.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from straw.rig.interrupts import NAMES
 from straw.rig.last_word import PULSE_S, Notes, Orders, vent_until_confirmed
 from straw.rig.standby import Standby
 
-STUCK_S = 0.5  # a driver that is inside one call for longer hangs; it waits for answers in slices of 0.02 s
-Reply = Callable[[int, Any], None]  # (number of the request, answer); number 0 is a sign of life
-Request: TypeAlias = "tuple[int, tuple[str, tuple[Any, ...]]] | str"  # as text: why the script is not served any more
+STUCK_S = 0.5  # a driver inside one call for longer counts as hanging; it waits for answers in slices of 0.02 s
+Reply = Callable[[int, Any], None]  # (number of the request, answer); number 0 is a heartbeat
+Request: TypeAlias = "tuple[int, tuple[str, tuple[Any, ...]]] | str"  # as text: why the script is no longer served
 
 
 class Requests:
-    """What the script asks, in order; ``urgent`` says whether a vent or the end is among it."""
+    """The script's requests, in order; ``urgent`` tells whether a vent or the end is among them."""
 
     def __init__(self) -> None:
         self._queue: queue.SimpleQueue[Request] = queue.SimpleQueue()
@@ -54,7 +54,7 @@ class Requests:
 
     @property
     def urgent(self) -> bool:
-        """Whether something waits that must not wait for an instrument's answer."""
+        """Whether a request is queued that must not wait for an instrument's answer."""
         return bool(self._urgent)
 
 
@@ -63,7 +63,7 @@ def _is_urgent(request: Request) -> bool:
 
 
 class Guardian:
-    """Obeys one script, request by request, until that ends; the last thing it does is vent."""
+    """Serves one script, request by request, until the script ends; its last action is the vent."""
 
     def __init__(self, orders: Orders, requests: Requests) -> None:
         self.orders = orders
@@ -88,7 +88,7 @@ class Guardian:
         }
 
     def serve(self, number: int, reply: Reply) -> None:
-        """Open, obey, and vent at the end whatever the end is."""
+        """Open, serve, and vent at the end, however it ends."""
         threading.Thread(target=self._pulse, args=(reply,), daemon=True).start()
         try:
             self.controller.open()
@@ -121,7 +121,9 @@ class Guardian:
                 return
             number, (what, arguments) = request
             if what == "close":
-                if self.under_pressure:  # its vent failed: the script has said so, and its reader need not wait for us
+                # its vent failed: the script has reported it, and whoever reads its output need not wait for this
+                # process
+                if self.under_pressure:
                     self.notes.say("guardian", f"process {os.getpid()} keeps trying to vent in the background")
                     _leave_terminal()
                 reply(number, None)
@@ -150,7 +152,8 @@ class Guardian:
     def _vent(self, channel: int) -> None:
         try:
             self.controller.vent_channel(channel)
-        except LinkLostError as error:  # a lost link to the instrument is no lost guardian: no use in starting another
+        # the link to the instrument is lost, not the guardian: another guardian would not help
+        except LinkLostError as error:
             raise RigError(f"{error}; its guardian, process {os.getpid()}, keeps trying") from None
         self.under_pressure.discard(channel)
 
@@ -166,7 +169,7 @@ class Guardian:
 
         def failed() -> None:
             self._got_on()
-            if final:  # whoever reads what the command printed must not wait for us
+            if final:  # whoever reads the command's output must not wait for this process
                 _leave_terminal()
 
         if vent_until_confirmed(
@@ -180,14 +183,14 @@ class Guardian:
             self.notes.say("vent", "confirmed by the controller, asked by the guardian")
 
     def _got_on(self, next_s: float = 0.0) -> None:
-        """The driver did something; what comes next may take ``next_s``. A vent that waits ends any other wait."""
+        """The driver made progress; its next step may take ``next_s``. A queued vent ends any other wait."""
         self._fresh_until_s = time.monotonic() + STUCK_S + next_s
         if self._may_hurry and self.requests.urgent:
             self._may_hurry = False
             raise RigError("abandoned: a vent was requested meanwhile")
 
     def _pulse(self, reply: Reply) -> None:
-        """Show that we get on: to the standby always, to the script while it waits for us."""
+        """Send a heartbeat: to the standby always, to the script while it waits for an answer."""
         while True:
             if self._idle or time.monotonic() < self._fresh_until_s:
                 self._standby.pulse()
@@ -198,9 +201,9 @@ class Guardian:
 
 def main() -> None:
     """Serve the script at the other end of stdin and stdout."""
-    # Streams of its own: what a thread still reads from at the end must not be sys.stdin, or Python aborts there.
+    # Streams of its own: a thread must not still read sys.stdin at the end, or Python aborts.
     words, replies = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # whatever a vendor's library prints must not get between the replies
+    os.dup2(2, 1)  # output of a vendor's library must not get between the replies
     requests = Requests()
     lock = threading.Lock()
     guardians: list[Guardian] = []
@@ -211,7 +214,7 @@ def main() -> None:
                 pickle.dump((number, answer), replies)
                 replies.flush()
         except OSError:
-            if number:  # nobody is left to hear it
+            if number:  # the reader has ended
                 requests.put("the script ended without closing the controller")
 
     def told_to_end(number: int, _: object) -> None:
@@ -236,7 +239,7 @@ def _listen(stream: BinaryIO, requests: Requests) -> None:
     try:
         while True:
             requests.put(pickle.load(stream))
-    except (EOFError, OSError, pickle.UnpicklingError):  # a script killed in the middle of a word has ended, too
+    except (EOFError, OSError, pickle.UnpicklingError):  # a script killed in the middle of a request has ended, too
         requests.put("the script ended without closing the controller")
 
 

@@ -1,4 +1,4 @@
-"""Interrupts: Ctrl-C and kill set a flag that the loop reads, so that nothing can interrupt the vent."""
+"""Interrupts: Ctrl-C and kill set a flag that the loop checks, so that nothing can interrupt the vent."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Interrupts:
         self._before: dict[signal.Signals, Any] = {}
 
     def check(self) -> None:
-        """Raise what the first signal meant: KeyboardInterrupt for Ctrl-C, SystemExit(128 + number) for the others."""
+        """Raise the first signal's exception: KeyboardInterrupt for Ctrl-C, SystemExit(128 + number) for the others."""
         if self.pending is signal.SIGINT:
             raise KeyboardInterrupt
         if self.pending is not None:
@@ -45,5 +45,5 @@ class Interrupts:
     def _note(self, number: int, frame: FrameType | None) -> None:
         if self.pending is None and self._says:
             with suppress(OSError):
-                os.write(2, f"\nstraw: {self._says}\n".encode())  # print is not for signal handlers
+                os.write(2, f"\nstraw: {self._says}\n".encode())  # print is not safe in signal handlers
         self.pending = self.pending or signal.Signals(number)

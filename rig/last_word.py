@@ -1,4 +1,4 @@
-"""The last word: vents repeatedly until the controller confirms it, and records what was done."""
+"""The final vent: repeated until the controller confirms it, and recorded."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from typing import Any
 from straw.rig.errors import RigError
 
 RETRY_S = 0.2
-PULSE_S = 0.2  # a sign of life, from the guardian to those who rely on it
-SILENT_S = 1.0  # without one for so long it hangs: five in a row are missing
+PULSE_S = 0.2  # period of the guardian's heartbeat
+SILENT_S = 1.0  # without a heartbeat for so long it counts as hanging: five in a row are missing
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Orders:
 
 
 class Notes:
-    """What a process did that outlives the script: to whoever still watches the terminal, and beside the recording."""
+    """Reports what a process did after the script's end: on the terminal if there is one, and beside the recording."""
 
     def __init__(self, who: str) -> None:
         self.who = who
@@ -41,7 +41,7 @@ class Notes:
 
     def say(self, kind: str, text: str) -> None:
         """Print it, and append it to the file where there is one."""
-        with contextlib.suppress(OSError, ValueError, AttributeError):  # no terminal any more
+        with contextlib.suppress(OSError, ValueError, AttributeError):  # the terminal was closed
             print(f"{self.who}: {text}", file=sys.stderr, flush=True)
         if self.path:
             with contextlib.suppress(OSError), Path(self.path).open("a", encoding="utf-8") as notes:
@@ -56,7 +56,7 @@ def vent_until_confirmed(
     told_to_end: Callable[[], bool],
     failed: Callable[[], None] = lambda: None,
 ) -> bool:
-    """Call ``vent`` until it raises no RigError; whether it was confirmed.
+    """Call ``vent`` until it raises no RigError; return whether it was confirmed.
 
     Gives up after ``patience_s``, or after the attempt during which it was told to end. ``failed`` is called after
     every attempt that failed.
@@ -82,7 +82,7 @@ def vent_until_confirmed(
 
 
 class Silence:
-    """Counts how long nothing was heard, in slices: a computer that stood still counts for one slice, not for all."""
+    """Measures silence in slices, so that a computer that was suspended counts as one slice."""
 
     SLICE_S = 0.1
 
@@ -95,6 +95,6 @@ class Silence:
         self._silent_s = 0.0
 
     def waited(self) -> bool:
-        """One more slice passed without a word; whether that is too long."""
+        """One more slice passed in silence; return whether that is too long."""
         self._silent_s += self.SLICE_S
         return self._silent_s > self.limit_s

@@ -1,4 +1,4 @@
-"""LED burst: a code on the trigger output that a camera sees, and the fit t_video = a + b t_host to what it saw."""
+"""LED burst: a code on the trigger output that a camera sees, for the fit t_video = a + b t_host."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from straw.rig.controller import Controller
 from straw.rig.reading import Stamp
 
-#: Barker's code of 13: shifted against itself it never agrees in more than one place, so a burst is found only once.
+#: Barker's code of 13: its autocorrelation has a single peak, so a burst is found only once.
 CODE = (1, 1, 1, 1, 1, 0, 0, 1, 1, 0, 1, 0, 1)
-BIT_S = 0.05  # a dozen frames at 240 frames/s, and long against any delay of the line
+BIT_S = 0.05  # a dozen frames at 240 frames/s, and long compared with any delay of the line
 BURST_S = (len(CODE) + 2) * BIT_S
 
 

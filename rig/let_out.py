@@ -1,4 +1,4 @@
-"""Vents an instrument, or only reads it, whatever drove it before and however that ended."""
+"""Vents an instrument, or only reads it, whatever drove it last and however that ended."""
 
 from __future__ import annotations
 
@@ -14,14 +14,15 @@ from straw.rig.errors import LinkLostError, RigError
 from straw.rig.ports import Known, is_guarded
 from straw.rig.reading import Reading
 
-END_S = 6.0  # a guardian's own vent, or its standby's once it hangs
+END_S = 6.0  # the guardian's own vent, or its standby's if it hangs
 SETTLE_S = 2.0  # the paper's controller reaches 97 % of a step after 0.07 s; tubes and a tank may be slower
 AMBIENT_PA = 1e3  # gauge; within the offset of an uncalibrated regulator
 
 
 @dataclass(frozen=True)
 class LetOut:
-    """One instrument after the vent: whether it confirmed it, what it reads (Pa gauge by channel), and who was ended.
+    """One instrument after the vent: whether it confirmed, its readings (Pa gauge by channel), the guardian that was
+    ended.
 
     ``is_there`` is False where the port does not open; ``problem`` is empty when all is well.
     """
@@ -65,7 +66,7 @@ def let_out(known: Known) -> LetOut:
 
 
 def look(known: Known) -> tuple[tuple[Reading, ...], dict[str, str]]:
-    """What every channel reads, and what the instrument says of itself; nothing is set, vented or changed."""
+    """The readings of every channel and the instrument's own description; nothing is set, vented or changed."""
     if is_guarded(known):
         raise RigError(
             f"port {known.port} is held by guardian {known.guardian_pid}, which drives a run; look at its page or "
@@ -91,7 +92,7 @@ def _settled(controller: Controller) -> dict[int, float]:
 
 
 def _end(known: Known) -> None:
-    """Tell a guardian to vent and end, and wait until it has let go of the port."""
+    """Make a guardian vent and end, and wait until it has released the port."""
     with suppress(OSError):
         os.kill(known.guardian_pid, signal.SIGTERM)
     until_s = time.monotonic() + END_S

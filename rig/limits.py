@@ -1,4 +1,4 @@
-"""PressureLimits: what the straw and the operator allow, and Leash: how far one channel may go from where it is."""
+"""PressureLimits: what the straw and the operator allow; Leash: how far one channel may go from its present value."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class PressureLimits:
         return f"{self.min_pa / 1e3:g}..{self.max_pa / 1e3:g} kPa{rate}"
 
     def and_also(self, other: PressureLimits) -> PressureLimits:
-        """The limits that satisfy both: two limits can only ever narrow each other."""
+        """The limits that satisfy both: combining limits can only narrow them."""
         rates = [rate for rate in (self.max_rate_pa_s, other.max_rate_pa_s) if rate is not None]
         return PressureLimits(
             max(self.min_pa, other.min_pa), min(self.max_pa, other.max_pa), min(rates) if rates else None
@@ -48,24 +48,26 @@ class PressureLimits:
 
 
 STRAW_LIMITS = PressureLimits(min_pa=-40e3, max_pa=60e3)
-"""Used when nobody says otherwise: the paper's straw folds and deploys between -25 and +35 kPa; this leaves half as
+"""The default: the paper's straw folds and deploys between -25 and +35 kPa; this leaves half as
 much again and stays far below the regulator's 100 kPa."""
 
 
-SAVED_S = 0.25  # after a long hold a rate limit must not allow one long jump: change is saved up for this long only
+# after a long hold a rate limit must not allow one long jump: unused change accumulates for this long only
+SAVED_S = 0.25
 
 
 class Leash:
-    """Where one channel may be, and what a limit in Pa/s still leaves it; times in s on any one clock.
+    """Where one channel may be, and how far a limit in Pa/s lets it go; times in s on any one clock.
 
-    Over any time T the told pressure travels no more than ``rate * (T + 0.25 s)`` and one step of the instrument,
-    however often it is told: every change is paid for from an account that fills at the rate. A set that was not
-    acknowledged may or may not have arrived, so until the next one the channel counts as being in both places.
+    Over any time T the commanded pressure travels no more than ``rate * (T + 0.25 s)`` and one step of the instrument,
+    however often it is commanded (a token bucket that fills at the rate). A set that was not acknowledged may or may
+    not have arrived, so until the next one both values are taken into account.
     """
 
     def __init__(self, step_pa: float) -> None:
         self.step_pa = step_pa
-        self.places_pa: tuple[float, ...] = (0.0,)  # what it was told last, and what it may have been told since
+        # the last acknowledged command, and those that may have arrived since
+        self.places_pa: tuple[float, ...] = (0.0,)
         self._credit_pa = math.inf
         self._at_s = -math.inf
 

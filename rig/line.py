@@ -1,4 +1,4 @@
-"""Line: moves bytes to and from one port; knows nothing about what they mean."""
+"""Line: moves bytes to and from one port, whatever they mean."""
 
 from __future__ import annotations
 
@@ -56,13 +56,13 @@ class Line:
         try:
             port.close()
         except OSError:
-            pass  # already gone, which is what was wanted
+            pass  # already closed
         finally:
             if socket is not None:  # pyserial 3.5 forgets to close its socket when the peer hung up first
                 socket.close()
 
     def drain(self) -> bytes:
-        """Throw away, and return, what came late: it must not be taken for the next reply."""
+        """Discard, and return, late input: it must not be taken for the next reply."""
 
         def read_waiting(port: Any) -> bytes:
             stale = b""
@@ -74,13 +74,13 @@ class Line:
         return begun + self._guarded(read_waiting)
 
     def write(self, request: bytes) -> None:
-        """Send all bytes of the request; NoAnswerError when they were not taken in time, which is an answer missed."""
+        """Send all bytes of the request; NoAnswerError when they were not accepted in time."""
         from serial import SerialTimeoutException
 
         def send(port: Any) -> None:
             try:
                 port.write(request)
-            except SerialTimeoutException:  # also when this computer stood still: no reason to call the cable cut
+            except SerialTimeoutException:  # also when this computer was suspended, so the link does not count as lost
                 raise NoAnswerError(
                     f"port {self.port}: {request!r} was not taken within {WRITE_S:g} s; check that this computer is "
                     "not too busy, and the instrument on"
@@ -91,7 +91,7 @@ class Line:
     def read_until(self, until: bytes, timeout_s: float) -> bytes:
         """Bytes up to and including ``until``; NoAnswerError when it does not come within ``timeout_s`` seconds.
 
-        What came of it is kept for the next call, or it would be taken for the end of another answer.
+        An incomplete answer is kept for the next call, or its rest would be taken for the end of another answer.
         """
         deadline = time.monotonic() + timeout_s
         reply, self._begun = self._begun, b""
@@ -105,7 +105,7 @@ class Line:
         return reply
 
     def quiet(self, time_s: float) -> None:
-        """Throw away what comes until nothing has come for ``time_s`` seconds."""
+        """Discard input until there was none for ``time_s`` seconds."""
         since = time.monotonic()
         while time.monotonic() - since < time_s:
             if self._guarded(lambda port: port.read(1)):
@@ -141,7 +141,8 @@ def _ports() -> str:
 
 
 def _low_latency(port: str) -> None:
-    # FTDI chips wait 16 ms to fill a packet, which caps polling near 60 Hz; lowering it needs rights we may not have.
+    # FTDI chips wait 16 ms to fill a packet, which caps polling near 60 Hz; lowering it may need rights that are
+    # missing.
     try:
         timer = Path("/sys/bus/usb-serial/devices") / Path(port).resolve().name / "latency_timer"
         if timer.exists():

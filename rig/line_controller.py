@@ -13,20 +13,20 @@ from straw.rig.controller import Controller
 from straw.rig.errors import LinkLostError, NoAnswerError, RigError
 from straw.rig.line import Line
 
-LATE_S = 2.5  # an answer may be so late: as long is an instrument asked who it is
-VENT_S = 4.0  # a vent is two answers on some instruments; as long it is sent until both came
-ASK_AGAIN_S = 0.6  # a mark may be lost as well; asked more often, what is only late would grow into a queue
+LATE_S = 2.5  # the latest answer that is expected; an instrument is asked for its identity for as long
+VENT_S = 4.0  # a vent is two answers on some instruments; it is repeated for so long until both arrived
+ASK_AGAIN_S = 0.6  # a mark may be lost as well; if repeated more often, late answers would pile up
 VENT_REFUSALS = 3
-Mark: TypeAlias = "tuple[bytes, re.Pattern[bytes]]"  # a request, and what only its answer looks like
+Mark: TypeAlias = "tuple[bytes, re.Pattern[bytes]]"  # a request, and the pattern that only its answer matches
 
 
 class LineController(Controller):
-    """A controller that is asked line by line; ``timeout_s`` is how long an answer is waited for.
+    """A controller that is queried line by line; ``timeout_s`` is how long it waits for an answer.
 
     After an exchange that failed, its answer may still be on its way and would be taken for the next one's. Instruments
-    answer in order, so before the next request ``_catch_up`` asks for one of the ``marks``: requests whose answers name
-    them and change nothing. Once the last mark's answer is there, nothing older comes. Marks take turns, and an answer
-    counts for the oldest mark that it can belong to, so that a late one is not taken for the last one's either.
+    answer in order, so before the next request ``_catch_up`` sends one of the ``marks``: requests that change nothing
+    and whose answers identify them. After the last mark's answer no older one can arrive. Marks alternate, and an
+    answer counts for the oldest mark that it can belong to, so that a late one is not taken for the last one's either.
     """
 
     terminator: bytes
@@ -43,7 +43,7 @@ class LineController(Controller):
 
     @abstractmethod
     def _identify(self) -> None:
-        """Ask what only the right instrument answers, and remember what it says."""
+        """Send what only the right instrument answers, and keep the answer."""
 
     @abstractmethod
     def _is_whole(self, reply: bytes) -> bool:
@@ -51,7 +51,7 @@ class LineController(Controller):
 
     @abstractmethod
     def _exchange(self, request: bytes) -> bytes:
-        """Send once; the answer to this request. RigError when none comes, or one that cannot be it."""
+        """Send once; return the answer to this request. RigError when none comes, or one that does not fit."""
 
     @abstractmethod
     def _vent_requests(self, channel: int) -> Sequence[bytes]:
@@ -65,7 +65,7 @@ class LineController(Controller):
             while True:
                 try:
                     self._identify()
-                    self._owed.clear()  # of a link before this one
+                    self._owed.clear()  # of the previous link
                     self._catch_up()
                     break
                 except NoAnswerError:
@@ -80,7 +80,7 @@ class LineController(Controller):
         self._line.close()
 
     def _catch_up(self) -> None:
-        """Pass over all that was asked before; NoAnswerError where the mark's answer does not come, or not yet."""
+        """Skip the answers to earlier requests; NoAnswerError while the mark's answer has not come."""
         if not self._owed:
             self._line.drain()
         if not self._owed or time.monotonic() > self._asked_s + ASK_AGAIN_S:
@@ -91,10 +91,10 @@ class LineController(Controller):
             mark = next((mark for mark in self._owed if self.marks[mark][1].fullmatch(reply)), None)
             if mark is not None:
                 while self._owed.popleft() != mark:
-                    pass  # its answer was lost, or this would not be there
+                    pass  # its answer was lost, or this one could not have come
                 if not self._owed:
                     return
-            elif not self._is_whole(reply):  # it may have been the last mark's
+            elif not self._is_whole(reply):  # it may be the last mark's
                 self._ask_mark()
 
     def _ask_mark(self) -> None:
@@ -104,7 +104,7 @@ class LineController(Controller):
         self._asked_s = time.monotonic()
 
     def _ask(self, request: bytes) -> bytes:
-        """One exchange, in step with the instrument."""
+        """One exchange, synchronised with the instrument."""
         if self._behind:
             self._catch_up()
         self._behind = True

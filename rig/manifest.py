@@ -14,7 +14,7 @@ SUFFIX = ".sha256"
 
 @dataclass(frozen=True)
 class Checked:
-    """One file of a manifest: its path, and what is wrong with it in a few words, None when it is as recorded."""
+    """One file of a manifest: its path, and its fault in a few words, None when it is as recorded."""
 
     path: Path
     problem: str | None
@@ -37,7 +37,7 @@ def sha256_of(path: Path) -> str:
 def seal(run: Path, others: Iterable[Path] = ()) -> None:
     """Enter the run, if it is not there yet, and other files of it (video, camera, tracks) into its manifest.
 
-    A file that is entered already with another sum is a RigError: a manifest is never made to fit.
+    A file that is entered already with another sum is a RigError: sums in a manifest are never replaced.
     """
     entries = read_manifest(run)
     for path in (run, *others):

@@ -1,4 +1,4 @@
-"""Scans the bytes of an MCAP file, whole or damaged: all that is intact, and in plain words what is lost."""
+"""Scans the bytes of an MCAP file, whole or damaged: all that is intact, and a description of what is lost."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def _take(found: Scan, opcode: int, payload: bytes, position: int, depth: int) -
     try:
         if opcode == MESSAGE:
             channel_id, _, log_ns, publish_ns = struct.unpack_from("<HIQQ", payload)
-            happened_ns = publish_ns or log_ns  # 0 is what loggers write that do not know the publish time
+            happened_ns = publish_ns or log_ns  # loggers that do not know the publish time write 0
             if happened_ns > LAST_NS:
                 raise ValueError("impossible time")
             found.messages.append((channel_id, happened_ns, payload[22:], log_ns))

@@ -1,4 +1,4 @@
-"""Writes the MCAP format: zstd chunks with an index, CRCs on everything; knows nothing about runs.
+"""Writes the MCAP format: zstd chunks with an index, CRCs on everything; independent of what the messages mean.
 
 The mcap package's own Writer spends 5 us on a message, most of the price of a recording; this one a tenth of that. All
 records but messages and their index are the package's. Format: https://mcap.dev/spec.
@@ -43,7 +43,7 @@ _MESSAGE_HEAD = 22  # bytes that count into a message's length, beside its data
 
 
 class McapWriter:
-    """One MCAP file on a binary stream; OSErrors of the stream come through, and it is the caller who closes it."""
+    """One MCAP file on a binary stream; OSErrors of the stream are passed on, and the caller closes it."""
 
     def __init__(self, stream: IO[bytes], profile: str, library: str) -> None:
         self._stream = stream
@@ -103,12 +103,12 @@ class McapWriter:
         self._write(data)
 
     def flush(self) -> None:
-        """Hand everything so far to the operating system."""
+        """Pass everything so far to the operating system."""
         self._end_chunk()
         self._stream.flush()
 
     def finish(self) -> None:
-        """Write the end of the data and the summary by which readers find their way."""
+        """Write the end of the data and the summary that readers use as an index."""
         self._end_chunk()
         self._write(_bytes(DataEnd(self._crc)))
         start, crc, offsets = self._position, 0, b""
@@ -127,7 +127,7 @@ class McapWriter:
         self.close()
 
     def close(self) -> None:
-        """Let go of what was kept for the end, where there will be none; the stream is the caller's."""
+        """Release what was kept for the summary, if the file is not finished; the stream is the caller's."""
         self._chunks.close()
 
     def _summary(self) -> Iterator[tuple[Opcode, Iterable[bytes]]]:

@@ -1,4 +1,4 @@
-"""Notes, tags and marks: what people note about a recording, beside it, as the recording itself never changes."""
+"""Notes, tags and marks on a recording, kept in a file beside it, as the recording itself never changes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any, BinaryIO
 from straw.rig.errors import RigError
 
 SUFFIX = ".notes.jsonl"
-#: A star picks out, an archived run is out of sight, a locked one cannot be archived.
+#: A star highlights, an archived run is hidden, a locked one cannot be archived.
 MARKS = ("star", "archive", "lock")
 
 
@@ -39,9 +39,9 @@ def check_word(kind: str, text: str) -> None:
 
 
 def say(run: Path, kind: str, text: str, **more: object) -> None:
-    """Append a "note", a "tag" or "untag", a "mark" or "unmark"; nothing that was said before is touched.
+    """Append a "note", a "tag" or "untag", a "mark" or "unmark"; earlier entries stay as they are.
 
-    ``instead_of=LINE`` of a note says which line it replaces; "unnote" takes a line's note away.
+    ``instead_of=LINE`` of a note names the line it replaces; "unnote" removes a line's note.
     """
     text = " ".join(text.split())
     if kind in ("mark", "unmark"):
@@ -52,7 +52,7 @@ def say(run: Path, kind: str, text: str, **more: object) -> None:
     line = json.dumps(said, ensure_ascii=False).encode() + b"\n"
     try:
         with notes_of(run).open("ab+") as stream:
-            torn = stream.tell() > 0 and not _ends_a_line(stream)  # by whoever was cut while writing it
+            torn = stream.tell() > 0 and not _ends_a_line(stream)  # left by a process that was killed while writing it
             stream.write(b"\n" + line if torn else line)
         if line not in notes_of(run).read_bytes().splitlines(keepends=True):
             raise OSError(0, "what was written is not there")
@@ -66,7 +66,7 @@ def _ends_a_line(stream: BinaryIO) -> bool:
 
 
 def read_notes(run: Path) -> Notes:
-    """What was said; a damaged line is passed over, as the rest is worth having."""
+    """All entries; a damaged line is skipped."""
     try:
         lines = notes_of(run).read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:

@@ -1,4 +1,4 @@
-"""Operator: what a person may ask of a run in progress, and what the run reports."""
+"""Operator: a person's orders to a run in progress, and what the run reports."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from straw.rig.errors import RigError
 from straw.rig.reading import Reading
 
 ORDERS = ("hold", "resume", "stop", "vent", "state")
-#: A hold that nobody ends is ended by venting: a straw is not left under pressure because somebody went home.
+#: A hold that is never ended is ended by venting, so that a straw is not left under pressure unattended.
 LONGEST_HOLD_S = 600.0
 
 
 class StoppedError(Exception):
-    """Somebody ended the run; the message says who, and how."""
+    """The run was ended by an order; the message says by whom, and how."""
 
 
 class Operator:
-    """Takes orders from any thread, for the loop to obey at its next cycle. Told of every reading and event.
+    """Takes orders from any thread, which the loop carries out in its next cycle, and receives every reading and event.
 
-    ``hold`` stops the protocol's time: the pressure stays what it is, recording goes on, ``resume`` goes on from there.
+    ``hold`` stops the protocol's time: the pressure stays as it is and recording continues; ``resume`` ends it.
     ``stop`` and ``vent`` end the run, and every end vents. Orders are idempotent; a vent cannot be taken back.
     """
 
@@ -29,12 +29,12 @@ class Operator:
         self._lock = threading.Lock()
         self._ended_by = ""
         self._held_from_s: float | None = None
-        self.held_s = 0.0  # so long the protocol stood still until now
+        self.held_s = 0.0  # total time held so far
         self._wants_hold = False
         self._said: deque[tuple[str, str]] = deque()
 
     def order(self, kind: str, who: str) -> str:
-        """Take an order; the state that follows from it: running, held, or ending. RigError for an unknown one."""
+        """Take an order; return the resulting state: running, held, or ending. RigError for an unknown order."""
         if kind not in ORDERS:
             raise RigError(f"order {kind!r} is unknown; known: {', '.join(ORDERS)}")
         with self._lock:
@@ -63,7 +63,7 @@ class Operator:
         return (now_s if self._held_from_s is None else self._held_from_s) - self.held_s
 
     def check(self) -> None:
-        """Raise StoppedError when somebody ended the run."""
+        """Raise StoppedError when an order ended the run."""
         if self._ended_by:
             raise StoppedError(self._ended_by)
 

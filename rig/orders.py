@@ -1,4 +1,4 @@
-"""Orders: how other processes of this machine find a run in progress, ask for its state, and hold, stop or vent it."""
+"""Orders: how other processes of this machine find a run in progress, query its state, and hold, stop or vent it."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ LARGEST = 4096
 
 
 def control_of(recording: Path) -> Path:
-    """Where a run that goes on says how it is reached: beside its recording, whether that is ``.part`` or finished."""
+    """The control file of a run in progress, beside its recording, whether that is ``.part`` or finished."""
     return recording.with_name(recording.name.removesuffix(".part") + SUFFIX)
 
 
 class Orders:
-    """Listens on a loopback port while entered; the way there is a file that only this user can read.
+    """Listens on a loopback port while entered; its address is in a file that only this user can read.
 
-    One datagram is one order, ``{"ticket", "do", "who"}``; its answer is the run's state. A thread waits for them and
-    does nothing else, so the run's loop does not notice it.
+    One datagram is one order, ``{"ticket", "do", "who"}``; its answer is the run's state. A thread of its own waits for
+    them, so that the run's loop is not delayed.
     """
 
     def __init__(self, recording: Path, operator: Operator, about: Mapping[str, Any]) -> None:
@@ -75,7 +75,7 @@ class Orders:
 
 
 def read_control(path: Path) -> dict[str, Any] | None:
-    """What a control file says; None where there is none, or nothing of use."""
+    """The contents of a control file; None where there is no usable one."""
     try:
         said = json.loads(path.read_text(encoding="utf-8"))
         return said if isinstance(said["port"], int) and isinstance(said["ticket"], str) else None
@@ -104,7 +104,7 @@ def send_order(control: Path, do: str, who: str = "", timeout_s: float = ANSWER_
 
 
 def running(recording: Path, timeout_s: float = ANSWER_S) -> dict[str, Any] | None:
-    """What the run that writes a recording says of itself, with its ``state``; None when no run answers there."""
+    """The status of the run that writes a recording, with its ``state``; None when no run answers."""
     control = control_of(recording)
     said = read_control(control)
     if said is None:

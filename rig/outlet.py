@@ -1,4 +1,4 @@
-"""Outlet: the pressure that a controller of nominal speed makes of a protocol, exactly, from the protocol's points."""
+"""Outlet: the exact response of a controller of nominal speed to a protocol, from the protocol's points."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ class Outlet:
     """Outlet pressure (Pa) as a function of seconds since the protocol's start, from vented.
 
     The controller answers as ``PressurePlant`` does, dP/dt = k (P_set - P) with P_set within its supply. Where P_set
-    is straight, c + s t, the answer is c + s t - s/k + (P0 - c + s/k) exp(-k t): nothing has to be stepped through, so
-    a protocol costs what its points cost, however long it is.
+    is straight, c + s t, the response is c + s t - s/k + (P0 - c + s/k) exp(-k t): no time stepping is needed, so the
+    cost depends on the protocol's points, not its duration.
     """
 
     def __init__(self, protocol: PressureProtocol) -> None:
@@ -28,7 +28,7 @@ class Outlet:
         self._start_s, width_s = time_s[:-1][there], width_s[there]
         self._command_pa = command_pa[:-1][there]
         self._slope = (command_pa[1:][there] - self._command_pa) / width_s
-        # What is left of each start's distance to the answer at the next one, from start to start.
+        # Remaining share of each segment's initial deviation at the start of the next segment.
         decay = np.exp(-k * width_s)
         self._left_pa = np.empty(len(width_s))
         pressure_pa = 0.0
@@ -38,7 +38,7 @@ class Outlet:
             pressure_pa = command + lag * k * width - lag + self._left_pa[i] * remains
 
     def __call__(self, time_s: ArrayLike) -> Floats:
-        """Pressure (Pa) at these seconds; beyond the end the last stretch goes on, before the start it is 0."""
+        """Pressure (Pa) at these seconds; beyond the end the last segment continues, before the start it is 0."""
         t = np.asarray(time_s, dtype=np.float64)
         i = np.clip(np.searchsorted(self._start_s, t, side="right") - 1, 0, None)
         since_s = np.maximum(t - self._start_s[i], 0.0)

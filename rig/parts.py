@@ -1,4 +1,4 @@
-"""Parts from outside that are no physics: which files and installed packages give them, and what they give."""
+"""External parts other than laws (readers, figures of merit): the files and installed packages that provide them."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from straw.rig.errors import RigError
 
 @dataclass(frozen=True)
 class Kind:
-    """One kind of part. ``word``: a reader; ``names``: what a file calls it, one or several; ``wanted``: its class.
+    """One kind of part. ``word``: a reader; ``names``: its name in a file, one or several; ``wanted``: its class.
 
-    Files are named in the environment (``STRAW_READERS``), which processes that are started inherit; packages have an
+    Files are named in the environment (``STRAW_READERS``), which child processes inherit; packages have an
     entry point of ``straw.readers``.
     """
 
@@ -63,7 +63,7 @@ def add(kind: Kind, paths: Sequence[str | Path]) -> None:
 
 
 def parts(kind: Kind) -> list[Part]:
-    """Every part of a kind from outside: those of files as they were named, then those of packages by name."""
+    """Every external part of a kind: those of files in the order named, then those of packages by name."""
     return [*(part for path in _files(kind) for part in in_file(kind, path)), *_in_packages(kind)]
 
 
@@ -84,7 +84,8 @@ def _loaded(kind: Kind, path: Path, sha256: str) -> list[Part]:
 
 
 def given(kind: Kind, module: object, where: str) -> list[Any]:
-    """What a module, or an entry point's object, gives of a kind; RigError where that is nothing, or no such thing."""
+    """The parts of a kind in a module or an entry point's object; RigError where there are none, or of another
+    class."""
     one, several = kind.names
     found = getattr(module, several, None)
     if found is None:
@@ -104,7 +105,7 @@ def _files(kind: Kind) -> list[Path]:
 
 @cache
 def _in_packages(kind: Kind) -> tuple[Part, ...]:
-    from importlib import metadata  # takes as long as all else that `straw --help` needs
+    from importlib import metadata  # imported here, as it takes as long as the rest of `straw --help`
 
     out = []
     for entry in sorted(metadata.entry_points(group=kind.group), key=lambda e: e.name):
@@ -113,7 +114,7 @@ def _in_packages(kind: Kind) -> tuple[Part, ...]:
             module = entry.load()
         except Exception as error:
             raise RigError(
-                f"{kind.word} {entry.value} of package {package}: {said(error)}; mend or remove the package"
+                f"{kind.word} {entry.value} of package {package}: {said(error)}; repair or remove the package"
             ) from None
         out += [Part(one, package) for one in given(kind, module, f"package {package}: {entry.value}")]
     return tuple(out)

@@ -10,16 +10,16 @@ import numpy as np
 
 
 class Plant(Protocol):
-    """What an emulated controller needs to know about the world behind it; times in s, gauge pressures in Pa."""
+    """The interface of what is behind an emulated controller; times in s, gauge pressures in Pa."""
 
     def command(self, time_s: float, pressure_pa: float) -> None:
-        """Ask for a pressure from this time on."""
+        """Command a pressure from this time on."""
 
     def reading(self, time_s: float) -> float:
-        """What the controller's own sensor shows."""
+        """The reading of the controller's own sensor."""
 
     def flow(self, time_s: float) -> float:
-        """What a flow sensor in the line shows, m^3/s into the straw."""
+        """The reading of a flow sensor in the line, m^3/s into the straw."""
 
     def hold(self, time_s: float, closed: bool) -> None:
         """Close the valves, or let them follow the command again."""
@@ -30,14 +30,14 @@ AMBIENT_PA = 101_325.0
 
 
 class PressurePlant:
-    """First-order response dP/dt = rate (P_set - P) - leak P, with the sensor that watches it.
+    """First-order response dP/dt = rate (P_set - P) - leak P, with its sensor.
 
-    ``rate_per_s`` 50 reaches 97 % of a step after 70 ms, as the paper measured; ``leak_per_s`` is what the line loses:
+    ``rate_per_s`` 50 reaches 97 % of a step after 70 ms, as the paper measured; ``leak_per_s`` is the line's leak:
     a droop while the controller regulates, a decay while its valves are held closed. ``min_pa``, ``max_pa`` are the
-    supply: a command beyond them is answered by them. The reading adds white noise ``noise_pa`` and rounds to
-    ``resolution_pa``; equal seeds give equal noise. ``air_m3`` is the air between controller and water: what the straw
-    takes in or gives back expands or squeezes it. The last commands are kept, so the pressure of a past time can be
-    asked: a slow straw model behind it never makes the wire wait.
+    supply, to which commands are clipped. The reading adds white noise ``noise_pa`` and rounds to
+    ``resolution_pa``; equal seeds give equal noise. ``air_m3`` is the air between controller and water, which
+    the straw's change of volume expands or compresses. Recent commands are kept, so that the pressure of a past time
+    can be computed and a slow straw model never delays the wire.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class PressurePlant:
         self._turn(time_s)
 
     def hold(self, time_s: float, closed: bool) -> None:
-        """Close the valves from ``time_s`` on: only the leak is left; or open them to the last command again."""
+        """Close the valves from ``time_s`` on, so that only the leak remains, or reopen them to the last command."""
         self._closed = closed
         self._turn(time_s)
 
@@ -88,11 +88,12 @@ class PressurePlant:
         return float(round(noisy / self.resolution_pa) * self.resolution_pa) if self.resolution_pa else float(noisy)
 
     def flow(self, time_s: float) -> float:
-        """Volume a second that the straw takes in (m^3/s), as last stated by ``take``."""
+        """Flow into the straw (m^3/s), as last given to ``take``."""
         return self._volume[2]
 
     def take(self, time_s: float, volume_m3: float, during_s: float) -> None:
-        """The straw took this much in, in the ``during_s`` before ``time_s``: the air in the line gives way."""
+        """The straw took this much in, in the ``during_s`` before ``time_s``: the air in the line expands or is
+        compressed."""
         at_s, left_pa, _ = self._volume
         rate = self._segments[-1][3]
         left_pa = left_pa * math.exp(rate * (at_s - time_s)) if left_pa else 0.0

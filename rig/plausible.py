@@ -1,33 +1,33 @@
-"""Expectation: what a channel can possibly read next, for wires that have no checksum and links that read as 0."""
+"""Expectation: the range that a channel can read next, for wires without checksum and lost links that read as 0."""
 
 from __future__ import annotations
 
-MARGIN_PA = 2e3  # noise, drift, a straw that snaps against the controller
-OVERSHOOT = 0.1  # of the way it has to go
+MARGIN_PA = 2e3  # margin for noise, drift, a straw that snaps against the controller
+OVERSHOOT = 0.1  # share of the commanded change
 
 
 class Expectation:
-    """A healthy controller reads something between where it was and what it was commanded since, within a margin.
+    """A healthy controller reads a value between its last reading and its commands since, within a margin.
 
-    One reading outside of that is not believed. Two in a row that agree are, for supplies do fail; but never an exact
-    0 that comes from nowhere, for that is how a lost link reads.
+    A single reading outside that range is rejected. Two in a row that agree are accepted, as supplies can fail; but
+    never a sudden exact 0, which is how a lost link reads.
     """
 
     def __init__(self) -> None:
-        self._within: tuple[float, ...] = ()  # empty: anything may come
+        self._within: tuple[float, ...] = ()  # empty: any reading is plausible
         self._doubted_pa: float | None = None
 
     def forget(self) -> None:
-        """Expect anything: the link was reopened."""
+        """Accept any next reading: the link was reopened."""
         self._within, self._doubted_pa = (), None
 
     def told(self, pressure_pa: float) -> None:
-        """This was commanded, or may have been."""
+        """Note a pressure that was commanded, or may have been."""
         if self._within:
             self._within = (*self._within, pressure_pa)
 
     def why_not(self, pressure_pa: float, in_force_pa: tuple[float, ...]) -> str | None:
-        """None when the reading can be true, and then the next one starts from it; else why it is not used."""
+        """None when the reading is plausible, and then the next one starts from it; else why it is rejected."""
         low, high = min(self._within, default=pressure_pa), max(self._within, default=pressure_pa)
         margin_pa = MARGIN_PA + OVERSHOOT * (high - low)
         if not low - margin_pa <= pressure_pa <= high + margin_pa:

@@ -1,4 +1,4 @@
-"""Ports that this computer has driven a controller through, remembered so that they can be found again and vented."""
+"""Ports through which this computer has driven controllers, kept on disk so that they can be found and vented."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 STATE_ENV = "STRAW_STATE_DIR"
-FORGET_S = 90 * 86400.0  # a port that was not used for so long says nothing about what is connected
+FORGET_S = 90 * 86400.0  # after so long without use, an entry no longer shows what is connected
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Known:
 
 
 def state_folder() -> Path:
-    """Where what is remembered lies: STRAW_STATE_DIR, or the user's folder for such things on this system."""
+    """The folder of the stored ports: STRAW_STATE_DIR, or the user's state folder on this system."""
     if given := os.environ.get(STATE_ENV):
         return Path(given)
     from platformdirs import user_state_path
@@ -38,7 +38,7 @@ def state_folder() -> Path:
 
 
 def remember(port: str, controller: str, settings: Mapping[str, Any], guardian_pid: int) -> None:
-    """Note who holds a port; what cannot be written down (a full disk, no rights) is no reason to stop a run."""
+    """Store who holds a port; a failure to write (a full disk, no rights) does not stop a run."""
     plain = {key: value for key, value in settings.items() if _is_plain(value)}
     known = Known(port, controller, plain, guardian_pid, time.time_ns())
     path = _file_of(port)
@@ -50,7 +50,7 @@ def remember(port: str, controller: str, settings: Mapping[str, Any], guardian_p
 
 
 def known_ports() -> list[Known]:
-    """What is remembered, last used first."""
+    """The stored ports, last used first."""
     found = []
     for path in (state_folder() / "ports").glob("*.json"):
         with suppress(OSError, ValueError, TypeError, AttributeError):
@@ -63,7 +63,7 @@ def known_ports() -> list[Known]:
 
 
 def is_guarded(known: Known) -> bool:
-    """Whether its guardian still runs: a process of that number that is a guardian, for numbers are used again."""
+    """Whether its guardian still runs: a process with that id that is a guardian, as ids are reused."""
     return known.guardian_pid > 0 and "straw.rig.guardian" in _command_line(known.guardian_pid)
 
 

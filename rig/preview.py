@@ -1,4 +1,4 @@
-"""Preview: a recording small enough for a picture the size of a stamp: pressure against time, the tip's path."""
+"""Preview: a recording reduced for a thumbnail: pressure against time, the tip's path."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Preview: TypeAlias = dict[str, list[int]]
 BINS = 24
 #: Points of the tip's path.
 POINTS = 48
-#: Steps of the whole numbers: a stamp shows no less than 0.1 kPa and 0.1 mm.
+#: Units of the integers: a thumbnail shows no less than 0.1 kPa and 0.1 mm.
 STEP_PA, STEP_M = 100.0, 1e-4
 
 

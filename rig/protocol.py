@@ -33,7 +33,7 @@ class PressureProtocol:
     limits: PressureLimits = STRAW_LIMITS
     text: str = field(default="", repr=False)
     also: tuple[PressureProtocol, ...] = ()
-    """What other channels do meanwhile: tables of the same length, on the same clock."""
+    """The other channels' tables, of the same length on the same clock."""
 
     def __post_init__(self) -> None:
         time_s, pressure_pa = self.time_s, self.pressure_pa
@@ -86,7 +86,7 @@ class PressureProtocol:
 
     @property
     def metadata(self) -> dict[str, str]:
-        """What the protocol says of a run, as the keys of the record ``straw.run``."""
+        """The protocol's metadata of a run, with the keys of the record ``straw.run``."""
         return {
             "specimen": self.specimen,
             "initial_deployed": ",".join(map(str, self.initial_deployed)),
@@ -98,7 +98,8 @@ class PressureProtocol:
     def check_limits(self, limits: PressureLimits) -> None:
         """Raise RigError, naming time and pressure, unless every point of the table is within ``limits``."""
         ends_pa = float(self.pressure_pa.min()), float(self.pressure_pa.max())
-        beyond = any(map(limits.why_not, ends_pa))  # else no point is, and a million need not be asked one by one
+        # otherwise all points are allowed, and need not be checked one by one
+        beyond = any(map(limits.why_not, ends_pa))
         for t, p in zip(self.time_s, self.pressure_pa, strict=True) if beyond else ():
             if reason := limits.why_not(float(p)):
                 raise RigError(f"protocol {self.name}: at {t:g} s {reason}; lower it, or widen the limits on purpose")

@@ -60,7 +60,7 @@ def _table(
 ) -> tuple[tuple[Floats, Floats], tuple[float, ...]]:
     """Times (s) and pressures (Pa) of the three sections one after the other, and how long each is.
 
-    ``lengths_s``: how long they have to be; a section that is not there is then a hold at 0.
+    ``lengths_s``: their required lengths; a missing section is then a hold at 0.
     """
     points: Points = []
     found_s: list[float] = []
@@ -80,7 +80,7 @@ def _table(
 def _also(
     at: At, tables: object, lengths_s: tuple[float, ...], limits: PressureLimits, unit_pa: float
 ) -> Iterator[tuple[int, Floats, Floats]]:
-    """Channel, times and pressures of what other channels do meanwhile."""
+    """Channel, times and pressures of the other channels."""
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
         at.fail("also must be written as [[also]] tables: channel = 2, and prefix, main, suffix of its own")
     for number, table in enumerate(tables, 1):

@@ -13,7 +13,7 @@ PACKAGES = ("straw", "numpy", "scipy", "opencv-contrib-python-headless", "pyseri
 
 @cache
 def software() -> dict[str, str]:
-    """Versions of Python, of the system and of what this project stands on; ``git_commit`` where it runs from a clone.
+    """Versions of Python, the system and the main dependencies; ``git_commit`` where it runs from a clone.
 
     ``git_dirty`` is "true" when files that git tracks differ from that commit.
     """
@@ -29,13 +29,22 @@ def software() -> dict[str, str]:
     return found
 
 
+def version_line() -> str:
+    """The installed version; in a clone also the commit it runs from, as an editable install keeps its old version."""
+    line = f"straw {metadata.version('straw')}"
+    if commit := _git("rev-parse", "--short=7", "HEAD"):
+        changed = ", changed since" if _git("status", "--porcelain", "--untracked-files=no") else ""
+        line += f" (commit {commit}{changed})"
+    return line
+
+
 def _git(*arguments: str) -> str:
-    """What git says about the checkout this file belongs to; empty where there is none."""
+    """Git's output about the checkout this file belongs to; empty where there is none."""
     root = Path(__file__).parents[1]
     if not (root / ".git").exists():  # an installed package may lie inside somebody else's repository
         return ""
     try:
-        # without locks, as a run that is killed meanwhile, or finds the disk full, would leave one for good
+        # without locks, as a killed run or a full disk would leave one behind
         command = ["git", "--no-optional-locks", "-C", str(root), *arguments]
         said = subprocess.run(command, capture_output=True, text=True, timeout=5.0)
     except (OSError, subprocess.TimeoutExpired):

@@ -1,4 +1,4 @@
-"""Reading, Command: what passes between a controller and the rest, with the time it happened and how sure that is."""
+"""Reading, Command: what passes between a controller and the program, with its time and the time's uncertainty."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Stamp:
-    """When something happened: half-way between asking and the answer's first byte, sure to within half of that."""
+    """When something happened: half-way between the request and the first byte of the answer, plus or minus half of
+    that."""
 
     monotonic_ns: int
     wall_ns: int

@@ -1,4 +1,4 @@
-"""Recovery: makes a whole file of a run that was killed, cut or damaged; the file says what was lost."""
+"""Recovery: makes a complete file from a run that was killed, cut or damaged; the file states what was lost."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from straw.rig.schema import encode
 
 @dataclass(frozen=True)
 class Recovered:
-    """The readable run, how many messages it holds, and what is missing in plain words."""
+    """The readable run, how many messages it holds, and a description of what is missing."""
 
     path: Path
     messages: int
@@ -24,7 +24,7 @@ class Recovered:
 
 
 def recover(path: str | Path, output: str | Path | None = None) -> Recovered:
-    """Write all of a ``.part`` or damaged recording that can be trusted as a finished one; the original stays.
+    """Write all intact parts of a ``.part`` or damaged recording as a finished one; the original stays.
 
     ``output`` is the name without ``.part``, or with ``.recovered`` before the suffix where that is the damaged file
     itself. The guardian's notes beside it, of what it did after the script's death, become events. RigError when

@@ -1,4 +1,4 @@
-"""RigFile: what stands on the table, as a TOML file: controller and channels, limits, camera, LED, straw, folder."""
+"""RigFile: the set-up as a TOML file: controller and channels, limits, camera, LED, straw, folder."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class CameraFile:
 
 @dataclass(frozen=True)
 class RigFile:
-    """A rig as its file says. ``port`` empty: an emulator stands for the controller. Paths are absolute."""
+    """A rig as described by its file. ``port`` empty: an emulator takes the controller's place. Paths are absolute."""
 
     path: Path
     name: str
@@ -45,7 +45,7 @@ class RigFile:
 
     @property
     def emulated(self) -> bool:
-        """Whether no hardware is behind it."""
+        """Whether the rig is emulated."""
         return not self.port
 
 

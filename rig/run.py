@@ -13,7 +13,7 @@ from straw.rig.errors import RigError
 from straw.tracking.trace import TipTrace
 
 Floats = NDArray[np.float64]
-CELLS = 9  # of the paper's straw, where nobody says otherwise
+CELLS = 9  # of the paper's straw, the default
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class Event:
 
 @dataclass(frozen=True, eq=False)
 class Predicted:
-    """What one model said in this file: tip and inside pressure, where present."""
+    """One model's prediction in this file: tip and inside pressure, where present."""
 
     tip: TipTrace | None
     pressure: PressureLog | None

@@ -1,4 +1,4 @@
-"""Every signal of a recording, all channels and sensors, thinned for a screen; and what else it says of itself."""
+"""Every signal of a recording, all channels and sensors, thinned for a screen, with its metadata."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BINS = 700
 
 
 def details(path: Path) -> dict[str, Any]:
-    """What a page of one recording shows: signals by name, events, metadata, attachments; RigError as ``read_run``.
+    """The contents of a recording's page: signals by name, events, metadata, attachments; RigError as ``read_run``.
 
     A signal is ``{"unit", "time_s", "values"}``: kPa, µl/s, mm, deg, for people. Times count from the run's zero.
     """

@@ -14,7 +14,7 @@ from straw.rig.errors import RigError
 from straw.rig.mcap_scan import Scan
 from straw.rig.schema import PREDICTION, TOPICS, Schema, descriptor_set, message_class, schema_of
 
-# What a field that is absent, or null as JSON spells NaN, stands for; a field that is not here must be present.
+# Value of a field that is absent, or null as JSON writes NaN; a field without an entry here must be present.
 ABSENT: dict[str, Any] = {"sigma_pa": np.nan, "channel": 1, "valid": True, "frame": -1, "kind": "", "text": ""}
 ABSENT |= {name: np.nan for axis in ("x_m", "z_m", "phi_rad") for name in (axis, f"sigma_{axis}")}
 EXTRA = {"monotonic_ns", "half_width_ns", "raw", "flow_m3_s"}  # our own, beyond the contract
@@ -34,7 +34,7 @@ def decode(found: Scan) -> dict[str, list[Row]]:
             continue
         try:
             reader[0].append((happened_ns, reader[1](data)))
-        except Exception:  # json, protobuf and key errors alike: this message is not what its channel promises
+        except Exception:  # json, protobuf and key errors alike: this message does not match its channel
             damaged[found.channels[channel_id].topic] += 1
     for topic, count in damaged.items():
         found.lost.append(f"{count} messages on {topic} could not be decoded and were left out")

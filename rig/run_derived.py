@@ -26,7 +26,7 @@ def write_tip(
 ) -> None:
     """Write a tracked tip as its own recording on the absolute clock: ``trace.time_s`` counts from ``zero_time_ns``.
 
-    ``metadata`` is what the parent's ``straw.run`` says (``Run.metadata``) plus whatever the tracker adds. In derived
+    ``metadata`` is the parent's ``straw.run`` (``Run.metadata``) plus what the tracker adds. In derived
     files log_time equals publish_time, so that viewers, which sort by log_time, lay them over the raw run.
     """
     write_columns(path, metadata, parent_sha256, zero_time_ns, {"/tip/state": tip_columns(trace)})
@@ -43,9 +43,9 @@ def write_prediction(
     pressure_time_s: Floats | None = None,
     pressure_pa: Floats | None = None,
 ) -> None:
-    """Write what a model says the tip and the pressure do, as ``/sim/<model_name>/...``; otherwise as ``write_tip``.
+    """Write a model's prediction of tip and pressure, as ``/sim/<model_name>/...``; otherwise as ``write_tip``.
 
-    ``parent_sha256`` is empty for a prediction of a protocol that nobody ran.
+    ``parent_sha256`` is empty for a prediction of a protocol that was not run.
     """
     columns: dict[str, dict[str, Any]] = {}
     if tip is not None:

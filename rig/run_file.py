@@ -1,4 +1,4 @@
-"""RunFile: one recording on the disk, never half there: named ``.part`` until it is finished."""
+"""RunFile: one recording on disk, named ``.part`` until it is finished."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class RunFile:
 
         self.path = Path(path)
         self.part = self.path.with_name(self.path.name + ".part")
-        if parent == self.part:  # it is being recovered, and must stay as it is until that is done
+        if parent == self.part:  # it is being recovered and must not change meanwhile
             self.part = self.path.with_name(self.path.name + ".recovering")
         for taken in (self.path, self.part):
             if taken.exists():
@@ -91,7 +91,7 @@ class RunFile:
             raise self._disk(error) from None
 
     def flush(self) -> None:
-        """Bring everything so far to the disk, where neither a killed program nor a lost battery can reach it."""
+        """Sync everything so far to the disk, so that neither a killed program nor a power failure loses it."""
         try:
             self._mcap.flush()
             os.fsync(self._stream.fileno())
@@ -116,14 +116,14 @@ class RunFile:
             self.abandon()
 
     def abandon(self) -> None:
-        """Let go of the file as it is; what was flushed stays in ``.part`` until ``finish`` renamed it."""
-        with suppress(OSError):  # a full disk complains again, and has been reported
+        """Close the file as it is; what was flushed stays in ``.part`` unless ``finish`` renamed it."""
+        with suppress(OSError):  # a full disk raises again, and has been reported
             self._stream.close()
         if self._mcap is not None:
             self._mcap.close()
 
     def discard(self) -> None:
-        """Remove the unfinished file: only for what can be made again, never for a run."""
+        """Remove the unfinished file: only for derived files, never for a run."""
         self.abandon()
         self.part.unlink(missing_ok=True)
 

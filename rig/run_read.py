@@ -1,4 +1,4 @@
-"""Reads recordings, protobuf or JSON, whole or damaged, into a Run; no foreign exception leaves this file."""
+"""Reads recordings, protobuf or JSON, whole or damaged, into a Run; every failure is a RigError."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from straw.rig.run_decode import EXTRA, Row, decode
 from straw.rig.schema import PREDICTION, schema_of
 from straw.tracking.trace import TipTrace
 
-FAR_S = 3600.0  # a zero further than this from the first message is worth a word
+FAR_S = 3600.0  # a zero further than this from the first message is reported
 
 
 def read_run(path: str | Path) -> Run:
-    """Read one recording. A damaged file gives what is on disk, and ``Run.lost`` says what is not.
+    """Read one recording. Of a damaged file the intact part is read, and ``Run.lost`` states what is missing.
 
     RigError, one line, when the file cannot be opened, is no MCAP, or holds no message of the contract.
     """
@@ -35,7 +35,7 @@ def read_run(path: str | Path) -> Run:
     try:
         if read_manifest(path).get(path.name, sha256) != sha256:
             lost.append("its SHA-256 is not the one in its manifest: it was changed after it was recorded")
-    except RigError as error:  # no fault of the run's
+    except RigError as error:  # not a fault of the run
         unsure = f"{error}; whether the run is as recorded cannot be told"
     damage = tuple(lost)
     lost += [unsure] if unsure else []
@@ -87,7 +87,7 @@ def read_run(path: str | Path) -> Run:
 def _in_time(
     topic: str, rows: list[Row], zero_ns: int, lost: list[str]
 ) -> tuple[NDArray[np.float64], list[NDArray[Any]]]:
-    """Columns sorted by time, of equal times the first; what that changed is noted in ``lost``."""
+    """Columns sorted by time, keeping the first of equal times; changes are noted in ``lost``."""
     # Seconds first, order after: far from zero two nanoseconds can become one number of seconds.
     time_ns = np.array([row[0] for row in rows], dtype=np.int64)
     time_s: NDArray[np.float64] = (time_ns - zero_ns).astype(np.float64) * 1e-9
@@ -108,7 +108,7 @@ def _pressure(
 ) -> PressureLog | None:
     names = [name for name, *_ in schema_of(topic).fields if name not in EXTRA]
     at = names.index("channel")
-    rows = [row for row in rows if (row[1][at] or 1) == channel] or rows  # protobuf knows no difference of 0 and absent
+    rows = [row for row in rows if (row[1][at] or 1) == channel] or rows  # protobuf does not distinguish 0 from absent
     if not rows:
         return None
     time_s, columns = _in_time(topic, rows, zero_ns, lost)
@@ -137,7 +137,7 @@ def _tip(topic: str, rows: list[Row], zero_ns: int, lost: list[str]) -> TipTrace
 
 
 def _sigma(sigma: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.where(sigma > 0.0, sigma, np.nan)  # nothing is known exactly: 0 is how protobuf says "not given"
+    return np.where(sigma > 0.0, sigma, np.nan)  # no uncertainty is exactly 0: it is how protobuf writes "not given"
 
 
 def _whole(metadata: dict[str, str], key: str, otherwise: int, assumed: str, lost: list[str] | None) -> int:

@@ -42,7 +42,7 @@ def write_track(
     parent_sha256: str,
     zero_time_ns: int,
 ) -> None:
-    """Write what a video says of a run, on the absolute clock: ``trace.time_s`` counts from ``zero_time_ns``.
+    """Write a track on the absolute clock: ``trace.time_s`` counts from ``zero_time_ns``.
 
     ``quality``: columns of ``/tip/quality`` (see ``GRADE``), one value a frame. ``corners``: a frame's corners (n, 2)
     px and which were used (n,), or None; consumed one by one. ``camera``: picture size, distortion model,

@@ -16,7 +16,7 @@ from straw.rig.reading import Command, Reading
 from straw.rig.run_file import RunFile
 from straw.rig.schema import TOPICS, check, encode
 
-FLUSH_S = 0.5  # a killed program loses what is younger, and what a slow disk adds: less than a second
+FLUSH_S = 0.5  # a killed program loses what is newer than this, plus the disk's delay: less than a second
 
 
 class RunWriter:
@@ -41,18 +41,18 @@ class RunWriter:
 
     @property
     def failed(self) -> bool:
-        """Whether the disk refused; ``add`` and ``finish`` tell how."""
+        """Whether writing failed; ``add`` and ``finish`` raise the reason."""
         return self._failure is not None
 
     @property
     def kept(self) -> Path:
-        """Where what was recorded is, or will be once it is finished: in the ``.part`` where the disk refused."""
+        """The path of the recording once it is finished; the ``.part`` if writing failed."""
         return self._file.part if self.failed else self.path
 
     def add(self, topic: str, happened_ns: int, **values: Any) -> None:
         """Queue one message that happened at ``happened_ns`` (ns since the Unix epoch); never waits for the disk.
 
-        An error of an earlier message comes out here, so that a run on a full disk stops instead of pretending.
+        An error of an earlier message is raised here, so that a run on a full disk stops.
         """
         if self._failure is not None:
             raise self._failure
@@ -86,7 +86,7 @@ class RunWriter:
         self.add("/events", time.time_ns() if happened_ns is None else happened_ns, kind=kind, text=text)
 
     def finish(self, closing: Mapping[str, str] | None = None) -> None:
-        """Write what is queued and finish the file; an error of the writing thread comes out here."""
+        """Write what is queued and finish the file; an error of the writing thread is raised here."""
         if self._finished:
             return
         self._finished = True
@@ -109,11 +109,11 @@ class RunWriter:
         try:
             ending = False
             while not ending:
-                # Waking up costs more than writing: at 1 kHz a thread that wakes for each message doubles the price.
+                # Waking up costs more than writing: at 1 kHz a thread that wakes for each message doubles the cost.
                 ending = self._ending.wait(FLUSH_S)
                 while queue:
                     topic, happened_ns, values, log_ns = queue.popleft()
                     file.add(topic, happened_ns, encode(topic, happened_ns, values), log_ns)
                 file.flush()
-        except BaseException as error:  # kept for add() and finish(): a thread has nobody to tell
+        except BaseException as error:  # raised by add() and finish(), as a thread cannot raise to its caller
             self._failure = error

@@ -13,7 +13,7 @@ from straw.rig.errors import RigError
 if TYPE_CHECKING:
     from google.protobuf.descriptor_pb2 import FileDescriptorProto
 
-LAST_NS = 2**63 - 1  # beyond it most readers count backwards
+LAST_NS = 2**63 - 1  # beyond it the sign bit is set for most readers
 # (name, protobuf type, unit or ""); numbers follow the order, so new fields go to the end of their tuple.
 Fields = tuple[tuple[str, str, str], ...]
 
@@ -91,7 +91,7 @@ def file_descriptor(schema: Schema) -> FileDescriptorProto:
 
 @cache
 def descriptor_set(schema: Schema) -> bytes:
-    """Serialized FileDescriptorSet: what MCAP wants as the data of a protobuf schema."""
+    """Serialized FileDescriptorSet: MCAP's data of a protobuf schema."""
     from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
     return FileDescriptorSet(file=[file_descriptor(schema)]).SerializeToString()
@@ -136,7 +136,7 @@ _FITTING: set[tuple[object, ...]] = set()
 
 
 def check(topic: str, happened_ns: int, values: Mapping[str, Any]) -> None:
-    """RigError where ``encode`` would raise one for the time, names or types, at a fraction of what encoding costs."""
+    """RigError where ``encode`` would raise one for the time, names or types, at a fraction of its cost."""
     _check_time(topic, happened_ns)
     shape = (topic, *values, *map(type, values.values()))
     if shape not in _FITTING:

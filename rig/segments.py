@@ -13,8 +13,8 @@ from straw.rig.toml_place import At
 
 Points = list[tuple[float, float]]  # (s from the segment's start, pressure in the file's unit), straight in between
 WhyNot = Callable[[float], str | None]
-#: Chords of a sine drawn with so many points to a period miss it by at most 0.1 % of its amplitude: 1 - cos(pi / 72).
-#: (A linear chirp that starts slow is missed by 0.3 % there.)
+#: Points per period of a sine: chords deviate by at most 0.1 % of the amplitude, 1 - cos(pi / 72).
+#: (At the start of a slow linear chirp by 0.3 %.)
 POINTS_PER_PERIOD = 72
 MOST_POINTS = 1_000_000
 
@@ -120,14 +120,14 @@ def _chirp(at: At, entry: dict[str, Any]) -> Points:
 
 
 def _phases(end: float) -> Any:
-    """Phases (rad) from 0 to ``end``: evenly, so that every extreme is met, and the end itself."""
+    """Phases (rad) from 0 to ``end``, evenly spaced so that every extreme is included, and the end itself."""
     step = 2 * math.pi / POINTS_PER_PERIOD
     return np.append(np.arange(0.0, end - 1e-9 * step, step), end)
 
 
 def _wave(at: At, table: dict[str, Any], time_s: Any, phase: Any, length_s: float) -> Points:
     mean, amplitude = at.number(table.get("mean", 0.0), "mean"), at.number(table["amplitude"], "amplitude")
-    time_s[-1] = length_s  # to the last bit, where the next segment starts
+    time_s[-1] = length_s  # exactly where the next segment starts
     return list(zip(time_s.tolist(), (mean + amplitude * np.sin(phase)).tolist(), strict=True))
 
 

@@ -1,4 +1,4 @@
-"""Session: runs a protocol on a controller and records it; every way out of here vents first."""
+"""Session: runs a protocol on a controller and records it; however it ends, it vents first."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from straw.rig.run import CELLS
 from straw.rig.run_write import RunWriter
 
 ARM_S = 0.2  # between writing the file's head, which names the run's zero, and the start
-BEAT_S = 0.5  # a long wait between two samples is no silence
+BEAT_S = 0.5  # a long wait between two samples must not count as silence
 Progress = Callable[[float, float, float], None]  # (time s, duration s, measured Pa)
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a run went: the finished recording, cycles done, the loop rate reached (Hz) and the readings that failed.
+    """Result of a run: the finished recording, cycles done, the loop rate reached (Hz) and the readings that failed.
 
-    ``stopped`` says who ended it before the protocol did; empty when nobody did.
+    ``stopped`` says who ended it before the protocol did; otherwise empty.
     """
 
     path: Path
@@ -118,7 +118,7 @@ class _Session:
         controller.record_in(path.with_name(path.name + ".guardian"))
 
     def run(self) -> Outcome:
-        """Arm, loop, and vent whatever happens; what went wrong is raised after the file is finished."""
+        """Arm, loop, and vent in any case; errors are raised after the file is finished."""
         status, reason = "fail", "unknown"
         try:
             self.event("arm", f"limits {self.controller.limits}")
@@ -165,23 +165,24 @@ class _Session:
                 if self.writer.failed:
                     raise
                 self.patience.failed(error)
-                self.event("fault", str(error))  # on record, though no reason to end the run
+                self.event("fault", str(error))  # recorded, but it does not end the run
             self.cycles += 1
             self.run_s = self.now_s()
             if self.progress:
                 self.progress(min(protocol_s, duration_s), duration_s, self.measured_pa)
-            due_s = max(due_s + self.period_s, self.run_s)  # a late cycle is not made up for by a burst
+            due_s = max(due_s + self.period_s, self.run_s)  # a late cycle is not followed by a burst
             self.wait_until(due_s)
             now_s = self.now_s()
         self.event("stop", "end of protocol")
 
     def command(self, protocol_s: float) -> None:
-        """Command each channel what its table says, where that differs from the last command."""
+        """Command each channel its table's value, where that differs from the last command."""
         for part in self.protocol.parts:
             channel, wanted_pa = part.channel, float(part(protocol_s))
             if self.controller.rounded(wanted_pa) == self.told_pa.get(channel):
                 continue
-            self.told_pa.pop(channel, None)  # until it is acknowledged; otherwise the next cycle asks for what is due
+            # until it is acknowledged; otherwise the next cycle commands the value then due
+            self.told_pa.pop(channel, None)
             command = self.controller.set_pressure(channel, wanted_pa)
             self.told_pa[channel] = command.pressure_pa
             self.writer.command(command)
@@ -201,11 +202,11 @@ class _Session:
         self.operator.heard(self.now_s(), readings, self.told_pa)
 
     def vent_and_finish(self, status: str, reason: str) -> None:
-        """Vent before anything else, then say how it went, then finish the file."""
+        """Vent first, then record the outcome, then finish the file."""
         vent_error: RigError | None = None
         try:
             self.controller.vent()
-        except BaseException as error:  # nothing may keep the record of a failed vent from being written
+        except BaseException as error:  # a failed vent must be recorded in any case
             vent_error = (
                 error if isinstance(error, RigError) else RigError(f"vent failed: {type(error).__name__} {error}")
             )

@@ -62,21 +62,21 @@ class Held:
 
 @dataclass(frozen=True)
 class Bracket:
-    """One search: the last hold that held and the first that snapped."""
+    """One search: the last pressure that held and the first that snapped."""
 
     below: Held
     above: Held
 
     @property
     def interval_pa(self) -> tuple[float, float]:
-        """What the readings leave for the snap pressure (Pa), lower end first: both holds, each with two sigmas."""
+        """The interval of the snap pressure (Pa) by the readings: both holds, each widened by two sigmas."""
         ends = sorted((self.below, self.above), key=lambda held: held.read_pa)
         return ends[0].read_pa - 2 * ends[0].sigma_pa, ends[1].read_pa + 2 * ends[1].sigma_pa
 
 
 @dataclass(frozen=True)
 class SnapFound:
-    """Snap pressure (Pa): the middle of what is common, its standard uncertainty, and every search behind it."""
+    """Snap pressure (Pa): the middle of the common interval, its standard uncertainty, and every search."""
 
     pressure_pa: float
     sigma_pa: float
@@ -100,11 +100,11 @@ def snap_search(
 ) -> SnapFound:
     """Search on an open controller; it is vented before, between searches, and however this ends.
 
-    ``reset`` brings a vented straw back to its configuration, by hand or by magic; without it there is one search and
-    no bisection. RigError where no snap comes up to the plan's end.
+    ``reset`` brings a vented straw back to its configuration, by hand or in an emulator; without it there is one search
+    and no bisection. RigError where nothing snaps up to the plan's end.
     """
     if reset is None and plan.repeats > 1:
-        raise RigError("snap search: repeats need somebody who resets the straw in between")
+        raise RigError("snap search: repeats need a reset of the straw in between")
     with Interrupts("interrupted: venting first") as interrupts:
         search = _Search(controller, plan, watcher, reset, writer, progress, interrupts)
         try:
@@ -215,7 +215,7 @@ class _Search:
         snapped = self.watcher.snapped() if at_most_s is None else False
         since_ns = readings[-1].monotonic_ns - round(QUIET_S * 1e9)
         last_pa = [reading.pressure_pa for reading in readings if reading.monotonic_ns >= since_ns]
-        # The mean of readings in steps of the resolution is no surer than one step's own spread.
+        # The mean of quantised readings is no more certain than the spread within one step.
         sigma_pa = math.hypot(
             pstdev(last_pa) / math.sqrt(len(last_pa)), self.controller.resolution_pa / math.sqrt(12.0)
         )
@@ -228,7 +228,7 @@ class _Search:
         return held
 
     def answered(self, ask: Callable[[], T]) -> T:
-        """What the controller answers; asked again where an answer is missing or spoiled, as in a run."""
+        """The controller's reading, repeated where an answer is missing or corrupted, as in a run."""
         self.patience.answered()
         while True:
             self.interrupts.check()

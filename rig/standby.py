@@ -2,9 +2,9 @@
 
 The guardian starts it, and holds the only end of its pipe: when that closes without a word, the guardian was killed.
 Then, or when the guardian gives no sign of life (stopped, or inside a vendor's library that does not return) and had to
-be ended, the standby opens the port, which nobody else holds any more, and vents. It has left the tree of processes,
-so that whoever kills the script with all its children does not reach it. What it cannot survive is being killed as
-well, and the computer's end; see rig/README.md.
+be ended, the standby opens the port, which nobody else holds any more, and vents. It is detached from the tree of
+processes, so that killing the script with all its children does not reach it. It cannot help if it is killed as well,
+or when the computer fails; see rig/README.md.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Word = tuple[str, Any]
 
 
 class Standby:
-    """The guardian's end of it: started at once, informed of what happens, dismissed when all is well."""
+    """The guardian's handle on the standby: start it, keep it informed, dismiss it when all is well."""
 
     def __init__(self, orders: Orders) -> None:
         self._orders = orders
@@ -40,17 +40,17 @@ class Standby:
         self._begin()
 
     def note(self, path: str) -> None:
-        """Where to write down what it did."""
+        """Where to record what it did."""
         self._note = path
         self._tell("note", path)
 
     def pulse(self) -> None:
-        """The guardian is alive; a standby that is gone is replaced."""
+        """Send a heartbeat; a standby that has ended is replaced."""
         if not self._tell("pulse", None) and self._starts < RESTARTS:
             self._begin()
 
     def dismiss(self) -> None:
-        """Nothing is left to be vented."""
+        """Nothing is under pressure: end the standby."""
         self._tell("dismissed", None)
         if self._process is not None and self._process.stdin is not None:
             with suppress(OSError):
@@ -67,7 +67,7 @@ class Standby:
         threading.Thread(target=self._process.wait, daemon=True).start()  # its first process ends at once
 
     def _tell(self, what: str, value: Any) -> bool:
-        """Whether there is somebody to hear it."""
+        """Whether the standby received it."""
         if self._process is None or self._process.stdin is None:
             return False
         try:
@@ -82,7 +82,7 @@ class Standby:
 def main() -> None:
     """Listen to the guardian on stdin until it dismisses us, or is gone."""
     if hasattr(os, "fork") and os.fork():
-        os._exit(0)  # whose child the rest of this is, is nobody's business any more
+        os._exit(0)  # end the intermediate process, so that the standby has no parent among the script's processes
     told: list[int] = []
     for name in NAMES:
         if number := getattr(signal, name, None):

@@ -1,4 +1,4 @@
-"""At: a place in a TOML file, so that every complaint about a value can name it."""
+"""At: a place in a TOML file, so that every error about a value can name it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from straw.rig.errors import RigError
 
 
 class At:
-    """``where`` says the place in words; the methods return a checked value or raise RigError with one line."""
+    """``where`` is the place in words; the methods return a checked value or raise RigError with one line."""
 
     def __init__(self, where: str) -> None:
         self.where = where
@@ -23,7 +23,7 @@ class At:
         return At(f"{self.where}: {place}")
 
     def known_keys(self, table: dict[str, Any], allowed: tuple[str, ...]) -> None:
-        """Fail for a key that means nothing here."""
+        """Raise RigError for an unknown key."""
         for key in table:
             if key not in allowed:
                 self.fail(f"unknown key {key!r}; known here: {', '.join(allowed)}")

@@ -15,12 +15,12 @@ from straw.rig.clock import Clock
 from straw.rig.plant import PressurePlant
 
 Floats = NDArray[np.float64]
-STEP_S = 1e-3  # of the history, where nobody says otherwise; outlet pressure is taken as straight within it
+STEP_S = 1e-3  # default step of the history, within which the outlet pressure is linear
 TICK_S = 5e-3  # how long the twin's thread sleeps, and how far it stays behind the clock
 
 
 class StrawStepper(Protocol):
-    """A straw that can be moved on in time; ``straw.model.simulate.Stepper`` is one."""
+    """A straw that can be advanced in time; ``straw.model.simulate.Stepper`` is one."""
 
     @property
     def time_s(self) -> float:
@@ -39,12 +39,12 @@ class StrawStepper(Protocol):
         """Gauge pressure inside (Pa)."""
 
     def advance(self, time_s: float, pressure_start_pa: float, pressure_end_pa: float) -> None:
-        """Move on to ``time_s`` under an outlet pressure that varies linearly on the way."""
+        """Advance to ``time_s`` under an outlet pressure that varies linearly on the way."""
 
 
 @dataclass(frozen=True, eq=False)
 class TwinHistory:
-    """What the straw really did: arrays of shape (n,), SI units, times since the twin's zero.
+    """The straw's true motion: arrays of shape (n,), SI units, times since the twin's zero.
 
     ``zero_wall_ns`` is that zero in ns since the Unix epoch; ``external_pa`` is at the outlet, ``pressure_pa`` inside.
     """
@@ -60,7 +60,7 @@ class TwinHistory:
 
 
 class Twin:
-    """Moves ``stepper`` in real time under the pressure of ``plant``; remembers the last ``remember_s`` seconds.
+    """Moves ``stepper`` in real time under the pressure of ``plant``; keeps the last ``remember_s`` seconds.
 
     Give ``twin.now`` to the wire as its clock: wire, plant and straw then share one time, zero at construction. The
     straw runs a tick behind and catches up when late, so a slow model never delays an answer on the wire.
@@ -77,10 +77,10 @@ class Twin:
         self.stepper = stepper
         self.plant = plant
         self.step_s = step_s
-        # One step before the clock starts: a compiled model compiles now, not while somebody waits for an answer.
+        # One step before the clock starts, so that the model is compiled before any answer is due.
         pressure_pa = plant.pressure(stepper.time_s)
         stepper.advance(stepper.time_s + step_s, pressure_pa, pressure_pa)
-        # An emulator may be left on for days: what it remembers must not grow with them.
+        # An emulator may run for days: its history must not grow without bound.
         self._rows: deque[tuple[float, ...]] = deque(maxlen=round(remember_s / step_s))
         self._remember(pressure_pa)
         self.clock = clock or Clock()
@@ -95,7 +95,7 @@ class Twin:
         return (self.clock.monotonic_ns() - self._zero_ns) * 1e-9
 
     def advance_to(self, time_s: float) -> None:
-        """Move the straw on in whole steps, up to ``time_s``; only one thread may do so."""
+        """Advance the straw in whole steps, up to ``time_s``; only one thread may do so."""
         while (end_s := self.stepper.time_s + self.step_s) <= time_s:
             start_s = self.stepper.time_s
             external_pa, before_m3 = self.plant.pressure(end_s), self.stepper.volume_m3
@@ -109,7 +109,7 @@ class Twin:
         self._thread.start()
 
     def stop(self) -> None:
-        """Stop following, after catching up with now; an error of the straw model comes out here."""
+        """Catch up with the clock and stop; an error of the straw model is raised here."""
         if self._thread is not None:
             self._stopping.set()
             self._thread.join()
@@ -126,7 +126,7 @@ class Twin:
 
     @property
     def history(self) -> TwinHistory:
-        """What is remembered, one row a step."""
+        """The history, one row a step."""
         columns = np.array(self._rows, dtype=np.float64).T
         return TwinHistory(self.zero_wall_ns, *columns)
 
@@ -137,8 +137,8 @@ class Twin:
     def _follow(self) -> None:
         try:
             while not self._stopping.wait(TICK_S):
-                # Staying a tick behind keeps the straw clear of commands that are arriving right now.
+                # Staying a tick behind avoids commands that are still arriving.
                 self.advance_to(self.now() - TICK_S)
             self.advance_to(self.now())
-        except BaseException as error:  # kept for stop(): a thread has nobody to tell
+        except BaseException as error:  # raised by stop(), as a thread cannot raise to its caller
             self._failure = error

@@ -1,4 +1,4 @@
-"""Watchers: what shows that a straw has come to rest, and that a cell has snapped."""
+"""Watchers: decide that a straw has come to rest, and that a cell has snapped."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from statistics import median
 from straw.rig.errors import RigError
 from straw.rig.reading import Reading
 
-QUIET_S = 0.25  # motion is judged over this long, and over as long before
-STILL = 0.005  # moved: by more than this share of what a usual step moves
-DYING = 0.9  # a motion that is to end loses at least a tenth from one QUIET_S to the next
-NOTHING = 1e-4  # of a usual step: not even the narrowest passage past a limit point is as slow as that
+QUIET_S = 0.25  # motion is judged over this time and an equal time before it
+STILL = 0.005  # moved: by more than this share of a usual step's motion
+DYING = 0.9  # a decaying motion loses at least a tenth from one QUIET_S to the next
+NOTHING = 1e-4  # share of a usual step: even the slowest passage past a limit point is faster
 JUMP = 5.0  # snapped: by more than so many usual steps. Softening before a limit point makes 1.6, a snap some fifty
-SHORTEST_S = 0.4  # the controller itself takes 70 ms, and water and air their time
+SHORTEST_S = 0.4  # the controller takes 70 ms, water and air longer
 USUAL_AFTER = 3  # steps
 
 Position = tuple[float, ...]
 
 
 class Watcher(ABC):
-    """Told of every hold and every reading; asked whether it is over, and how it went."""
+    """Receives every hold and every reading, and decides whether the hold is over and whether a cell snapped."""
 
     @abstractmethod
     def begin(self) -> None:
-        """A new search starts, from the straw as it now is."""
+        """A new search starts from the straw's present state."""
 
     @abstractmethod
     def hold(self, told_pa: float) -> None:
@@ -38,7 +38,7 @@ class Watcher(ABC):
 
     @abstractmethod
     def steady(self, held_s: float) -> bool:
-        """Whether nothing moves any more."""
+        """Whether the straw is at rest."""
 
     @abstractmethod
     def snapped(self) -> bool:
@@ -58,7 +58,7 @@ class MotionWatcher(Watcher):
         self.begin()
 
     def begin(self) -> None:
-        """Forget the straw before, keep how stiff it was."""
+        """Start from the present state, but keep the stiffness."""
         self._told_pa: float | None = None
         self._before: Position | None = None
         self._trace: list[tuple[int, Position]] = []
@@ -74,11 +74,11 @@ class MotionWatcher(Watcher):
         self._trace.append((reading.monotonic_ns, self.position(reading)))
 
     def steady(self, held_s: float) -> bool:
-        """Whether what is still to come is less than ``STILL`` of a usual step.
+        """Whether the remaining motion is less than ``STILL`` of a usual step.
 
-        Slowness alone proves nothing: just past a limit point a straw creeps for seconds before it snaps. A motion
-        that dies out loses the same share in equal times, so what is to come follows from its last two stretches; one
-        that creeps past loses ever less, and then gains.
+        Slowness alone is not sufficient: just past a limit point a straw creeps for seconds before it snaps. A decaying
+        motion loses the same share in equal times, so the remainder follows from its last two intervals; a creeping one
+        loses ever less, and then accelerates.
         """
         if held_s < max(SHORTEST_S, 2 * QUIET_S):
             return False
@@ -127,7 +127,7 @@ def volume_from_flow(noise_m3: float = 2e-9) -> MotionWatcher:
 
 
 class AskingWatcher(Watcher):
-    """Somebody at the rig watches: each hold lasts ``hold_s``, then ``ask`` says whether a cell snapped."""
+    """A person watches: each hold lasts ``hold_s``, then ``ask`` returns whether a cell snapped."""
 
     def __init__(self, ask: Callable[[float], bool], hold_s: float = 2.0) -> None:
         self.ask, self.hold_s = ask, hold_s
@@ -135,22 +135,22 @@ class AskingWatcher(Watcher):
         self._asked = False
 
     def begin(self) -> None:
-        """The first hold of a search is not asked about."""
+        """No question about the first hold of a search."""
         self._asked = False
 
     def hold(self, told_pa: float) -> None:
-        """Remember what to ask about."""
+        """Keep the pressure for the question."""
         self._told_pa = told_pa
 
     def look(self, reading: Reading) -> None:
-        """Readings show nothing here."""
+        """Readings are not used."""
 
     def steady(self, held_s: float) -> bool:
         """After the agreed time."""
         return held_s >= self.hold_s
 
     def snapped(self) -> bool:
-        """What the observer says."""
+        """The observer's answer."""
         first, self._asked = not self._asked, True
         return not first and self.ask(self._told_pa)
 

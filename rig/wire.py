@@ -1,4 +1,4 @@
-"""Wire: serves an emulated device on TCP or on a pty, with the latency, the line rate and the faults of a real port."""
+"""Wire: serves an emulated device on TCP or on a pty, with latency, line rate and faults of a real port."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ POLL_S = 0.05  # how soon a closed wire is noticed
 
 @dataclass(frozen=True)
 class Sent:
-    """What comes back over the wire: bytes, how late (s), and whether the plug is pulled after them for ``away_s``."""
+    """A reply: bytes, delay (s), and whether the link is unplugged after them for ``away_s``."""
 
     data: bytes
     late_s: float = 0.0
@@ -31,10 +31,10 @@ class Sent:
 
 
 class Faults(Protocol):
-    """What comes between a device and its wire; ``straw.rig.faults`` makes them from a seed."""
+    """Injects faults between a device and its wire; ``straw.rig.faults`` makes them from a seed."""
 
     def answer(self, device: Emulator, line: bytes, time_s: float) -> Sent:
-        """What the wire brings back for this request line."""
+        """The reply to this request line."""
 
 
 class Wire:
@@ -42,7 +42,7 @@ class Wire:
 
     ``address`` is ``"pty"`` (POSIX) or ``"[socket://]host:port"`` with port 0 for any. ``now`` gives the device its
     time in seconds; the wire spends its own on ``clock``. ``received`` keeps the last request lines with their times,
-    so that a test can prove what was sent. Wires of one device share its ``lock``: it answers one request at a time.
+    so that a test can check what was sent. Wires of one device share its ``lock``: it answers one request at a time.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class Wire:
         self._thread.start()
 
     def close(self) -> None:
-        """Hang up, as if the cable was pulled; returns when the thread has ended."""
+        """Close the connection, as if the cable was pulled; returns when the thread has ended."""
         self._open = False
         self._thread.join()
 
@@ -93,14 +93,14 @@ class Wire:
 
         def serve() -> None:
             away_s = self._accept(listener)
-            while self._open:  # unplugged: for a while there is no such port
+            while self._open:  # unplugged: the port does not exist for a while
                 time.sleep(away_s)
                 away_s = self._accept(socket.create_server(place))
 
         return f"socket://{place[0]}:{place[1]}", serve
 
     def _accept(self, listener: socket.socket) -> float:
-        """Serve one client after the other; how long the plug stays out (s) when it is pulled."""
+        """Serve one client after the other; return how long the link stays unplugged (s)."""
         listener.settimeout(POLL_S)
         with listener:
             while self._open:
@@ -122,12 +122,12 @@ class Wire:
         except ImportError:
             raise RigError("a pty needs Linux or macOS; use host:port here") from None
         master, slave = pty.openpty()
-        tty.setraw(slave)  # a pty echoes by default: the device would answer its own greeting
+        tty.setraw(slave)  # a pty echoes by default: the device would receive its own output
         path = os.ttyname(slave)
 
         def serve() -> None:
-            try:  # our own slave fd stays open, or the master reads EIO for ever once the client is gone
-                while self._open:  # a terminal cannot be unplugged and keep its name: it falls silent instead
+            try:  # our own slave fd stays open, or the master reads EIO for ever once the client has closed
+                while self._open:  # a terminal cannot be unplugged and keep its name: it stops answering instead
                     time.sleep(self._talk(master, lambda: os.read(master, 4096), lambda data: os.write(master, data)))
                     termios.tcflush(slave, termios.TCIOFLUSH)
             finally:
@@ -159,7 +159,7 @@ class Wire:
                     if sent.away_s:
                         return sent.away_s
             except OSError:
-                return 0.0  # the client is gone; the next one is welcome
+                return 0.0  # the client has closed; wait for the next one
         return 0.0
 
     def _answer(self, line: bytes) -> Sent:

@@ -19,27 +19,28 @@ from straw.tracking.views import Views
 
 Floats = NDArray[np.float64]
 
-_GLUED_RAD = 0.02  # how askew a careful hand glues: without motion to tell, the turn stays near zero
-_MOST_ASKEW_RAD = 0.35  # 20 degrees: no board is glued so; it is mounted otherwise
+# how far from square a board is glued by hand; without motion to estimate it from, the turn stays near zero
+_GLUED_RAD = 0.02
+_MOST_ASKEW_RAD = 0.35  # 20 degrees: no board is glued so far from square; the mount must be another one
 _LINE_S = 4e-6  # a row takes at most the frame's 4.17 ms / 1080 at 240 frames/s; and longer in slower modes
 _ASIDE_M = 0.01  # how far the board's centre may lie beside the plane of motion
 _ROUNDS = 8
 _FIXED, _FREE = 1e-12, 1e3
-_ALIKE_S = 0.1  # what the codec and the pixels do to the corners is alike for about so long
+_ALIKE_S = 0.1  # errors of codec and pixels are correlated over about this time
 # The constants: the camera's turn about the world's X, Y, Z at the board (rad), its shift along them (m), the board's
 # turn about the tip's x and z (rad), the shutter's time from row to row (s).
-_TURN_RAD = 1e-6  # of differences, where a derivative is not written out
+_TURN_RAD = 1e-6  # step of finite differences, where a derivative is not written out
 LINE = 8  # the row time's place among them
-SHARED = 9  # so many; after them come the offsets of the print
+SHARED = 9  # number of constants before the offsets of the print
 
 
 class Bundle:
     """See ``settle``. ``theta`` (c,): the constants, as corrections to ``camera``, nine and the offsets of the print
     (m, x and y of each corner); ``spread`` (c, c): their covariance.
 
-    Residuals of a frame are alike over the board and from frame to frame (the codec's lag), so that
-    the covariance of least squares alone is several times too small: what stretches of ``_ALIKE_S`` disagree by in the
-    constants is added (Huber's sandwich, clustered).
+    Residuals are correlated over the board and from frame to frame (the codec's lag), so that the covariance of least
+    squares alone is several times too small; the scatter of the constants between stretches of ``_ALIKE_S`` is added
+    (Huber's sandwich estimator, clustered).
     """
 
     def __init__(
@@ -59,9 +60,10 @@ class Bundle:
         self.misprint = Misprint(board.shape)
         self.start = np.concatenate((np.zeros(6), start_turn, (line or 0.0,), np.zeros(self.misprint.count)))
         self.theta, self.spread = self.start, self._prior()
-        # Rest frame: x and z known, phi too unless the level says it.
+        # Rest frame: x and z known; phi too, unless the level camera measures it.
         self.held = np.zeros((len(views.time_s), 3), np.bool_)
-        self.by_rest = np.zeros((len(self.points), 2, len(self.start)))  # how theta answers the corners at rest, per px
+        # sensitivity of theta to the corners at rest, per px
+        self.by_rest = np.zeros((len(self.points), 2, len(self.start)))
         if rest:
             self.held[0] = (True, True, not level)
 
@@ -85,16 +87,16 @@ class Bundle:
         return self.points + np.pad(theta[SHARED:].reshape(-1, 2), ((0, 0), (0, 1)))
 
     def _prior(self) -> Floats:
-        """Return the covariance (c, c) of the constants before anything is seen."""
+        """Return the prior covariance (c, c) of the constants."""
         found = np.diag(np.concatenate((self.prior**2, np.zeros(self.misprint.count))))
         if self.misprint.count:
             found[SHARED:, SHARED:] = self.misprint.covariance()
         return found
 
     def solve(self) -> None:
-        """Gauss-Newton to the end; TrackingError when the frames contradict each other."""
+        """Gauss-Newton until convergence; TrackingError when the frames contradict each other."""
         poses, used = self._first_poses(), self.views.used
-        # The row time times what the motion's rate is not known by: rolling shutter cannot be told better than that.
+        # The row time times the uncertainty of the motion's rate limits how well the rolling shutter is known.
         doubt_px = _LINE_S * np.sqrt((self.views.rows**2).mean(axis=1)) * self.views.doubt
         for _ in range(_ROUNDS):
             points = self.printed_at(self.theta)
@@ -139,9 +141,9 @@ class Bundle:
                 self.by_rest = self._by_rest(spread, weight[0], by_theta[0], by_place[0])
             if np.any(np.abs(self.theta[6:8]) > _MOST_ASKEW_RAD):
                 askew = np.degrees(np.abs(self.theta[6:8]).max())
-                what = f"track: with mount '{self.camera.mount}' the board would be glued askew by {askew:.0f} deg"
+                what = f"track: with mount '{self.camera.mount}' the board would be glued {askew:.0f} deg from square"
                 at_rest = f", the tip at rest at phi = {np.degrees(self.rest[2]):.0f} deg" if self.rest else ""
-                raise TrackingError(f"{what}{at_rest}; give the mount it has (--mount), or the right rest pose or run")
+                raise TrackingError(f"{what}{at_rest}; correct the mount (--mount), the rest pose, or the run")
             if not np.isfinite(self.theta).all():
                 raise TrackingError("track: the frames fit no common plane of motion; check the lens and the rest pose")
             if every > SHARED:
@@ -262,7 +264,7 @@ def _sigma_px(length_px: Floats) -> float:
 def _eliminated(weighted: Floats, by_theta: Floats, by_pose: Floats) -> tuple[Floats, Floats]:
     """Return each frame's blocks of the normal matrix: poses with poses (f, 3, 3), poses with constants (f, 3, c)."""
     across = weighted.transpose(0, 2, 1)
-    # Plus one of some 1e9 or more: a frame without a weight left, or a pose that is held, must stay solvable.
+    # One is added to entries of 1e9 or more, so that a frame without weights, or with a fixed pose, stays solvable.
     return across @ by_pose + np.eye(3), across @ by_theta
 
 

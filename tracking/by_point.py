@@ -1,4 +1,4 @@
-"""X and Z by a point on the tip where the board hides: the board's own frames say where on the tip the point is."""
+"""X and Z from a point on the tip while the board is hidden; frames that show both give the point's place."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ Floats = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 
 _FEWEST = 5  # frames that show both the board and the point
-_ASIDE_M = 0.05  # how far from the tip it may be, in each direction: what is taken of those that no motion tells
+# prior of the point's distance from the tip in each direction; decides in directions that no motion determines
+_ASIDE_M = 0.05
 _ROUNDS = 20
 _STEP = 1e-6
 
@@ -28,7 +29,7 @@ _STEP = 1e-6
 def with_point(track: Track, videos: Sequence[Path], edit: Edit, start_s: float) -> Track:
     """Return the track with X and Z by a point where the board was not seen; ``start_s`` as in ``Task``.
 
-    Phi is then between what it was before and after, its sigma half of that change at least. Sigmas hold the point's
+    Phi is interpolated between before and after, its sigma at least half of that change. Sigmas include the point's
     own, how well its place on the tip is known, and phi's share. TrackingError where board and point are never seen
     together.
     """
@@ -49,7 +50,7 @@ def with_point(track: Track, videos: Sequence[Path], edit: Edit, start_s: float)
     known = [k for k in shown if points.get(k) is not None and trace.valid[k]]
     if len(known) < _FEWEST:
         what = f"mend: the point at {edit.at_px} is seen beside the board in {len(known)} frames"
-        raise TrackingError(f"{what}; at least {_FEWEST} must tell where on the tip it is: widen its frames")
+        raise TrackingError(f"{what}; at least {_FEWEST} are needed to locate it on the tip: widen its frames")
     place = np.column_stack((trace.x_m, trace.z_m, trace.phi_rad))
     eye = _Eye(track, {k: point for k, point in points.items() if point is not None})
     dated = {k: times_s[k - edit.first] + row_s * point.at_px[1] for k, point in eye.points.items()}
@@ -117,7 +118,7 @@ class _Eye:
             if np.abs(step).max() < 1e-8:
                 break
         free = max(2 * len(known) - 3, 1)
-        self.scale = max(square / free, 1.0)  # by how much the points miss more than they say
+        self.scale = max(square / free, 1.0)  # factor by which the residuals exceed the stated sigmas
         return arm, np.asarray(self.scale * np.linalg.inv(normal), dtype=np.float64)
 
     def pose(

@@ -26,7 +26,7 @@ Picture = NDArray[np.uint8]
 STILLS = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp")
 KINDS = ("fisheye", "brown_conrady")
 FEWEST_VIEWS = 4
-_MOST_VIEWS = 40  # more add time and no precision: what is left then is the model's misfit
+_MOST_VIEWS = 40  # more views cost time without precision: the remaining residual is the lens model's
 _LOOKED_AT = 48  # frames of each video, evenly spread: the search for boards takes most of the time
 _ALIKE = 1.5  # grey levels, mean over a small picture: nothing has moved since the last frame looked at
 _THUMB = (64, 36)
@@ -61,9 +61,9 @@ def calibrate(
     """Calibrate a lens from stills, videos or both, of any checkerboard.
 
     Its size does not matter, nor that all of it is seen: each view has a pose of its own. ``board``: its squares along
-    both sides; grids with more are none of it.
+    both sides; grids with more squares are ignored.
 
-    Fisheye and Brown-Conrady are both fitted, the one that predicts views it has not seen better is taken. Raises
+    Fisheye and Brown-Conrady are both fitted, and the one that predicts held-out views better is taken. Raises
     TrackingError for files that cannot be read, differ in size, or show too few boards.
     """
     views: list[View] = []
@@ -88,7 +88,7 @@ def calibrate(
     views = _varied(views)
     fits = {kind: fit for kind in KINDS if (fit := _fit_or_none(kind, size, views))}
     sound = [view for k, view in enumerate(views) if any(fit.inliers[k] >= FEWEST_CORNERS for fit in fits.values())]
-    if FEWEST_VIEWS <= len(sound) < len(views):  # without boards that no lens explains
+    if FEWEST_VIEWS <= len(sound) < len(views):  # without boards that fit no lens
         views = sound
         fits = {kind: fit for kind in KINDS if (fit := _fit_or_none(kind, size, views))}
     crossed = {kind: _crossed(fit, views) for kind, fit in fits.items()}
@@ -120,7 +120,7 @@ def _pictures(paths: Sequence[str | os.PathLike[str]]) -> Iterator[tuple[str, Pi
 
 
 def _views(name: str, picture: Picture, board: tuple[int, int] | None) -> list[View]:
-    """Return the boards in a picture, corners sharpened; of more squares than ``board`` none."""
+    """Return the boards in a picture, with refined corners; boards of more squares than ``board`` are left out."""
     found = []
     for seen in find_boards(picture):
         grid = chequered(picture, seen)
@@ -137,12 +137,12 @@ def _views(name: str, picture: Picture, board: tuple[int, int] | None) -> list[V
 
 
 def _fits(corners: tuple[int, ...], board: tuple[int, int]) -> bool:
-    """Return whether a grid of corners can be a part of a board of so many squares, which way round ever."""
+    """Return whether a grid of corners can be a part of a board of so many squares, in either orientation."""
     return all(few < many for few, many in zip(sorted(corners), sorted(board), strict=True))
 
 
 def sharpened(picture: Picture, grid: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return the corners (n, 2) of a grid (r, c, 2) to sub-pixel; neighbours, not a lens, tell the edges' courses."""
+    """Return the corners (n, 2) of a grid (r, c, 2) to sub-pixel; edge directions come from neighbours, not a lens."""
     r, c = grid.shape[:2]
     i, j = np.indices((r, c))
     parity = np.where((i + j) % 2 == 0, 1.0, -1.0).ravel()
@@ -196,10 +196,10 @@ def _crossed(fit: Fit, views: list[View]) -> float:
 
 
 def projection_uncertainty(fit: Fit) -> tuple[Floats, Floats]:
-    """Return pixels (r, c, 2) all over the picture and one sigma (r, c) of where their rays land, px.
+    """Return pixels (r, c, 2) all over the picture and the standard deviation (r, c) of their rays' projection, px.
 
-    Lenses drawn from the fit's covariance are each turned to look the same way as well as can be: a lens that only
-    looks elsewhere is no error, as the camera's place is found with it.
+    Lenses drawn from the fit's covariance are first aligned by a rotation: a lens that only points elsewhere causes no
+    error, as the camera's pose is estimated with the same lens.
     """
     lens = fit.lens
     u, v = np.meshgrid(np.linspace(0, lens.width - 1, 33), np.linspace(0, lens.height - 1, 19))
@@ -238,12 +238,18 @@ def _advice(fit: Fit, views: list[View], uncertainty: Floats) -> tuple[str, ...]
     tilts = [np.degrees(np.arccos(min(abs(pose[2, 2]), 1.0))) for pose in fit.poses]
     steep = float(np.percentile(tilts, 75))
     if steep < _FRONTAL_DEG:
-        found.append(f"too frontal: three in four views are tilted by less than {steep:.0f} deg; tilt by 20 to 45 deg")
+        found.append(
+            f"too frontal: three in four views are tilted by less than {steep:.0f} deg; tilt the board by 20 to 45 deg"
+        )
     corners = np.concatenate([view.pixels for view in views]) / (lens.width, lens.height)
     cells = {tuple(cell) for cell in np.floor(corners * _CELLS).astype(int).tolist()}
     share = len(cells) / (_CELLS[0] * _CELLS[1])
     if share < _CENTRAL:
-        found.append(f"too central: boards in {100 * share:.0f} % of the picture; go into the corners, and close up")
+        found.append(
+            f"too central: boards in only {100 * share:.0f} % of the picture; show them in its corners, and close up"
+        )
     if not np.isfinite(uncertainty).all() or np.nanmax(uncertainty) > 1.0:
-        found.append("uncertain by more than 1 px somewhere: see the picture, and keep the tip's board out of there")
+        found.append(
+            "uncertain by more than 1 px in places: see the map (--picture), and keep the tip's board away from them"
+        )
     return tuple(found)

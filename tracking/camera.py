@@ -38,9 +38,9 @@ class Camera:
     ``world_from_camera``: 4x4 rigid transform (camera frame OpenCV: x right, y down, z forward; world: X, Z the plane
     of motion, Y = Z x X); None when it is to be found from a rest pose. ``tip_offset_m``: board centre to tip along the
     tip axis, so tip = board centre - offset * axis. ``board_x_in_image``: where board +x points in the picture at
-    rest, the one sign that no picture of the board can tell (see ``Board``); "down" for an upright camera and a
-    horizontal straw. ``board_turn_rad``: how askew the board is glued, as the parts along x and z of a rotation
-    vector in the tip frame (about y it would be a part of phi); found from the motion where it is not known.
+    rest, the one sign that no picture of the board shows (see ``Board``); "down" for an upright camera and a
+    horizontal straw. ``board_turn_rad``: how far from square the board is glued, as the x and z components of a
+    rotation vector in the tip frame (about y it would be a part of phi); found from the motion where it is not known.
     ``mount``: which way the board is glued to the tip (see ``MOUNTS``). ``line_s``: seconds from one row of the sensor
     to the next (rolling shutter); None when it is to be found from the video.
     """
@@ -68,7 +68,7 @@ class Camera:
         if self.world_from_camera is not None:
             pose = np.array(self.world_from_camera, dtype=np.float64)
             check_rigid(pose, "camera: world_from_camera")
-            pose.flags.writeable = False  # frozen means frozen
+            pose.flags.writeable = False  # read-only, as the class is frozen
             object.__setattr__(self, "world_from_camera", pose)
 
     @property
@@ -146,6 +146,6 @@ def load_camera(path: str | os.PathLike[str]) -> Camera:
             mount=fields.text("mount", Camera.mount),
             line_s=fields.number("line_s") if "line_s" in fields else None,
         )
-    except TrackingError as error:  # values that read well but make no camera: say which file
+    except TrackingError as error:  # each value is valid but together they are no camera: name the file
         message = str(error)
         raise TrackingError(message if message.startswith(str(path)) else f"{path}: {message}") from error

@@ -16,7 +16,7 @@ from straw.tracking.errors import TrackingError
 from straw.tracking.gpmf import Telemetry, read_telemetry
 from straw.tracking.video import Frame, VideoReader
 
-_COMPARED = 1 << 20  # bytes at the beginning and in the middle: two films never agree in them
+_COMPARED = 1 << 20  # bytes compared at the beginning and in the middle; two different videos never agree in both
 _CHAPTER = re.compile(r"G[HX](\d\d)(\d{4})\.(mp4|mov)", re.IGNORECASE)  # GH: H.264, GX: HEVC; chapter, then recording
 
 
@@ -31,7 +31,7 @@ def in_order(paths: Sequence[str | os.PathLike[str]]) -> list[Path]:
     found = [_CHAPTER.fullmatch(file.name) for file in files]
     numbers = [(match[2], int(match[1])) for match in found if match]
     if len({file.resolve() for file in files}) < len(files):
-        raise TrackingError(f"{files[0]}: named twice, or another is; name each file of the recording once")
+        raise TrackingError(f"{files[0]}: a file is named twice; name each file of the recording once")
     if len(files) == 1 or len(numbers) < len(files):
         return files
     files = [file for _, file in sorted(zip(numbers, files, strict=True))]
@@ -40,7 +40,9 @@ def in_order(paths: Sequence[str | os.PathLike[str]]) -> list[Path]:
         raise TrackingError(f"{files[0]} and {files[-1]}: chapters of two recordings; track each on its own")
     for (_, before), (_, after), file in zip(numbers, numbers[1:], files[1:], strict=False):
         if after != before + 1:
-            raise TrackingError(f"{file}: chapter {after} follows on chapter {before}; name each in between, once")
+            raise TrackingError(
+                f"{file}: chapter {after} follows chapter {before}; name every chapter in between, once"
+            )
     return files
 
 
@@ -59,7 +61,7 @@ def copies(files: Sequence[Path]) -> list[tuple[Path, Path]]:
     found = []
     for file in files:
         if not file.is_file():
-            continue  # said by whoever opens it
+            continue  # reported by whoever opens it
         size = file.stat().st_size
         with file.open("rb") as opened:
             head = opened.read(_COMPARED)
@@ -73,7 +75,7 @@ def copies(files: Sequence[Path]) -> list[tuple[Path, Path]]:
 class Timeline:
     """The files of one recording as one stream of frames; use as a context manager, as ``VideoReader``.
 
-    ``fps``: at which it was filmed, where its time stamps are of a slower replay (0: they are right). ``from_s`` and
+    ``fps``: the rate it was filmed at, if its time stamps are those of slow motion (0: they are right). ``from_s`` and
     ``to_s``, on the true clock, leave out what is before and after.
     """
 
@@ -103,12 +105,12 @@ class Timeline:
                 self.expected += video.expected
         self.telemetry = read_telemetry(self.paths[0])
         self.capture_rate = self.capture_rate or self.telemetry.rate
-        self._slow = 1.0  # times slower than life the stamps are
+        self._slow = 1.0  # factor by which the time stamps are slower than real time
         if fps:
             self._slow, self.period_s = fps * self.period_s, 1 / fps
         whole_s = sum(lengths) / self._slow
         if max(from_s, 0.0) >= min(to_s, whole_s):
-            what = f"{self.paths[0]}: nothing lies between {max(from_s, 0.0):g} and {min(to_s, whole_s):g} s"
+            what = f"{self.paths[0]}: no frame lies between {max(from_s, 0.0):g} and {min(to_s, whole_s):g} s"
             raise TrackingError(f"{what}; the film is {whole_s:.3f} s long")
         if math.isfinite(from_s) or math.isfinite(to_s):
             part_s = min(to_s, whole_s) - max(from_s, 0.0)

@@ -1,4 +1,4 @@
-"""Corners of a checkerboard: found in a picture, and sharpened on a board whose place is roughly known."""
+"""Corners of a checkerboard: found in a picture, and refined on a board whose place is roughly known."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ Picture = NDArray[np.uint8]
 Flags = NDArray[np.bool_]
 
 FEWEST_CORNERS = 16  # of a board that is covered, glared out or cut off by the picture's edge
-LARGEST_RESIDUAL = 0.05  # of the pitch: 1 px at 20 px a square, ten times what motion blur was seen to do
+LARGEST_RESIDUAL = 0.05  # of the pitch: 1 px at 20 px a square, ten times the effect of motion blur in our clips
 _CONVERGED_PX = 0.15  # a hundredth of that is left; at 0.2, corners as sharp as pixels stay 0.05 px off
 _UNSETTLED_PX = 0.5
 _STEPS = 6
 _OUTLIER, _OUTLIER_PX = 4.5, 0.1  # times the rms per coordinate, but at least that much: a corner that is not used
-_LEAST_CONTRAST = 15.0  # grey levels between the colours' medians: below it there is no print to see
+_LEAST_CONTRAST = 15.0  # grey levels between the colours' medians; below it the print cannot be seen
 _LEAST_LEAD = 4.0  # dark squares by which the print must fit better where it is than one square aside
-_NEAR = 0.3  # of the pitch: what is closer than this to a steady guess has not slipped by a square
+_NEAR = 0.3  # of the pitch: a corner closer than this to a steady guess has not slipped by a square
 _COARSE = 0.3  # of the pitch: the half width of edges that sees corners from 0.4 pitches away
 _MOST_PIXELS = 950_000  # searched at a time: 720p whole, 1080p halved
-_MOST_BOARDS = 4  # looked at in one picture: each search costs 0.03 s at 960 x 540
+_MOST_BOARDS = 4  # searches in one picture, each 0.03 s at 960 x 540
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Sighting:
 
 
 class Print:
-    """A board as one lens may see it: sharpens its corners near a guess and checks that it is the board."""
+    """A board seen through one lens: refines its corners near a guess and checks that it is the board."""
 
     def __init__(self, board: Board, lens: Lens) -> None:
         self.board, self.lens = board, lens
@@ -69,11 +69,11 @@ class Print:
     def sharpen(
         self, picture: Picture, guess: Floats, widths: Floats | None, sign: float, *, steady: bool = False
     ) -> Sighting | str:
-        """Return the board near a guessed homography (9), or the reason why it is not to be trusted.
+        """Return the board near a guessed homography (9), or the reason why it is rejected.
 
         ``widths``: of the edges in the last picture; None when unknown, or the guess is coarse (0.4 squares are
         bridged). ``sign``: of the contrast, 0 when unknown. ``steady``: the guess is less than a square from where the
-        board just was, so corners near their guess cannot have slipped by a square; else the print must say so.
+        board just was, so corners near their guess cannot have slipped by a square; otherwise the print must show it.
         """
         H, packed, where = guess.copy(), self.lens.packed, self._where
         locate_all(H, packed, self.points, where)
@@ -127,7 +127,7 @@ class Print:
         return moved_by(guess, shift)
 
     def _approach(self, picture: Picture, H: Floats) -> float:
-        """Move H (in place) by what corners with wide edges say in the median: up to 0.4 squares; return the pitch."""
+        """Move H (in place) by the median step of corners with wide edges, up to 0.4 squares; return the pitch."""
         locate_all(H, self.lens.packed, self.points, self._where)
         for _ in range(2):
             pitch = _smallest_pitch(self._where)
@@ -202,7 +202,7 @@ def find_boards(picture: Picture) -> Iterator[Floats]:
 
     At least 4 x 4 corners, and no more than are seen: cut and covered boards come as their largest whole rectangle.
     Large pictures are searched at a half, a third ... of their resolution, which bounds the time: 0.3 s of one core.
-    Never cv2.findChessboardCorners: on a bright noisy frame it was measured to search for minutes.
+    cv2.findChessboardCorners is not used: on a bright noisy frame it searched for minutes.
     """
     shrink = max(math.ceil(math.sqrt(picture.size / _MOST_PIXELS)), 1)
     size = picture.shape[1] // shrink, picture.shape[0] // shrink
@@ -218,7 +218,7 @@ def find_boards(picture: Picture) -> Iterator[Floats]:
             return
         grid = np.asarray(corners.reshape(*meta.shape, 2), dtype=np.float64)
         yield right_handed(shrink * grid + (shrink - 1) / 2)  # the centre of a larger pixel lies between small ones
-        view = view.copy()  # and what else is there?
+        view = view.copy()  # search the rest of the picture
         cv2.fillConvexPoly(view, cv2.convexHull(corners.reshape(-1, 2).round().astype(np.int32)), 128)
 
 

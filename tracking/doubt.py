@@ -17,23 +17,23 @@ JUMPS = "the board jumps out of the motion before and after"
 LOST = "the picture is built on a lost packet"
 MISFIT = "the corners miss the board by far more than in the video's other frames"
 
-COURSE = 6  # numbers that tell the board's course: its middle, and how it is stretched, sheared and turned
+COURSE = 6  # numbers that describe the board's course: its middle, and how it is stretched, sheared and turned
 _FALSE_ALARM = 1e-6  # a good frame refused in an hour of 240 frames/s
 _FAR = float(chi2.isf(_FALSE_ALARM, COURSE))
-_MOVED = float(chi2.isf(1e-3, COURSE))  # what is surely no noise
+_MOVED = float(chi2.isf(1e-3, COURSE))  # certainly not noise
 _MEDIAN = float(chi2.median(COURSE))
 _LEAST_REPEATED = 1e-4  # share of frames that repeat another, before any is found
-_CALM = 0.1  # of all steps from frame to frame: the calmest tell what a codec makes of a picture that comes twice
+_CALM = 0.1  # share of all steps from frame to frame: the smallest show what a codec makes of a repeated picture
 _HALT = 6.0  # times slower than before and after, then on the same way: no motion of a body does so
 _SURE = 100.0  # odds; before any is found that is a false alarm in a million good frames (Markov's inequality)
 _MOST_REPEATS = 6  # of one picture, one after another
 _ALIKE = 50  # frames next slower and next faster, by which it is judged what is usual; a sixteenth of a short video
 _MAD = 1.4826  # times the median absolute deviation is a standard deviation
-_SMOOTH = 0.2  # of the jump: what the frames beside it may miss without it; beside a blow they miss a half of it
+_SMOOTH = 0.2  # share of the jump that neighbours may be off by without it; beside an impact they are off by half of it
 _AROUND = 10  # frames on either side, of which some may be refused
-_HOLE = 8.0  # periods: a prediction over more tells nothing
+_HOLE = 8.0  # periods: a prediction over more is worthless
 _LEAST_PX = 1e-3
-_INDEPENDENT = 10.0  # corners at most: those side by side err alike
+_INDEPENDENT = 10.0  # effective number of corners: errors of neighbours are correlated
 _FEWEST = 12  # moving frames that tell the proportion
 _CALMEST = 0.5
 
@@ -64,12 +64,13 @@ def course_of(grid: Floats) -> Floats:
 
 
 def doubted(seen: Courses) -> NDArray[np.object_]:
-    """Return why each sighting is not to be believed, "" where it is.
+    """Return why each sighting is rejected, "" where it is not.
 
-    A sighting is judged by the frames around it. Their prediction's variance is the usual one at that speed in this
-    video, and what the next simpler prediction says otherwise. Refused is what a good frame would do once in a million,
-    if without it the motion is smooth, which it is not at a blow. A repeated picture is told by how much likelier it
-    is than a halt.
+    A sighting is compared with a prediction from the frames around it. The prediction's variance is the usual one at
+    that speed in this video plus the squared difference from the next simpler prediction. A sighting is rejected if a
+    good frame would be so far off once in a million, and if the motion is smooth without it, which it is not at an
+    impact.
+    A repeated picture is recognised by its likelihood ratio against a halt.
     """
     reasons = np.full(len(seen.time_s), "", dtype=object)
     if not len(reasons):
@@ -79,12 +80,12 @@ def doubted(seen: Courses) -> NDArray[np.object_]:
         reasons[k : k + count] = REPEATED
     reasons[_misfits(seen) & (reasons == "")] = MISFIT
     _refuse_jumps(seen, usual, reasons)
-    reasons[seen.lost] = LOST  # until the codec begins again; what is damaged may look sound, and drifts away slowly
+    reasons[seen.lost] = LOST  # until the next keyframe; a damaged picture may look sound and drift away slowly
     return reasons
 
 
 def _refuse_jumps(seen: Courses, usual: Floats, reasons: NDArray[np.object_]) -> None:
-    """Enter who is out of a motion that is smooth without it, the farthest first."""
+    """Mark frames that lie off a motion that is smooth without them, the farthest first."""
     far = np.nan_to_num(_misses(seen, usual, reasons == "")[0])
     for k in np.argsort(-far):
         if far[k] <= _FAR:
@@ -95,7 +96,7 @@ def _refuse_jumps(seen: Courses, usual: Floats, reasons: NDArray[np.object_]) ->
         part = Courses(seen.time_s[near], seen.course[near], seen.rms_px[near], seen.lost[near])
         good, at = reasons[near] == "", k - near.start
         if np.nan_to_num(_misses(part, usual[near], good)[0, at]) <= _FAR:
-            continue  # it was its neighbour
+            continue  # its neighbour was the outlier
         own = _missed(part, good, at)
         good[at] = False
         beside = [m for m in (at - 1, at + 1) if 0 <= m < len(good) and good[m]]
@@ -104,7 +105,8 @@ def _refuse_jumps(seen: Courses, usual: Floats, reasons: NDArray[np.object_]) ->
 
 
 def _missed(part: Courses, good: Flags, k: int) -> float:
-    """Return by how much (px^2) a frame misses what three on either side predict; infinite without those."""
+    """Return the squared distance (px^2) of a frame from the prediction of three on either side; infinite without
+    those."""
     before, after = _others(good, len(good))
     by = np.concatenate((before[k], after[k]))[None]
     if (by < 0).any():
@@ -134,10 +136,11 @@ def _by_speed(speed: Floats, values: Floats) -> Floats:
 
 
 def _misfits(seen: Courses) -> Flags:
-    """Return whose residual is out of all proportion to that of frames of its speed: logarithms, as it is a scale."""
+    """Return which residuals are far above those of frames of similar speed; in logarithms, as a residual is a
+    scale."""
     size = np.log(np.maximum(seen.rms_px, 1e-6))
     speed = _speed(seen)
-    usual = np.maximum(_by_speed(speed, size), np.median(size))  # at rest a codec may keep the very best picture
+    usual = np.maximum(_by_speed(speed, size), np.median(size))  # at rest a codec may repeat its best picture
     spread = _MAD * np.maximum(_by_speed(speed, np.abs(size - usual)), 0.1)  # chi over 80 degrees of freedom: 0.08
     return np.asarray(size - usual > np.sqrt(_FAR) * spread)
 
@@ -192,7 +195,7 @@ def _misses(seen: Courses, usual: Floats, good: Flags) -> Floats:
         other, _ = _predicted(seen.time_s, seen.course, at_s, simpler)
         doubt = np.full((n, COURSE), np.nan)
         doubt[known] = (guess - other) ** 2
-        if more and some:  # where the difference happens to vanish, that of the frames beside it does not
+        if more and some:  # where the difference happens to vanish, that of the neighbouring frames does not
             beside = np.concatenate((doubt[:1], doubt[:-1])), doubt, np.concatenate((doubt[1:], doubt[-1:]))
             doubt = np.nanmax(np.nan_to_num(np.stack(beside)), axis=0)
         variance = usual[known, None] * (1 + gain[:, None]) + doubt[known]
@@ -201,17 +204,17 @@ def _misses(seen: Courses, usual: Floats, good: Flags) -> Floats:
 
 
 def _distance(seen: Courses, usual: Floats, good: Flags) -> Floats:
-    """Return how far (f,) each frame is from the prediction that suits it best, as chi square; 0 without any."""
+    """Return each frame's chi square (f,) against its best prediction; 0 without any."""
     misses = _misses(seen, usual, good)
     least = np.where(np.isnan(misses), np.inf, misses).min(axis=0)
     return np.asarray(np.where(np.isinf(least), 0.0, least))
 
 
 def _usual_variance(seen: Courses, good: Flags) -> Floats:
-    """Return the variance (f,), px^2, of one of the six numbers, without what predictions do not know of the motion.
+    """Return the variance (f,), px^2, of one of the six numbers, without the predictions' error about the motion.
 
-    Proportional to what the corners leave in frames of that speed; in which proportion, moving frames tell by what
-    predictions miss: corners side by side err alike, and at rest a codec repeats its errors.
+    Proportional to the corners' residual in frames of that speed. The factor comes from prediction errors in moving
+    frames: errors of neighbouring corners are correlated, and at rest a codec repeats its errors.
     """
     square = np.exp(2 * _by_speed(_speed(seen), np.log(np.maximum(seen.rms_px, _LEAST_PX))))
     before, after = _others(good, len(square))
@@ -226,11 +229,11 @@ def _usual_variance(seen: Courses, good: Flags) -> Floats:
 
 
 def _repeats(seen: Courses, usual: Floats, good: Flags) -> list[tuple[int, int]]:
-    """Return (first, how many) of frames that show again what the one before them shows.
+    """Return (first, how many) of frames that repeat the picture before them.
 
-    Two hypotheses: it repeats, then nothing moved, but by what a codec makes of the same picture twice; it does not,
-    then it is where the frames around have it. The first must be likelier by far, given how rare it is, which the video
-    itself tells; and the board must not be where it should be. What turns back at a blow is excepted.
+    Two hypotheses: repeated, so that nothing moved beyond what a codec makes of the same picture twice; or not, so that
+    the board is where the frames around predict it. The first must be far more probable, with a prior estimated from
+    the video, and the board must be off the prediction. A reversal at an impact is exempt.
     """
     n, share = len(seen.time_s), _LEAST_REPEATED
     found: list[tuple[int, int]] = []
@@ -266,10 +269,10 @@ def _repeats(seen: Courses, usual: Floats, good: Flags) -> list[tuple[int, int]]
 
 
 def _run_distance(seen: Courses, usual: Floats, first: NDArray[np.intp], count: int) -> tuple[Floats, Floats]:
-    """Return how far (f,) the frames of a run from ``first`` on are from where those around have them, as chi square.
+    """Return the chi square (f,) of a run of frames from ``first`` on against the prediction of those around it.
 
-    The largest of the run; then the same with the logarithm of the variance's determinant. What a simpler prediction
-    says otherwise is one number's doubt, along the motion.
+    The largest of the run; then the same with the logarithm of the variance's determinant. The difference from a
+    simpler prediction adds variance in one direction, along the motion.
     """
     n, square, likely = len(seen.time_s), np.zeros(len(first)), np.full(len(first), -np.inf)
     by = np.stack([first - 3, first - 2, first - 1, first + count, first + count + 1, first + count + 2], axis=1)

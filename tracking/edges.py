@@ -15,7 +15,7 @@ Picture = NDArray[np.uint8]
 _WINDOW = 0.46  # of the pitch, on either side of a corner: its four squares, and no edge of the next corner
 _EXPLAINED = 0.7  # of the grey levels' variance around a corner; a finger over one of its four squares leaves less
 _LEAST, _MOST = 0.5, 1.7  # contrast of a corner over the median of all
-_REACH = 0.3  # of the pitch: a corner farther from its guess is measured again from nearer, or is another one
+_REACH = 0.3  # of the pitch: a corner farther from its guess is measured again from closer by, or is another one
 _LEAST_WIDTH_PX = 0.7  # half the width of an edge: a pixel alone makes it half a pixel
 # But no edge is compared with a narrower one than this: few pixels lie across it, and where they happen to lie shifts
 # the result, by 0.012 px rms at 0.7, by 0.005 px from 1.5 on; whole rows alike when the board is upright.
@@ -82,7 +82,7 @@ def _measure(
                 continue
             near[0, m], near[1, m], near[2, m] = x, y, grey
             m += 1
-    for k in range(m):  # apart from the branches above, so that several are reckoned at a time
+    for k in range(m):  # apart from the branches above, so that the compiler vectorises it
         grey = near[2, k]
         p, q = min(max(near[0, k] / wx, -1.0), 1.0), min(max(near[1, k] / wy, -1.0), 1.0)
         s, r = p * (3 - p * p) / 2, q * (3 - q * q) / 2
@@ -155,8 +155,8 @@ def _measure_all(
 
     Fills ``pixels`` (n, 2), the share ``explained`` (n), and ``used`` (n): which look like corners, of a contrast as
     the others'. ``parity`` (n) is the sign of each corner's contrast against its neighbours'. ``widths`` (2) are
-    followed: one Gauss-Newton step on all corners together, within bounds; less than ``_RASTER_WIDTH_PX`` is told by
-    that step alone.
+    updated: one Gauss-Newton step on all corners together, within bounds; below ``_RASTER_WIDTH_PX`` only that step
+    determines them.
     """
     count, out, step = len(where), np.empty(8), np.zeros(4)
     wide_x, wide_y = max(widths[0], _RASTER_WIDTH_PX), max(widths[1], _RASTER_WIDTH_PX)

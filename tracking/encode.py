@@ -37,7 +37,7 @@ class VideoWriter:
         if width % 2 or height % 2 or min(width, height) < 16:
             raise TrackingError(f"{path}: {width}x{height} cannot be written as H.264; both sides must be even, >= 16")
         self.path = Path(path)
-        if not self.path.parent.is_dir():  # the library would say so only at the first picture
+        if not self.path.parent.is_dir():  # the library would report it only at the first picture
             raise TrackingError(f"{path}: cannot write the video (no such folder); make the folder first")
         self._part = self.path.with_name(self.path.name + ".part")
         self._size, self._step, self._count = (width, height), rate.denominator, 0
@@ -51,7 +51,7 @@ class VideoWriter:
         stream = cast(VideoStream, self._container.add_stream(codec, rate=rate, options=options))
         stream.width, stream.height, stream.pix_fmt = width, height, "yuvj420p"
         stream.bit_rate, stream.thread_type = round(bitrate), "AUTO"
-        # A tick of 1/numerator makes every PTS a whole number of ticks: no rounding of times, ever.
+        # A tick of 1/numerator makes every PTS a whole number of ticks: times are never rounded.
         stream.time_base = stream.codec_context.time_base = Fraction(1, rate.numerator)
         stream.codec_context.gop_size = 30
         self._stream = stream

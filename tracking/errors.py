@@ -1,4 +1,4 @@
-"""The one kind of error this room raises on purpose: a single line that names the thing, the place and the cure."""
+"""The one error this package raises on purpose: a single line that names the thing, the place and the cure."""
 
 
 class TrackingError(Exception):

@@ -1,4 +1,4 @@
-"""Takes fields out of JSON files and puts JSON on disk; whatever is wrong becomes one line: file, field and cure."""
+"""Reads fields of JSON files and writes JSON; anything wrong becomes one line with file, field and cure."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _LARGEST_FILE_BYTES = 1_000_000  # a camera file is a few kB; anything bigger is
 
 
 def reason(error: OSError) -> str:
-    """Say in a few words what the operating system had against it."""
+    """Return the operating system's reason in a few words."""
     return (error.strerror or type(error).__name__).lower()
 
 
@@ -49,8 +49,10 @@ class Fields:
         except json.JSONDecodeError as error:
             line = f"line {error.lineno}, column {error.colno}: {error.msg}"
             raise TrackingError(f"{where}: not valid JSON ({line}); repair that line or save the file again") from error
-        except (RecursionError, ValueError) as error:  # nested without end, or an integer of thousands of digits
-            raise TrackingError(f"{where}: not sensible JSON; save the camera file again") from error
+        except (RecursionError, ValueError) as error:  # nested too deeply, or an integer of thousands of digits
+            raise TrackingError(
+                f"{where}: JSON nested too deeply or with too large a number; save the camera file again"
+            ) from error
 
     def __contains__(self, name: str) -> bool:
         return self.data.get(name) is not None

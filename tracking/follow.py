@@ -1,4 +1,4 @@
-"""Follows the board from frame to frame: predict, refine, check; search again when lost, never guess."""
+"""Follows the board from frame to frame: predict, refine, check; search again when it is lost."""
 
 from __future__ import annotations
 
@@ -19,23 +19,25 @@ Rest = tuple[float, float, float]
 
 SEARCH_EVERY = 24  # frames between searches of the whole picture: at 0.1 s each they cost 4 ms a frame
 _NEAR_SEARCHES = 3  # searches around the last place right after a loss: a few ms each
-_TRY_EVERY = 3  # frames, for a second after a loss, between looks at where the print correlates best: 3 ms each
+_TRY_EVERY = 3  # frames between correlation searches during the second after a loss: 3 ms each
 _NEAR_EVERY = 6  # and between searches around the last place, 15 ms each: within ten frames of its return it is found
 _NEAR_FOR = 240
-_AGAIN = 2  # searches right after one that found a grid but no board (OpenCV's may skip rows): 12 ms a frame at most
-_PROVISIONAL = 3.0  # how much more the plane's fit may leave until ``settle`` knows how askew the board is glued
-_STEADY = 0.7  # of a square: so much motion from frame to frame, and a grid cannot slip, which takes 1.4
+_AGAIN = 2  # searches directly after one that found a grid but no board (OpenCV may skip rows): at most 12 ms a frame
+# factor on the allowed residual of the planar fit until ``settle`` has estimated how the board is glued
+_PROVISIONAL = 3.0
+_STEADY = 0.7  # of a square: with less motion from frame to frame a grid cannot slip, which takes 1.4
 _FACING = 0.8  # cosine between tip y and world Y: quarter turns of a board on the face give 0, the half turn -1
 
 NOT_DUE = "lost, next search not yet due"
 
 
 class Follower:
-    """Follows one board through one video. State: the last two homographies, the edges' widths, how long it is lost.
+    """Follows one board through one video. State: the last two homographies, the edges' widths, frames since its loss.
 
-    Corners are followed in the picture alone; the plane of motion is asked only when a board is taken up: which of
-    several it is, and which way round. Without ``world_from_camera`` the first sighting is equated with ``rest_pose``
-    (x_m, z_m, phi_rad), which is good enough for that. ``near_px`` (u, v): the board meant, where several start.
+    Corners are followed in the picture alone; the plane of motion is used only when a board is first found, to choose
+    between several and between its orientations. Without ``world_from_camera`` the first sighting is equated with
+    ``rest_pose`` (x_m, z_m, phi_rad), which is good enough for that. ``near_px`` (u, v): the board meant, where several
+    start.
     """
 
     def __init__(

@@ -195,10 +195,11 @@ def _agreement(
     """Compare the print with the picture: its contrast, its score, and the best score of a grid that slipped.
 
     The contrast is in grey levels and positive when square (0, 0) is dark. A grid slipped by two squares, or by one
-    along a diagonal, fits almost as many corners as the true one. What gives it away are dark squares where it claims
-    light or margin, and the reverse: the score counts dark squares seen dark less all contradictions. White where
-    white is due proves nothing, as the surroundings may be white. ``used`` (nx, ny) are the corners that were found;
-    ``slips`` False leaves the last score 0.
+    along a diagonal, fits almost as many corners as the true one. It is recognised by dark squares where it
+    predicts light or margin, and the reverse: the score is the number of dark squares seen dark, less all
+    contradictions.
+    White where white is predicted counts for nothing, as the surroundings may be white. ``used`` (nx, ny) are the
+    corners that were found; ``slips`` False leaves the last score 0.
     """
     nx, ny = used.shape
     at = np.empty(8)

@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 BLOCK_PX = 24  # an LED is a few pixels wide, and its glow some more
 LIKENESS = 0.7  # correlation with the rhythm below which nothing is taken for the lamp; noise alone stays under 0.5
-SLOW_S = 0.3  # what changes more slowly than this is the scene, not the lamp
+SLOW_S = 0.3  # slower changes belong to the scene, not the lamp
 DRIFT = 1e-3  # camera clocks run apart by 50 parts in a million, bad ones by a few hundred
 
 
@@ -31,7 +31,7 @@ class Blocks:
 
 @dataclass(frozen=True)
 class Blinks:
-    """Where a lamp was seen, and when it changed (s on the video's clock), one time for each change asked about.
+    """Where a lamp was seen, and when it changed (s on the video's clock), one time for each change requested.
 
     NaN where a change was not seen; ``sigma_s`` is a frame's own uncertainty; ``likeness`` the correlation found.
     """
@@ -69,7 +69,7 @@ def find_blinks(blocks: Blocks, bursts: Sequence[Sequence[float]]) -> Blinks:
     series = blocks.luma.reshape(n, rows * columns)[nearest]
     margin = round(SLOW_S / 2 / frame_s)
     starts = [burst[0] for burst in bursts]
-    lively = np.flatnonzero(np.ptp(series, axis=0) >= 3)  # levels of 256: what never changes is no lamp
+    lively = np.flatnonzero(np.ptp(series, axis=0) >= 3)  # of 256 levels: a block that never changes is no lamp
     best, place, lag = 0.0, -1, -1
     for some in np.array_split(lively, max(len(lively) // 256, 1)):
         if len(some):
@@ -124,7 +124,7 @@ def _template(burst: Sequence[float], frame_s: float, margin: int) -> Floats:
 
 
 def _quick(series: NDArray[Any], width: int) -> Floats:
-    """Columns without what changes over more than ``width`` frames."""
+    """Columns without changes slower than ``width`` frames."""
     from scipy.ndimage import uniform_filter1d
 
     values = np.asarray(series, dtype=np.float64)
@@ -154,9 +154,9 @@ def _light(blocks: Blocks, row: int, column: int) -> Floats:
 
 
 def _changes(time_s: Floats, light: Floats, expected_s: Floats) -> Floats:
-    """When the light crossed half-way near each expected time; a frame exposed during a change tells how far it was.
+    """When the light crossed half-way near each expected time; a frame exposed during a change gives the fraction.
 
-    Half-way is between what it was shortly before and shortly after: the scene behind a lamp may grow darker too.
+    Half-way is between the levels shortly before and shortly after, as the scene behind a lamp may grow darker too.
     """
     frame_s = float(np.median(np.diff(time_s)))
     reach_s = 0.45 * float(np.min(np.diff(expected_s)))

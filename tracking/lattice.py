@@ -1,4 +1,5 @@
-"""Whether a grid of corners is a chequered one: squares must alternate, which printed frames and bezels do not."""
+"""Whether a grid of corners is a checkerboard: its squares must alternate, unlike those of printed frames and
+bezels."""
 
 from __future__ import annotations
 
@@ -10,7 +11,7 @@ Flags = NDArray[np.bool_]
 Picture = NDArray[np.uint8]
 
 _LEAST_CORNERS = 4  # a side
-_CLEAR = 0.3  # of the contrast between the colours: what a square must lie beyond the squares beside it
+_CLEAR = 0.3  # of the contrast between the colours: by how much a square must differ from its neighbours
 _LINE, _WHOLE = 0.75, 0.9  # share of squares that must be right in a line at the side, and in all
 
 

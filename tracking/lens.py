@@ -129,10 +129,10 @@ def lens_from_fields(fields: Fields) -> Lens:
 def _from_gyroflow(fields: Fields) -> Lens:
     """Read a profile of github.com/gyroflow/lens_profiles, whose ``fisheye_params`` are cv2.fisheye's K and D."""
     if fields.data.get("distortion_model") not in (None, "opencv_fisheye"):
-        fields.wrong("distortion_model", "absent or 'opencv_fisheye': other models are not known here")
+        fields.wrong("distortion_model", "absent or 'opencv_fisheye', the only supported model")
     if fields.number("input_horizontal_stretch", 1.0) != 1.0 or fields.number("input_vertical_stretch", 1.0) != 1.0:
         fields.wrong(
-            "input_horizontal_stretch", "1 in both directions: stretched (anamorphic) profiles are not known here"
+            "input_horizontal_stretch", "1 in both directions: stretched (anamorphic) profiles are not supported"
         )
     size, params = fields.child("calib_dimension"), fields.child("fisheye_params")
     (fx, _, cx), (_, fy, cy), _ = params.matrix("camera_matrix", 3)

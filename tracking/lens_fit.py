@@ -22,7 +22,7 @@ _SETTLED = 1e-6  # of the mean square: a thousandth of the residual's own uncert
 _OUTLIER_SIGMA = 5.0
 _FOCAL_STARTS = (0.45, 0.65, 0.9, 1.3)  # of the picture's width: very wide to normal
 _COUNT = {"fisheye": 8, "brown_conrady": 9}
-_BEND_PRIOR = 1.0  # sigma of each distortion coefficient: those that the views do not tell stay near zero
+_BEND_PRIOR = 1.0  # prior sigma of each distortion coefficient: those that the views do not determine stay near zero
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ def _poses(lens: Lens, views: Sequence[View]) -> list[Floats] | None:
 
 
 def _misses(lens: Lens, views: Sequence[View], poses: list[Floats]) -> Floats:
-    """Return by how much all corners, view after view, miss the lens's picture (n, 2), px."""
+    """Return the residuals (n, 2), px, of all corners, view by view."""
     seen = np.concatenate([apply(pose, view.points) for view, pose in zip(views, poses, strict=True)])
     return np.concatenate([view.pixels for view in views]) - lens.project(seen)
 
@@ -127,7 +127,7 @@ def _descend(
         trial = [_moved(pose, np.linalg.solve(A, g - B @ step)) for pose, (A, B, g) in zip(poses, blocks, strict=True)]
         try:
             square = _square(kind, size, views, numbers + step, trial)
-        except TrackingError:  # a step to a lens that cannot be
+        except TrackingError:  # a step to an impossible lens
             square = np.inf
         if square < best:
             done = best - square < _SETTLED * best and damping < 1e-4

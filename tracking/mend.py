@@ -51,14 +51,14 @@ def load_edits(path: str | os.PathLike[str]) -> list[Edit]:
         raise TrackingError(f"{path}: is not TOML ({error}); straw track --step writes one") from None
     edits = list(_edits(document, str(path)))
     if not edits:
-        raise TrackingError(f"{path}: mends nothing; write [[invalid]], [[pose]] or [[point]]")
+        raise TrackingError(f"{path}: contains no correction; write [[invalid]], [[pose]] or [[point]]")
     return edits
 
 
 def _edits(document: dict[str, Any], where: str) -> Iterator[Edit]:
     for kind, tables in document.items():
         if kind not in _KINDS or not isinstance(tables, list):
-            raise TrackingError(f"{where}: '{kind}' is no kind of change; write [[{']], [['.join(_KINDS)}]]")
+            raise TrackingError(f"{where}: unknown change '{kind}'; write [[{']], [['.join(_KINDS)}]]")
         for number, table in enumerate(tables, 1):
             fields = Fields(table, f"{where}: [[{kind}]] {number}")
             if strange := sorted(set(fields.data) - _KINDS[kind]):
@@ -91,15 +91,15 @@ def _edit(kind: str, fields: Fields) -> Edit:
 
 
 def check_frames(edits: Sequence[Edit], frames: int) -> None:
-    """Raise TrackingError for frames that the film has not."""
+    """Raise TrackingError for frames that the video does not have."""
     for edit in edits:
         if not 0 <= edit.first <= edit.last < frames:
             shown = f"{edit.first}-{edit.last}"
-            raise TrackingError(f"mend: [[{edit.kind}]] names frames {shown}, the film has 0 to {frames - 1}")
+            raise TrackingError(f"mend: [[{edit.kind}]] names frames {shown}, the video has 0 to {frames - 1}")
 
 
 def mended(track: Track, edits: Sequence[Edit]) -> Track:
-    """Return the track with poses refused and set by hand; ``said`` holds the reason, also where a pose is valid."""
+    """Return the track with poses rejected and set by hand; ``said`` holds the reason, also where a pose is valid."""
     check_frames(edits, len(track.trace))
     trace, said = track.trace, track.said.copy()
     names = ("x_m", "z_m", "phi_rad", "sigma_x_m", "sigma_z_m", "sigma_phi_rad")

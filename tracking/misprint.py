@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-MOST_CORNERS = 100  # beyond that the unknowns take longer than the video; more corners also err less in the mean
-_FIRST_M = 1e-5  # to begin with: laser printers are good to some 10 um over a board
+MOST_CORNERS = 100  # beyond that the unknowns take longer than the video, and errors of more corners average out
+_FIRST_M = 1e-5  # start: laser printers are accurate to some 10 um over a board
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Misprint:
         return np.asarray(self.corner_m**2 * np.eye(len(lines)) + self.line_m**2 * lines @ lines.T)
 
     def learnt(self, offsets: Floats, spread: Floats) -> Misprint:
-        """Return the prior that makes offsets (2n,), known to the covariance ``spread`` (2n, 2n), likelier."""
+        """Return the prior after one EM step on offsets (2n,), which have the covariance ``spread`` (2n, 2n)."""
         lines, precision = self.lines(), np.linalg.inv(self.covariance())
         by_line, by_corner = self.line_m**2 * lines.T @ precision, self.corner_m**2 * precision
         second = np.outer(offsets, offsets) + spread

@@ -12,14 +12,14 @@ from straw.tracking.pose import Poses
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-_SMEARED_PX = 1.5  # a frame: edges that move so fast are widened for certain
+_SMEARED_PX = 1.5  # a frame: edges that move this fast are certainly widened
 _FEWEST_SMEARED = 4
 _MOST_EXPOSURE = 1.0  # of the frame's period
 # Of 48 clips painted at 60 Mbit/s, as tests.benchmarks.tracking_sigmas draws them, H.264 by two ways of coding:
 _USUAL_LAG_PX = 0.012
-_USUAL_WEIGHT = 4.0  # in keyframes: what the usual value counts
-_SLOW_PX, _FAST_PX = 0.015, 0.3  # a frame: the lag grows with the motion, until what moves is found in the last picture
-# The board's size in the picture lags by so many lags and saturates by itself, however it shifts.
+_USUAL_WEIGHT = 4.0  # weight of the usual value, in keyframes
+_SLOW_PX, _FAST_PX = 0.015, 0.3  # a frame: the lag grows with the motion until motion compensation sets in
+# The lag of the board's size in the picture, in lags of its position; it saturates by itself, whatever the shift.
 _SIZE, _SLOW_SIZE_PX = 0.6, 0.02
 
 
@@ -59,9 +59,9 @@ def lag_share(speed_px: Floats) -> Floats:
 def lag_of(frames: Frames) -> float:
     """Return how far, px per coordinate, predicted pictures are behind their motion, as the frames show it.
 
-    What the quantiser drops of the change since the last picture is missing, the same way for all corners that move the
-    same way, so no residual of a single frame shows it. A keyframe is free of it; there the corners jump ahead; few
-    jumps are weighed with the usual lag. Without any nothing is corrected.
+    The part of the change that the quantiser drops is missing alike for all corners that move alike, so no residual of
+    a single frame shows it. A keyframe is free of it: there the corners jump ahead. A few jumps are weighted with the
+    usual lag; without any, nothing is corrected.
     """
     share = np.where(np.isfinite(frames.jump_px), lag_share(frames.speed_px), 0.0)
     seen = share > 0.3
@@ -69,7 +69,7 @@ def lag_of(frames: Frames) -> float:
     count = int(np.count_nonzero(keys))
     if not count or not others.any():
         return 0.0
-    # medians: where the motion itself is no quintic, jumps are a hundred times larger
+    # medians: where the motion is not well described by a quintic, jumps are a hundred times larger
     ahead_px = float(np.median((frames.jump_px[keys] - np.median(frames.jump_px[others])) / share[keys]))
     return (max(ahead_px, 0.0) * count + _USUAL_LAG_PX * _USUAL_WEIGHT) / (count + _USUAL_WEIGHT)
 
@@ -92,7 +92,7 @@ def without_lag(poses: Poses, slopes: Floats, rate: Floats, key: Flags, lag_px: 
 
 
 def _by_size(poses: Poses, J: Floats, normal: Floats, rate: Floats, eye_m: Floats) -> tuple[Floats, Floats]:
-    """Return what corners that lie 1 px rms farther from their middle do to the pose (f, 3), and their rate (f,)."""
+    """Return the change of the pose (f, 3) when corners lie 1 px rms farther from their middle, and their rate (f,)."""
     number = poses.used.sum(axis=1)
     sight = np.zeros_like(poses.vector)
     sight[:, :2] = eye_m - poses.vector[:, :2]

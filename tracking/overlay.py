@@ -32,7 +32,7 @@ def write_overlay(
 ) -> None:
     """Write the video with corners (green: used, red: not), the tip's axes, X, Z, Phi and valid or not, at 30 frames/s.
 
-    ``track.record`` must be open; every frame is shown, so that a snap can be looked at in slow motion.
+    ``track.record`` must be open; every frame is shown, so that a snap can be watched in slow motion.
     """
     assert track.record is not None
     with (

@@ -31,7 +31,8 @@ class Patterns:
         )
 
     def between(self, H: Floats) -> Floats:
-        """Return H^T K H (3, f, m, m) for H (f, nx, ny, 2, m), which answers to errors along x and y of each corner."""
+        """Return H^T K H (3, f, m, m) for H (f, nx, ny, 2, m), the sensitivity to errors along x and y of each
+        corner."""
         f, nx, ny, _, m = H.shape
         found = np.zeros((len(self.along_x), f, m, m))
         for way in (0, 1):
@@ -58,7 +59,7 @@ def _along(n: int, every: int) -> tuple[Floats, Floats]:
 
 
 def common_to(shape: tuple[int, int], H: Floats) -> Floats:
-    """Return what a board does to H as a whole (2, f, m, m): shifted, then stretched and sheared, by 1 px rms each."""
+    """Return H^T K H (2, f, m, m) for a board moved as a whole by 1 px rms: shifted, then stretched and sheared."""
     i, j = np.meshgrid(*(np.linspace(-1, 1, n) for n in shape), indexing="ij")
     found = []
     for base in (np.ones((1, *shape)), np.stack((i / i.std(), j / j.std()))):

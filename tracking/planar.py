@@ -13,9 +13,9 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 _STEPS = 12
-_ROUNDS = 6  # of dropping outliers: a finger over some corners takes two or three
+_ROUNDS = 6  # rounds of dropping outliers: a finger over some corners takes two or three
 _OUTLIER_SIGMA = 4.0  # a good corner of 49 is dropped once in 60 frames: residual lengths are Rayleigh, exp(-4^2 / 2)
-_OUTLIER_PX = 0.04  # four times what 8 bits leave of an edge; frames at rest may be alike to less than that
+_OUTLIER_PX = 0.04  # four times the error that 8 bits leave on an edge; frames at rest may repeat to less than that
 MEDIAN_OF_RAYLEIGH = 1.1774
 LEAST_SIGMA_PX = 1e-4
 
@@ -37,7 +37,7 @@ def _fit_planar(
     Gauss-Newton on pixels: ``px_per_ray`` (f, n, 2, 2) is the lens's slope at each ray, as residuals are far smaller
     than the lens's curvature. ``to_camera``: 4x4 from the world. ``used`` (f, n) loses the outliers. Fills
     ``covariance`` (f, 3, 3) = s^2 (J^T J)^-1 with s^2 the residuals' own variance, ``rms_px`` (f), NaN where there is
-    no fit, and ``residual_px`` (f, n, 2). What corners err alike is not in it: see ``variance``.
+    no fit, and ``residual_px`` (f, n, 2). Correlated errors of corners are not in it: see ``variance``.
     """
     frames, n, cam = rays.shape[0], rays.shape[1], to_camera
     rows, length, inverse = np.empty((2, 3)), np.empty(n), np.empty((3, 3))
@@ -111,7 +111,7 @@ def _fit_planar(
                     count += 1
             most = max(_OUTLIER_SIGMA * np.median(length[:count]) / MEDIAN_OF_RAYLEIGH, _OUTLIER_PX)
             dropped = 0
-            for k in range(n if turn < _ROUNDS - 1 else 0):  # the last time it is taken as it is
+            for k in range(n if turn < _ROUNDS - 1 else 0):  # the last fit is accepted as it is
                 if used[f, k] and math.hypot(residual_px[f, k, 0], residual_px[f, k, 1]) > most:
                     used[f, k] = False
                     dropped += 1

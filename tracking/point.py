@@ -14,12 +14,12 @@ from straw.tracking.errors import TrackingError
 Floats = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 
-_HALF = 10  # px: half the side of what is remembered of the point's surroundings
-_REACH = 24  # px: how far from where it is expected it is looked for
-_LEAST_LIKE = 0.7  # correlation of what is there with what is remembered; noise alone has 0.1
+_HALF = 10  # px: half the side of the template around the point
+_REACH = 24  # px: search radius around the expected place
+_LEAST_LIKE = 0.7  # least correlation with the template; noise alone gives 0.1
 _STEPS, _STILL_PX = 30, 1e-3
-_LEAST_SIGMA_PX = 0.02  # what 8 bits and a codec leave of an edge of this length
-_STRAIGHT = 0.05  # of the larger curvature: an edge tells nothing along itself
+_LEAST_SIGMA_PX = 0.02  # error that 8 bits and a codec leave on an edge of this length
+_STRAIGHT = 0.05  # of the larger curvature: an edge is not located along itself
 
 
 @dataclass(frozen=True)
@@ -34,9 +34,9 @@ def follow_point(pictures: Iterable[Picture], at_px: tuple[float, float]) -> Ite
     """Yield where a point is, from the first picture on, in which it is at ``at_px``; None where it is not seen.
 
     Always compared with the first picture, so that nothing drifts: normalised correlation finds it (cv2.matchTemplate),
-    Gauss-Newton on shift, turn and brightness sharpens (Lucas and Kanade, IJCAI 1981). The covariance is the one of
-    least squares with the variance of what is left, times two as neighbouring pixels err alike. TrackingError where
-    the picture does not hold the point in both directions.
+    Gauss-Newton on shift, turn and brightness sharpens (Lucas and Kanade, IJCAI 1981). The covariance is that of
+    least squares with the variance of the residuals, doubled as errors of neighbouring pixels are correlated.
+    TrackingError where the picture does not hold the point in both directions.
     """
     model: _Model | None = None
     recent: list[Floats] = []
@@ -90,7 +90,7 @@ class _Model:
             gain = step[3]
             if gain < 0.1:
                 return None
-            # seen = gain (model + slopes along the shift that is missing): undone where the picture is looked at
+            # seen = gain (model + slopes along the remaining shift): the shift is applied to the sampling positions
             cos, sin = np.cos(turn), np.sin(turn)
             move = -step[:2] / gain
             at_px = at_px + np.array((cos * move[0] - sin * move[1], sin * move[0] + cos * move[1]))
@@ -105,7 +105,7 @@ class _Model:
 
 
 def _patch(picture: Picture, at_px: Floats, turn: float) -> Floats:
-    """Return what is around a point, turned about it: (2 _HALF + 1, same), bilinear."""
+    """Return the surroundings of a point, rotated about it: (2 _HALF + 1, same), bilinear."""
     reach = 2 * _HALF
     left, top = np.clip(np.floor(at_px).astype(int) - reach, 0, None)
     near = picture[top : top + 2 * reach + 2, left : left + 2 * reach + 2].astype(np.float32)

@@ -20,15 +20,15 @@ from straw.tracking.video import Frame
 Rows = NDArray[Any]
 
 SEEN = 0  # the status of a frame in which the board was seen; others count reasons from 1
-_FLUSH = 240  # frames: what a killed program loses at most
+_FLUSH = 240  # frames lost at most when the program is killed
 CHUNK = 512  # frames worked on at a time
 
 
 class Record:
     """One row a frame in a file: time, place in its video, status, corners (about 0.5 kB).
 
-    The file opens with a digest of what it is a record of: ``Record(path, identity, shape)`` goes on with a file of the
-    same identity and starts anew over any other. ``seen`` False comes with the reason in words.
+    The file opens with a digest of what it is a record of: ``Record(path, identity, shape)`` continues a file of the
+    same identity and overwrites any other. ``seen`` False comes with the reason in words.
     """
 
     def __init__(self, path: Path, identity: Mapping[str, Any], shape: tuple[int, int]) -> None:
@@ -136,7 +136,7 @@ class Record:
             self._file.close()
 
     def remove(self) -> None:
-        """Close and delete the file: its work is done."""
+        """Close and delete the file."""
         self._waiting = []
         self._file.close()
         self.path.unlink(missing_ok=True)

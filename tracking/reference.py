@@ -19,7 +19,7 @@ from straw.tracking.pose import free_pose
 
 Floats = NDArray[np.float64]
 
-_FRAMES = 12  # looked at: their mean corner is far better than the lens
+_FRAMES = 12  # frames used: their mean corner is far more accurate than the lens
 _UPRIGHT = "up"
 
 
@@ -48,7 +48,7 @@ def place_by_reference(
                 seen.append(found.grid)
     if not seen:
         what = f"{videos[0]}: the reference board of {board} is in none of the first {_FRAMES} frames"
-        raise TrackingError(f"{what}; it must differ from the tip's board in its squares, and be seen whole")
+        raise TrackingError(f"{what}; it must differ from the tip's board in its squares, and be fully visible")
     free = free_pose(camera.lens, board.corner_points_m(), np.median(seen, axis=0).reshape(-1, 2))
     if free is None:
         raise TrackingError(f"{reference}: the board's corners fit no pose; check that the lens is this camera's")

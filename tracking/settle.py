@@ -1,4 +1,4 @@
-"""Estimates what a video has in common, from its motion: the camera's place, how the board is glued, the row time."""
+"""Estimates what a video has in common, from its motion: the camera's place, the board's mounting, the row time."""
 
 from __future__ import annotations
 
@@ -55,12 +55,13 @@ class Settled:
         return Plane(self.camera.lens, self.camera.world_from_camera)
 
     def doubt_rest(self, scatter: Scatter) -> None:
-        """Know the constants less well: what the frame at rest alone fixes has nothing to disagree with."""
+        """Widen the constants' covariance: the scatter cannot show errors of what the frame at rest alone fixes."""
         answer = self.bundle.by_rest
         self.bundle.spread = self.bundle.spread + scatter.at_rest(answer.reshape(*scatter.shape, 2, -1))
 
     def covariance(self, views: Views, poses: Floats, rate: Floats) -> Floats:
-        """Return what not knowing the constants does to poses (f, 3) that move at ``rate`` (f, 3): (f, 3, 3), SI.
+        """Return the covariance (f, 3, 3), SI, that the constants' uncertainty adds to poses (f, 3) moving at ``rate``
+        (f, 3).
 
         A wrong row time also dates a pose wrongly, by as many rows as the board's middle is down the picture.
         """
@@ -77,7 +78,7 @@ def settle(
 
     With ``rest_pose`` (x_m, z_m, phi_rad) the mean of the still frames at the start is the board at that pose, which
     fixes three of the camera's six unknowns; that all frames share one plane of motion fixes the others, and how askew
-    the board is glued. Taking it for square when it is not tilts the world: at 25 degrees of obliquity every degree
+    the board is glued. Assuming it square when it is not tilts the world: at 25 degrees of obliquity every degree
     makes x 4 % too long or short. ``level``: the camera stands level, so phi is measured rather than given. Without
     ``rest_pose`` the camera's given place stays, and only the board's distance from the plane, its turn and the row
     time are found. Least squares over all corners, each frame's pose eliminated (Schur complement).
@@ -102,7 +103,7 @@ def _still(views: Views) -> int:
 
 
 def _with_mean_rest(views: Views, still: int) -> Views:
-    """Put one frame, the median, in place of the still ones: a fly on the board in one of them must not move it."""
+    """Put one frame, the median, in place of the still ones: a disturbance of one of them must not move it."""
     ours = {name: getattr(views, name).copy() for name in ("rays", "used", "rate", "bend", "jerk")}
     ours["rays"][0] = np.median(views.rays[:still], axis=0)
     ours["used"][0] = views.used[:still].mean(axis=0) > 0.5

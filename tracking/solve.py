@@ -36,7 +36,7 @@ _SPREAD = 40  # frames for each quantity that the constants are found from
 
 
 class Gathered:
-    """What is kept of every frame to judge the whole video: gathered while it is decoded, when processors have time."""
+    """Features of every frame, from which the whole video is judged; gathered while decoding, when processors idle."""
 
     def __init__(self, record: Record, lens: Lens) -> None:
         self._record, self._lens, self._done, self._lost = record, lens, 0, False
@@ -57,7 +57,7 @@ class Gathered:
             self._done += len(rows)
 
     def _since(self, rows: Rows) -> Flags:
-        """Return which rows a lost packet may have spoilt: those until the next picture that stands by itself."""
+        """Return which rows a lost packet may have corrupted: those until the next keyframe."""
         spoilt = np.empty(len(rows), np.bool_)
         for k, (corrupt, key) in enumerate(zip(rows["corrupt"].tolist(), rows["key"].tolist(), strict=True)):
             self._lost = not key and (self._lost or corrupt > 0)
@@ -65,9 +65,9 @@ class Gathered:
         return spoilt
 
     def judged(self) -> tuple[NDArray[np.int64], Floats, Frames, NDArray[np.object_]]:
-        """Return of the frames to be believed: numbers (f,), middle and size of the board (f, 3), px, and the rest.
+        """Return of the accepted frames: numbers (f,), middle and size of the board (f, 3), px, and the rest.
 
-        Then why the others are not, by frame number (n,); "" for those that are, or show no board.
+        Then why the others are rejected, by frame number (n,); "" for those accepted, or without a board.
         """
         columns = [np.concatenate(parts) for parts in zip(*self._kept, strict=True)]
         seen, middle, *quality, time_s, course, lost = columns
@@ -85,7 +85,7 @@ def solved(work: Task, record: Record, gathered: Gathered, report: DecodeReport,
     seen, middle, frames, said = gathered.judged()
     if not len(seen) and (said != "").any():
         why = Counter(said[said != ""].tolist()).most_common(1)[0][0]
-        what = f"{timeline.paths[0]}: no frame with the board is to be trusted ({why})"
+        what = f"{timeline.paths[0]}: every frame that shows the board is rejected ({why})"
         raise TrackingError(f"{what}; copy the file from the camera again")
     if not len(seen):
         what = f"{timeline.paths[0]}: no board of {board} in any of {len(record)} frames"
@@ -171,7 +171,7 @@ def _fit_all(
             square += np.where(counts, fits.residual_px**2, 0).sum(axis=0)
             count += counts.sum(axis=0)
             passed[where] = views.middle
-        for k in range(len(rows)):  # a frame without the board is dated by where it was last
+        for k in range(len(rows)):  # a frame without the board is dated by the board's last place
             row = passed[k] if np.isfinite(passed[k]) else row
             passed[k] = row
         time_s[start : start + len(rows)] = work.start_s + rows["time_s"] + line_s * passed
@@ -202,8 +202,8 @@ def _fit_all(
 def _refuse_a_smaller_board(work: Task, record: Record, never: NDArray[np.bool_]) -> None:
     """Raise TrackingError when both rows and columns of corners are in no frame, although in the picture.
 
-    A smaller board passes for a part of a larger one. What a hand or the picture's edge takes away all the time is a
-    side of the board, or lies outside.
+    A smaller board passes for a part of a larger one. Corners that a hand or the picture's edge hides all the time are
+    a side of the board, or lie outside.
     """
     rows, columns = ~never.all(axis=1), ~never.all(axis=0)
     if rows.all() or columns.all():
@@ -215,8 +215,8 @@ def _refuse_a_smaller_board(work: Task, record: Record, never: NDArray[np.bool_]
         inside, of = inside + int(within.all(axis=(1, 2)).sum()), of + len(at)
     if 2 * inside > of:
         seen = f"{rows.sum() + 1}x{columns.sum() + 1}"
-        what = f"{work.videos[0]}: of a board of {work.board} only {seen} squares are ever seen"
-        raise TrackingError(f"{what}; is that the whole board? give its number of squares")
+        what = f"{work.videos[0]}: of a board of {work.board} only {seen} squares are ever visible"
+        raise TrackingError(f"{what}; if that is the whole board, give its number of squares")
 
 
 def _trace(time_s: Floats, state: Floats, sigma: Floats) -> TipTrace:

@@ -23,7 +23,7 @@ Motion = Callable[[Floats], tuple[ArrayLike, ArrayLike, ArrayLike]]
 Retouch = Callable[[int, NDArray[np.uint8]], None]
 
 DARK, LIGHT = 45.0, 205.0  # grey levels of the print under unit light
-_EDGE_PX = 1.2  # width of the ramp across a printed edge: what a GoPro's lens and sharpening leave of it
+_EDGE_PX = 1.2  # width of the ramp across a printed edge after a GoPro's lens and sharpening
 _BLUR_STEP_PX = 0.5  # sub-exposures are this far apart at most ...
 _MOST_STEPS = 24  # ... and never more than this many
 # Where the board's x, y, z point in the tip frame, by mount: its face along the axis, towards -Y, towards +Y.
@@ -32,7 +32,7 @@ _MOUNTED = {
     "side": ((1, 0, 0), (0, 0, 1), (0, -1, 0)),
     "back": ((-1, 0, 0), (0, 0, 1), (0, 1, 0)),
 }
-_PAD_PX = 4  # around the board's outline: more than an edge is soft
+_PAD_PX = 4  # around the board's outline: wider than a soft edge
 
 
 def camera_looking_at(target_m: ArrayLike, distance_m: float, azimuth_rad: float, elevation_rad: float) -> Floats:
@@ -86,7 +86,7 @@ def paint_video(
         raise TrackingError(f"paint_video: only a fisheye lens can be painted, this one is {lens.kind}")
     time_s = np.arange(round(duration_s * rate)) / float(rate)
     if not len(time_s):
-        raise TrackingError(f"paint_video: {duration_s:g} s hold no frame at {float(rate):.2f} frames/s")
+        raise TrackingError(f"paint_video: {duration_s:g} s contain no frame at {float(rate):.2f} frames/s")
     scene = _Scene(camera, board, tip, time_s, exposure_s, np.random.default_rng(seed), noise_sigma, line_s)
     for decoy, world_from_board in decoys:
         scene.lay(decoy, world_from_board)
@@ -147,7 +147,8 @@ class _Scene:
         f, c = np.array((self.lens.fx, self.lens.fy)), np.array((self.lens.cx, self.lens.cy))
         rays_of_box(left, top, right - left, bottom - top, f, c, np.array(self.lens.distortion), self.rays)
         self.light, self.backdrop = _surroundings(self.lens.width, self.lens.height, rng)
-        # Noise is made once, larger than the picture, and laid on at a random shift: fresh enough, 50 times cheaper.
+        # Noise is made once, larger than the picture, and added at a random shift: independent enough, 50 times
+        # cheaper.
         shape = (2, self.lens.height + 256, self.lens.width + 256)
         self.noise = np.clip(np.round(rng.normal(0, noise_sigma, shape)), -127, 127).astype(np.int8)
 
@@ -227,7 +228,7 @@ def _surroundings(width: int, height: int, rng: np.random.Generator) -> tuple[ND
     across, down = u / width - 0.5, v / height - 0.5
     light = (1 + 0.15 * across - 0.1 * down) / (1 + 0.5 * (across**2 + down**2)) ** 2
     grey = np.full((height, width), 105, np.float32) + 12 * np.sin(9 * across + 4 * down)
-    for _ in range(25):  # boxes, edges of shelves, a cable: things with straight edges that a detector may stumble over
+    for _ in range(25):  # boxes, edges of shelves, a cable: straight edges that may mislead a detector
         left, top = rng.integers(0, width), rng.integers(0, height)
         wide, high = rng.integers(10, width // 5), rng.integers(10, height // 4)
         grey[top : top + high, left : left + wide] = rng.uniform(30, 190)

@@ -25,16 +25,16 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Track:
-    """What a video says about the tip.
+    """The tip's motion by a video.
 
     ``rms_px`` (n,): reprojection residual per coordinate and frame, ``corners`` (n,): how many corners it rests on (NaN
-    and 0 where invalid), ``said`` (n,): why a frame is not valid, or by whose
-    hand it is; else "". ``camera``: the one used, with
-    ``world_from_camera``, ``board_turn_rad`` and ``line_s`` as found; ``trace.time_s`` is when the shutter passed the
-    board's middle. ``rest_frames``: how many still frames placed the camera (0 when its place was given).
-    ``residual_px`` (corners, 2): the mean over all frames of what the corners miss by, and ``spread_px`` (corners, 2)
-    its deviation. ``exposure_s``: by the camera's telemetry, or by the smear; ``lag_px``: what the codec's prediction
-    lags by, and what was put right (see ``noise``). ``never_seen``: corners of the board that no frame shows.
+    and 0 where invalid), ``said`` (n,): why a frame is not valid, or who corrected
+    it by hand; else "". ``camera``: the one used, with ``world_from_camera``, ``board_turn_rad`` and ``line_s`` as
+    found; ``trace.time_s`` is when the shutter passed the board's middle. ``rest_frames``: how many still frames placed
+    the camera (0 when its place was given).
+    ``residual_px`` (corners, 2): the corners' mean residual over all frames, and ``spread_px`` (corners, 2)
+    its standard deviation. ``exposure_s``: by the camera's telemetry, or by motion blur; ``lag_px``: the codec's lag,
+    which is corrected (see ``noise``). ``never_seen``: corners of the board that no frame shows.
     ``part``: rate, beginning and end, as in ``Task``.
     """
 

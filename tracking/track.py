@@ -1,4 +1,4 @@
-"""Track: from a recording's files to the tip's path, with an account of every frame that is not in it."""
+"""Track: from a recording's files to the tip's path, with the reason for every frame that is missing from it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from straw.tracking.solve import Gathered, solved
 from straw.tracking.task import Task, Track
 from straw.tracking.video import DecodeReport, Gap, ahead, frames_missing
 
-_OTHER_RATE = 0.1  # 239.76 for 240 is no other rate; a replay is twice as slow at least
+_OTHER_RATE = 0.1  # 239.76 counts as 240; slow motion is at least twice as slow
 _AHEAD = 24  # pictures decoded while the board is searched for, which takes 0.1 s: 75 MB of 1080p
 
 
@@ -38,7 +38,7 @@ def track(
     """Track the board through the files of one recording; keywords as ``Task``'s.
 
     ``record``: where corners are kept (0.6 kB a frame); work that was interrupted goes on from there. It is left open
-    in ``Track.record``, for whoever writes out the result to use and then remove. Without it a temporary file.
+    in ``Track.record`` for the caller, who removes it after writing the result. Without it a temporary file is used.
     ``trace.frame`` counts decoded frames from 0. Sigmas come from the corners' own residuals; they do not include a
     wrong lens, rest pose, turn or tip offset. Memory does not grow with the video but for the trace itself. Raises
     TrackingError for a bad file, a lens for another picture size,
@@ -55,7 +55,7 @@ def track(
             gathered = Gathered(kept, camera.lens)
             report = _follow(timeline, work, kept, gathered, progress)
             done = solved(work, kept, gathered, report, timeline)
-        except TrackingError:  # going on would end the same
+        except TrackingError:  # a retry would fail in the same way
             kept.remove()
             raise
         except BaseException:
@@ -74,7 +74,7 @@ def _check_size(timeline: Timeline, camera: Camera) -> None:
 
 
 def _check_rate(timeline: Timeline, fps: float) -> None:
-    """Raise TrackingError for a film in slow motion, unless somebody says which rate is right."""
+    """Raise TrackingError for a video in slow motion, unless the true rate is given."""
     plays, filmed = 1 / timeline.period_s, timeline.capture_rate
     if not fps and filmed and abs(filmed / plays - 1) > _OTHER_RATE:
         what = f"{timeline.paths[0]}: filmed at {filmed:.6g} frames/s by its tags, its time stamps run at {plays:.6g}"
@@ -107,7 +107,7 @@ def _follow(
         pictures.close()  # stops the decoder before its file is closed
         record.flush()
     if not len(record):
-        what = f"{timeline.paths[0]}: not one of {timeline.expected} frames could be decoded"
+        what = f"{timeline.paths[0]}: none of {timeline.expected} frames could be decoded"
         raise TrackingError(f"{what}; copy the file again")
     return _account(record, timeline, timeline.corrupt - corrupt)
 

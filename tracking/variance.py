@@ -16,24 +16,24 @@ Flags = NDArray[np.bool_]
 Places = NDArray[np.intp]
 
 #: Slower than a quarter of a pixel a frame, the unit of motion vectors in H.264 and HEVC (8.4.2.2 and 8.5.3.3 there),
-#: the codec takes the board for still and lets it lag. Coded by itself, a picture cannot.
+#: the codec treats the board as still, so that it lags. A keyframe cannot lag.
 SLOW, FAST, FRESH = range(3)
 _MOTION_VECTOR_PX = 0.25
-_PER_KIND = 60  # frames: 95 numbers each, of which a fifth is independent, tell a variance to 4 %
+_PER_KIND = 60  # frames: 95 numbers each, of which a fifth are independent, give a variance to 4 %
 _FEWEST = 8
-_STEPS = 40  # keyframes, whose steps tell the common error; as many as are in ten seconds
+_STEPS = 40  # keyframes, whose steps show the common error; as many as in ten seconds
 _MOST_ACROSS = 9  # corners along a side that components are estimated from
 _AROUND = np.array((-2, -1, 1, 2))
 _CUBIC = np.array((-1, 4, 4, -1)) / 6  # the cubic through them, in the middle
 _ALIKE = 13 / 18  # variance of the cubic by errors that last from one frame to the next by half, and end at keyframes
-# Where keyframes are too few to tell, of what corners leave in slow frames 0.3 is common to the board as a shift, 0.4
-# as stretch and shear, each as uncertain as after so many keyframes (of clips 100 to 105 in tracking_painted).
+# Prior where keyframes are few: of the corners' variance in slow frames 0.3 is a common shift of the board, 0.4 stretch
+# and shear, each as uncertain as after so many keyframes (from clips 100 to 105 of tracking_painted).
 _USUAL_SHARES, _USUAL_WEIGHT = (0.3, 0.4), 2.0
 
 
 @dataclass(frozen=True)
 class Seen:
-    """What fits of f frames have to do with the picture, errors turned to across the board's edges.
+    """Fits of f frames in the picture, with errors expressed across the board's edges.
 
     ``slopes`` (f, nx, ny, 2, 3): by how much corners move with the pose, 0 where a corner is not used; ``left`` (f,
     nx, ny, 2): residuals, px; ``used`` (f, n); ``kind`` (f,).
@@ -52,7 +52,7 @@ class Seen:
     def normal(self) -> Floats:
         """Return J^T J (f, 3, 3)."""
         flat = self.slopes.reshape(len(self.slopes), -1, 3)
-        return np.asarray(flat.transpose(0, 2, 1) @ flat + 1e-9 * np.eye(3))  # without a fit it must stay solvable
+        return np.asarray(flat.transpose(0, 2, 1) @ flat + 1e-9 * np.eye(3))  # a frame without a fit must stay solvable
 
     def answer(self) -> Floats:
         """Return by how much the pose moves with each corner (f, nx, ny, 2, 3)."""
@@ -61,7 +61,7 @@ class Seen:
 
 
 def seen_of(shape: tuple[int, int], slopes: Floats, left: Floats, used: Flags, across: Floats, kind: Places) -> Seen:
-    """Return what fits have to do with the picture; ``slopes`` (f, n, 2, 3) and ``left`` (f, n, 2) along u and v."""
+    """Return the fits in the picture; ``slopes`` (f, n, 2, 3) and ``left`` (f, n, 2) along u and v."""
     turned = np.where(used[..., None, None], across[:, None] @ slopes, 0.0)
     miss = np.where(used[..., None], (across[:, None] @ np.nan_to_num(left)[..., None])[..., 0], 0.0)
     return Seen(turned.reshape(-1, *shape, 2, 3), miss.reshape(-1, *shape, 2), used, kind)
@@ -69,8 +69,8 @@ def seen_of(shape: tuple[int, int], slopes: Floats, left: Floats, used: Flags, a
 
 @dataclass(frozen=True)
 class Scatter:
-    """Variances, px^2: ``parts`` (3 kinds of frame, 3 patterns), and ``common_px2`` (2,) of what a slow board has
-    beyond them as a whole: in each number of its shift, and of its stretch and shear.
+    """Variances, px^2: ``parts`` (3 kinds of frame, 3 patterns), and ``common_px2`` (2,) of the additional error of a
+    slow board beyond them as a whole: in each number of its shift, and of its stretch and shear.
     """
 
     shape: tuple[int, int]
@@ -78,12 +78,13 @@ class Scatter:
     common_px2: Floats
 
     def covariance(self, seen: Seen) -> Floats:
-        """Return the covariance (f, 3, 3) of poses, SI; a frame that leaves more than its kind is known less well."""
+        """Return the covariance (f, 3, 3) of poses, SI; a frame whose residual exceeds that of its kind is less
+        certain."""
         common = np.tensordot(self.common_px2, common_to(self.shape, seen.answer()), 1)
         return np.asarray(self.of_corners(seen) + (seen.kind != FAST)[:, None, None] * common)
 
     def of_corners(self, seen: Seen) -> Floats:
-        """Return the same without what a slow board does as a whole."""
+        """Return the same without the common error of a slow board."""
         by_part = Patterns.of(self.shape).between(seen.answer())
         variance = self.parts[np.where(seen.kind == FRESH, SLOW, seen.kind)]
         expected = variance.sum(axis=1) * 2 * seen.used.sum(axis=1)
@@ -92,7 +93,7 @@ class Scatter:
         return np.asarray(np.einsum("f,fc,cfij->fij", scale, variance, by_part))
 
     def at_rest(self, answer: Floats) -> Floats:
-        """Return the covariance (c, c) of what answers so (nx, ny, 2, c) to the corners of a board that rests.
+        """Return the covariance (c, c) of quantities with sensitivity (nx, ny, 2, c) to the corners of a board at rest.
 
         Its picture is a keyframe's, or predicted from one without any motion.
         """
@@ -101,7 +102,7 @@ class Scatter:
 
 
 def kinds(key: Flags, speed_px: Floats) -> Places:
-    """Return which kind of frame each is; one whose speed nobody knows is taken for slow, which is known less well."""
+    """Return which kind of frame each is; a frame of unknown speed counts as slow, the less certain kind."""
     return np.where(key, FRESH, np.where(np.nan_to_num(speed_px) > _MOTION_VECTOR_PX, FAST, SLOW))
 
 
@@ -129,10 +130,10 @@ def _evenly(places: Places, most: int) -> Places:
 def learnt(shape: tuple[int, int], seen: Seen, vector: Floats, keys: Places) -> Scatter:
     """Estimate a clip's variances; ``keys``: places of keyframes among the frames, each between two pairs of others.
 
-    Restricted to what a pose cannot take away: the residuals' squares, and their sums along edges and over the board,
-    are equated with what they should be in the mean, the fit's own degrees of freedom counted (Rao's MINQUE, J. Am.
-    Stat. Assoc. 67 (1972) 112). What the board does as a whole is not in its residuals. But a keyframe does not lag
-    with its neighbours: the step of the pose there tells.
+    Restricted to what a pose cannot absorb: the residuals' squares, and their sums along edges and over the board,
+    are equated with their expectations, with the fit's own degrees of freedom (Rao's MINQUE, J. Am.
+    Stat. Assoc. 67 (1972) 112). The common error of the board is not in its residuals, but as a keyframe does not
+    lag with its neighbours, the step of the pose there shows it.
     """
     parts, slow = _parts(shape, seen), seen.kind == SLOW
     free = np.maximum(2 * seen.used.sum(axis=1) - 3, 1)
@@ -142,7 +143,7 @@ def learnt(shape: tuple[int, int], seen: Seen, vector: Floats, keys: Places) -> 
 
 
 def _common(usual: Scatter, seen: Seen, vector: Floats, keys: Places) -> Floats:
-    """Return the variances (2,) that the steps of the pose at keyframes tell, weighed with the usual ones, px^2."""
+    """Return the variances (2,), px^2, by the steps of the pose at keyframes, weighted with the usual ones."""
     near = keys[:, None] + _AROUND
     step = vector[keys] - np.einsum("k,fkm->fm", _CUBIC, vector[near])
 

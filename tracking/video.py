@@ -27,7 +27,7 @@ _LUMA_8 = ("yuv420p", "yuvj420p", "yuv422p", "yuvj422p", "yuv444p", "yuvj444p", 
 _LUMA_10 = ("yuv420p10le", "yuv422p10le", "yuv444p10le", "p010le", "gray10le")
 # Android's MediaMuxer writes the first, other phones and converters the others.
 _CAPTURE_TAGS = ("android.capture.fps", "capture_fps", "capture_rate", "capture-frame-rate", "framerate.capture")
-_ROUNDING_S = 1e-6  # of times that were added up over chapters
+_ROUNDING_S = 1e-6  # tolerance of times that were added up over chapters
 _SHIFT_10 = {"p010le": 8}  # p010 keeps its 10 bits at the top of the word
 
 
@@ -61,8 +61,8 @@ class DecodeReport:
 class Frame:
     """One picture: its count from 0 as decoded, its time since the recording's start, its luma (height, width).
 
-    ``corrupt`` counts the packets before it that would not decode; ``file`` is the chapter it comes from; ``key`` tells
-    a picture that stands by itself from one that the codec predicted.
+    ``corrupt`` counts the packets before it that would not decode; ``file`` is the chapter it comes from; ``key``:
+    a keyframe rather than a picture that the codec predicted.
     """
 
     index: int
@@ -103,12 +103,12 @@ class VideoReader:
             raise TrackingError(f"{what}; if the recording was cut short, copy it again or repair it") from error
         if not self._container.streams.video:
             self._container.close()
-            raise TrackingError(f"{path}: holds no pictures (audio or data only); give the camera's video file")
+            raise TrackingError(f"{path}: contains no pictures (audio or data only); give the camera's video file")
         self._stream = self._container.streams.video[0]
         codec: Any = self._stream.codec_context
         if codec is None:  # no decoder for it in this build
             self._container.close()
-            raise TrackingError(f"{path}: its pictures are coded in a way unknown here; convert it to H.264")
+            raise TrackingError(f"{path}: no decoder for its pictures in this build; convert it to H.264")
         self._stream.thread_type = "AUTO"
         self.width, self.height = codec.width, codec.height
         self.rate = self._stream.average_rate or self._stream.guessed_rate or Fraction(0)
@@ -128,7 +128,7 @@ class VideoReader:
         self._container.close()
 
     def report(self) -> DecodeReport:
-        """Return the account so far."""
+        """Return the report so far."""
         expected = max(self.expected, self._decoded)
         return DecodeReport(self._decoded, expected, tuple(self._gaps), self._corrupt, self._repeated)
 
@@ -136,7 +136,7 @@ class VideoReader:
     def period_s(self) -> float:
         """Seconds from frame to frame where none is missing: the median by the file's index.
 
-        The mean would rise with what is missing; a rate that the library guesses is wild for a variable one.
+        The mean would rise with what is missing; the library's guess is far off for a variable rate.
         """
         if self._median_s > 0:
             return self._median_s
@@ -164,7 +164,7 @@ class VideoReader:
         A broken packet is counted and passed over. Counts begin with the first frame after ``after_s``.
         """
         start, before_s = self._stream.start_time or 0, after_s + _ROUNDING_S
-        if after_s > 0 and self._stream.time_base:  # to the last picture before it that stands by itself
+        if after_s > 0 and self._stream.time_base:  # to the last keyframe before it
             self._container.seek(start + int(after_s / float(self._stream.time_base)), stream=self._stream)
         for picture in self._pictures():
             if picture.pts is None or picture.time_base is None:

@@ -1,4 +1,4 @@
-"""Views: the record's corners as rays, each brought to the moment its frame was at the board's middle row."""
+"""Views: the record's corners as rays, each corrected to the moment when the board's middle row was exposed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 AROUND = 4  # frames of context on either side of a chunk
-_NEIGHBOUR_PERIODS = 1.5  # frames farther apart than this tell no velocity
+_NEIGHBOUR_PERIODS = 1.5  # frames farther apart than this give no velocity
 _QUINTIC = np.array((-1, 6, -15, 20, -15, 6, -1)) / 20
 # Central differences of the first three derivatives, by how many frames on either side.
 _STENCILS = {
@@ -34,12 +34,12 @@ class Views:
 
     Rolling shutter: ``rows`` (f, n) is how many rows below the board's middle a corner was exposed, ``middle`` (f,) the
     middle's row. ``rate``, ``bend`` and ``jerk`` (f, n, 2) are the rays' time derivatives by the frames around.
-    ``doubt`` (f,): by how much, px/s, the rate changes when more frames around tell it. ``across`` (f, 2, 2): unit
-    vectors across the edges of x and of y, in the picture; the nearest ones that are perpendicular.
+    ``doubt`` (f,): by how much, px/s, the rate changes when it is computed from more frames around. ``across`` (f, 2,
+    2): unit vectors across the edges of x and of y, in the picture; the nearest ones that are perpendicular.
     ``widths`` (f, 2): half widths of the edges, px, and ``sweep`` (f, 2) how fast (px/s) the board's middle crosses
     them. ``key`` (f,): coded without prediction. ``speed_px`` (f,): the corners' motion from
-    frame to frame, rms per coordinate, and ``jump_px`` (f,) how far ahead on it they lie of where the three frames on
-    either side have them; NaN without those.
+    frame to frame, rms per coordinate, and ``jump_px`` (f,) how far ahead they lie of the prediction from three frames
+    on either side; NaN without those.
     """
 
     frame: NDArray[np.int64]
@@ -62,9 +62,9 @@ class Views:
     speed_px: Floats
 
     def at_once(self, line_s: float, exposure_s: float) -> Floats:
-        """Return the rays (f, n, 2) as a shutter would have seen them that opens everywhere at once, for an instant.
+        """Return the rays (f, n, 2) as an ideal global shutter would have seen them.
 
-        Open for T at acceleration a, the smear's middle lies a T^2 / 24 off: 20 um at 100 m/s^2, 1/480 s.
+        Open for T at acceleration a, the middle of the blur lies a T^2 / 24 off: 20 um at 100 m/s^2, 1/480 s.
         """
         late_s, blur = line_s * self.rows[..., None], exposure_s**2 / 24
         rate = self.rate - blur * self.jerk
@@ -85,7 +85,7 @@ def views_of(
 ) -> tuple[Views, NDArray[np.intp]]:
     """Return the views of a chunk of the record, and where in the chunk they are.
 
-    ``believed``: of each frame of the video, whether its sighting counts (see ``doubt``); all do where it is None.
+    ``believed``: of each frame of the video, whether its sighting is used (see ``doubt``); None: all are.
     """
     around = record.rows(start - AROUND, start + len(rows) + AROUND)
     lead = min(start, AROUND)
@@ -133,9 +133,9 @@ def views_of(
 
 
 def _derivatives(rays: Floats, time_s: Floats, seen: Flags) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return the first three time derivatives by as many as seven frames around each; zero where it stands alone.
+    """Return the first three time derivatives by as many as seven frames around each; zero for a lone frame.
 
-    Then by how much the last two frames changed the first: the rate itself where it rests on one difference.
+    Then by how much the last two frames changed the first derivative: all of it where it rests on one difference.
     By three frames the speed of a snap of 20 ms comes out 7 % too small, by seven 0.1 %.
     """
     n = len(time_s)

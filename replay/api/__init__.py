@@ -1,1 +1,1 @@
-"""What `import straw` gives: what the commands call, on files or objects, with results that show themselves."""
+"""The functions and classes of `import straw`: they take files or objects, and notebooks draw their results."""

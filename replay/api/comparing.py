@@ -1,4 +1,4 @@
-"""Recordings over the model: what `straw replay` computes, as objects."""
+"""Recordings compared with the model, as `straw replay` does, as objects."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class Replay(Shown):
         return self.comparisons[0].plot() if len(self) == 1 else None
 
     def as_json(self) -> dict[str, Any]:
-        """What `straw replay --json` writes."""
+        """The data that `straw replay --json` writes."""
         data: dict[str, Any] = finite(as_data(list(self.comparisons)))
         return data
 
@@ -88,9 +88,9 @@ def replay(
     uncertain: Mapping[str, float] | None = None,
     partial: bool = False,
 ) -> Replay:
-    """Lay recordings over the model's predictions of them, as `straw replay` does.
+    """Compare recordings with the model's predictions of them, as `straw replay` does.
 
-    ``recordings``: one or several, objects or files; a track that is among the files is joined to its run. ``straw``:
+    ``recordings``: one or several, objects or files; tracks among the files are joined to their runs. ``straw``:
     parameters, their file, or None for the paper's. ``uncertain``: standard uncertainties of constants by name, SI.
     Raises ReplayError for a recording that lacks its pressure, tip or start, or is damaged unless ``partial``.
     """

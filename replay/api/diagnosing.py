@@ -1,4 +1,4 @@
-"""What the model leaves out: what `straw diagnose` finds, as an object."""
+"""The diagnosis of `straw diagnose` as an object."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ SHOWN = 8
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Diagnosis(Shown):
-    """What the runs say. ``findings`` is all of it, ``inquiry`` how it was found; `to_dataframe` gives the hypotheses
+    """A diagnosis. ``findings`` is all of it, ``inquiry`` how it was found; `to_dataframe` gives the hypotheses
     with their probabilities, and so do ``probability``, ``constants``, ``heldout`` and ``located`` as columns."""
 
     findings: Findings
@@ -47,23 +47,23 @@ class Diagnosis(Shown):
 
     @property
     def causes(self) -> list[str]:
-        """What was left out, most probable first; empty when nothing was."""
+        """The causes named, most probable first; empty when nothing is missing."""
         return self.findings.causes
 
     @property
     def probability(self) -> Mapping[str, float]:
-        """Of each hypothesis, most probable first; sums to 1."""
+        """Posterior probability of each hypothesis, most probable first; sums to 1."""
         return self.findings.judgement.probability
 
     @property
     def constants(self) -> Rows:
-        """What was found of the causes named: columns ``cause``, ``constant``, ``value``, ``sigma``, ``unit``."""
+        """Constants of the causes named: columns ``cause``, ``constant``, ``value``, ``sigma``, ``unit``."""
         return constants_table(self.findings.parameters)
 
     @property
     def heldout(self) -> Rows:
-        """RMS on the runs that were not fitted: ``channel``, ``rms_before``, ``rms_after``, ``noise_floor`` in the
-        channel's SI unit, which its name says; no rows where nothing could be held out."""
+        """RMS on the runs that were not fitted: ``channel``, ``rms_before``, ``rms_after``, ``noise_floor`` in the SI
+        unit of the channel's name; no rows where nothing could be held out."""
         held = self.findings.held
         return heldout_table(held.before, held.after, held.floor) if held else heldout_table({}, {}, {})
 
@@ -75,7 +75,7 @@ class Diagnosis(Shown):
 
     @property
     def straw(self) -> StrawParameters:
-        """The model with what was found."""
+        """The model with the causes found."""
         return straw_from_toml(self.findings.written["straw"])
 
     @property
@@ -132,12 +132,13 @@ def diagnose(
     executor: Executor | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Diagnosis:
-    """What the model leaves out of the runs of one specimen, or which instrument lies, as `straw diagnose` finds it.
+    """Diagnose what the model leaves out of the runs of one specimen, or which instrument is wrong, as `straw
+    diagnose`.
 
-    ``recordings``: five to ten, of different kinds; ``straw``: the base model; ``without``: causes that are not to be
-    tried; ``tolerance``: what may remain, as "x=0.1mm,phi=2mrad" or "2%"; ``jobs``: threads, or an ``executor`` of
-    threads or of a Dask client in their place, which must outlive the diagnosis; ``progress``: told (steps done, steps
-    in all). Minutes. Raises ReplayError or ModelError, one line, as `straw diagnose` does.
+    ``recordings``: five to ten, of different kinds; ``straw``: the base model; ``without``: causes left out of
+    the library; ``tolerance``: what may remain, as "x=0.1mm,phi=2mrad" or "2%"; ``jobs``: threads, or an ``executor``
+    of threads or of a Dask client in their place, which must outlive the diagnosis; ``progress``: called with (steps
+    done, steps in all). Takes minutes. Raises ReplayError or ModelError, one line, as `straw diagnose` does.
     """
     the = the_straw(straw)
     system = StrawSystem(the)
@@ -150,7 +151,7 @@ def diagnose(
     def told(_what: str, done: int, total: int) -> None:
         progress(done, total)
 
-    # Not closed: the page simulates again. Its threads end when the diagnosis is forgotten.
+    # Not closed, as the page simulates again; its threads end with the diagnosis object.
     pool = executor or ThreadPoolExecutor(max(1, jobs))
     try:
         found = inquire([observe(run) for run in runs], system, library=library, executor=pool, told=told)

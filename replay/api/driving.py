@@ -1,4 +1,4 @@
-"""Controllers, emulated ones, and runs on them: what `straw rig run` does."""
+"""Controllers, emulators, and runs on them, as `straw rig run` does."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from straw.rig.guarded import GuardedController
 
 
 def controllers() -> tuple[str, ...]:
-    """Names of the controllers that there are drivers for."""
+    """Names of the controllers that have a driver."""
     return controller_names()
 
 
@@ -36,7 +36,7 @@ def emulated(
     straw: GivenStraw = None, deployed: Collection[int] = (), controller: str = "ob1-mk4", **settings: Any
 ) -> Emulation:
     """A controller on the wire with the straw behind it: ``with straw.emulated(deployed=[1, 4]) as e:`` serves at
-    ``e.url``; ``e.twin.history`` tells what the straw did."""
+    ``e.url``; ``e.twin.history`` is the straw's motion."""
     return emulation(the_straw(straw), deployed, controller, **settings)
 
 
@@ -54,8 +54,8 @@ def run_protocol(
 ) -> Recording:
     """Drive a protocol, record it in ``output`` and return the recording.
 
-    On ``controller`` (not opened yet), or with ``emulate`` on an emulated OB1 MK4 with ``straw`` behind it, as ``fast``
-    as the arithmetic or in real time. ``rate_hz``: readings a second. ``metadata`` goes on record. ``tip``: where, with
+    On ``controller`` (not opened yet), or with ``emulate`` on an emulated OB1 MK4 with ``straw`` behind it, in real
+    time, or as ``fast`` as possible. ``rate_hz``: readings a second. ``metadata`` is recorded. ``tip``: where, with
     ``emulate``, the track of a perfect camera is written; it is joined to the recording. Vents at the end,
     and on any error or signal; raises RigError.
     """
@@ -67,7 +67,7 @@ def run_protocol(
         return read_recording(drive(driver, what, path, the.cells, rate_hz, **about).path)
 
     if (controller is None) != emulate or (tip is not None and not emulate):
-        raise ReplayError("run_protocol: give a controller, or emulate=True: one of them; tip belongs to the latter")
+        raise ReplayError("run_protocol: give a controller, or emulate=True, not both; tip needs emulate=True")
     if controller is not None:
         return work(controller)
     if tip is not None:

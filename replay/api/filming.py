@@ -1,4 +1,4 @@
-"""From a video to the tip: what `straw track` does, as an object."""
+"""From a video to the tip, as `straw track` does, as an object."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from straw.tracking.track import track as track_only
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: A tip is not further from the straw's base than this: a larger number is one of mm.
+#: Largest distance of a tip from the straw's base; larger numbers must be in mm.
 FARTHEST_M = 2.0
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Track(Shown, task.Track):
-    """What a video says about the tip: ``trace`` has ``time_s``, ``x_m``, ``z_m``, ``phi_rad``, their sigmas and
-    ``valid``, each (frames,); ``rms_px``, ``corners`` (frames,) how well each was seen; ``camera`` as it was found."""
+    """The tip's motion by a video: ``trace`` has ``time_s``, ``x_m``, ``z_m``, ``phi_rad``, their sigmas and
+    ``valid``, each (frames,); ``rms_px``, ``corners`` (frames,) the quality of each frame; ``camera`` as estimated."""
 
     def _columns(self) -> Rows:
         rows: dict[str, Any] = {name: getattr(self.trace, name) for name in ("frame", *TIP)}
@@ -69,17 +69,17 @@ def track(
     ``camera``: lens, and its place if known, or its file. ``output``: the track is written there as a recording on the
     clock of ``run``, as `straw track` does. ``rest``: the tip's pose while still at the beginning (x m, z m, phi rad),
     which places the camera; else the model's for the configuration in which ``run`` starts. ``start_s``: the first
-    frame, s after the run's zero. ``board``: squares and side. ``mend``: a file of changes by hand. ``progress``: told
-    (frames done, frames in all). ``fps``: at which a slow replay was filmed (0: its times are right); ``from_s``,
-    ``to_s``: the part of the film; ``level``: the camera stands level; ``near_px``: where the board is in the first
-    picture. Raises TrackingError or ReplayError, one line.
+    frame, s after the run's zero. ``board``: squares and side. ``mend``: a file of corrections by hand. ``progress``:
+    called with (frames done, frames in all). ``fps``: the rate at which slow motion was filmed (0: its times are
+    right); ``from_s``, ``to_s``: the part of the video; ``level``: the camera stands level; ``near_px``: where the
+    board is in the first picture. Raises TrackingError or ReplayError, one line.
     """
     files = [Path(v) for v in ([videos] if isinstance(videos, str | Path) else videos)]
     lens = camera if isinstance(camera, Camera) else load_camera(Path(camera))
     filmed = run if isinstance(run, Run) or run is None else read_whole(Path(run))
     if rest is None and lens.world_from_camera is None and (filmed is None or filmed.initial_deployed is None):
         raise ReplayError(
-            "track: nothing says where the camera stands; give rest=(x_m, z_m, phi_rad), or run= with the cells it "
+            "track: the camera's place is unknown; give rest=(x_m, z_m, phi_rad), or run= with the cells it "
             "starts from, or a camera with its place"
         )
     pose = _checked(rest) if rest is not None else rest_of(None, filmed, lens, the_straw(straw))

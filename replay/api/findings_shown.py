@@ -1,4 +1,4 @@
-"""Findings as columns and as a picture: how probable each hypothesis is, and what was held out before and after."""
+"""Findings as columns and as a picture: the posterior, and the held-out RMS before and after."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def constants_table(parameters: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Rows:
-    """Constants by cause, one a row; sigma is NaN where none is told."""
+    """Constants by cause, one a row; sigma is NaN where unknown."""
     rows = [(cause, name, one) for cause, constants in parameters.items() for name, one in constants.items()]
     return {
         "cause": np.array([cause for cause, _, _ in rows], dtype=str),
@@ -26,7 +26,7 @@ def constants_table(parameters: Mapping[str, Mapping[str, Mapping[str, Any]]]) -
 
 
 def heldout_table(before: Mapping[str, float], after: Mapping[str, float], floor: Mapping[str, float]) -> Rows:
-    """RMS by channel where nothing was fitted, in the channel's own unit."""
+    """Held-out RMS by channel, in the channel's own unit."""
     return {
         "channel": np.array(list(before), dtype=str),
         "rms_before": np.array(list(before.values()), dtype=np.float64),
@@ -50,7 +50,7 @@ def verdict_figure(
 
     ``shown``: by channel its short name, factor and unit for a person's eyes.
     """
-    from matplotlib.figure import Figure  # takes its time
+    from matplotlib.figure import Figure  # slow to import
 
     channels = [str(name) for name in heldout["channel"]]
     figure = Figure(figsize=(7.0, 0.32 * len(probability) + 1.4), layout="constrained")

@@ -1,4 +1,4 @@
-"""What callers may give: a straw, a protocol, recordings, each as the object or as its file."""
+"""Arguments of the API: a straw, a protocol, recordings, each as the object or as its file."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ GivenRuns: TypeAlias = Run | Named | Sequence[Run | Named]
 
 
 def the_straw(given: GivenStraw) -> StrawParameters:
-    """The straw that is meant."""
+    """The straw of an argument."""
     return given if isinstance(given, StrawParameters) else load_straw(given)
 
 
 def the_protocol(given: GivenProtocol) -> PressureProtocol:
-    """The protocol that is meant."""
+    """The protocol of an argument."""
     return given if isinstance(given, PressureProtocol) else load_protocol(given)
 
 
 def the_runs(given: GivenRuns, *, partial: bool = False) -> list[Run]:
-    """Runs that can be compared: those from files joined with their tracks; ReplayError where one lacks something."""
+    """Runs that can be compared: those from files joined with their tracks; ReplayError where one is incomplete."""
     several = [given] if isinstance(given, Run | str | Path) else list(given)
     if not several:
         raise ReplayError("no recording is given; give one, or a list of them")

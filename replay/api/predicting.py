@@ -1,4 +1,4 @@
-"""What the model says: a motion, and its exact derivatives, by any constant of the straw."""
+"""The model's motion, and its exact derivatives by any constant of the straw."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _CHANNELS = ("time_s", "x_m", "z_m", "phi_rad", "external_pa", "pressure_pa", "v
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Prediction(Shown, model.Prediction):
-    """A motion of the straw, SI: ``time_s``, ``x_m``, ``z_m``, ``phi_rad`` of the tip, ``external_pa`` (what drives),
+    """A motion of the straw, SI: ``time_s``, ``x_m``, ``z_m``, ``phi_rad`` of the tip, ``external_pa`` (driving),
     ``pressure_pa`` (inside), ``volume_m3``, each (n,); ``zeta_m``, ``frustum_phi_rad`` (n, cells, 2) of every frustum
     (odd, even). World frame: origin at the middle of the base, X horizontal, Z up, tip axis (sin phi, cos phi).
     """
@@ -121,11 +121,11 @@ def simulate(
 
     ``straw``: parameters, their file, or None for the paper's. ``pressure``: a protocol or its file (through a
     controller of nominal speed), a recording (its measured pressure, at its tip's samples), a constant (Pa), or a
-    function from seconds (k,) to gauge Pa (k,). ``time_s`` (n,) increases: when to look, s; a protocol is looked at
-    240 times a second and a recording when it was, where none is given. ``deployed``: cells deployed at the start,
-    from 1 at the base; protocol and recording say them. ``tolerance_m``: accuracy of a step.
+    function from seconds (k,) to gauge Pa (k,). ``time_s`` (n,) increases: output times, s; by
+    default 240 a second for a protocol and the tip's own for a recording. ``deployed``: cells deployed at the start,
+    from 1 at the base; by default the protocol's or recording's. ``tolerance_m``: accuracy of a step.
 
-    Raises ModelError where the model cannot follow, ReplayError where something is not said.
+    Raises ModelError where the model cannot follow, ReplayError where an argument is missing.
     """
     the = the_straw(straw)
     if isinstance(pressure, str | Path):
@@ -151,8 +151,8 @@ def differentiate(
     """The motion that `simulate` gives and its exact derivatives by parameters.
 
     ``by``: constants named as in a straw file ("c_zeta_n_s_per_m", "terms.cohesion.force_n"), "delay_s" (of the
-    pressure), or any ``straw.Direction``: of one cell, of a sum, of the pressure or the start. With ``cells`` those of
-    every frustum come along. The rest as in `simulate`, and what it raises.
+    pressure), or any ``straw.Direction``: of one cell, of a sum, of the pressure or the start. ``cells`` adds the
+    derivatives of every frustum's coordinates. Other arguments and errors as in `simulate`.
     """
     the = the_straw(straw)
     asked = _asked(the, the_protocol(pressure) if isinstance(pressure, str | Path) else pressure, time_s, deployed)
@@ -174,7 +174,7 @@ def _asked(
     time_s: ArrayLike | None,
     deployed: Collection[int] | None,
 ) -> _Asked:
-    """What the model takes, from what a person gives."""
+    """The model's arguments from those of the API."""
     if isinstance(pressure, Run):
         straw, pressure, when, at_start = setting(check_run(pressure), straw)
     elif isinstance(pressure, PressureProtocol):
@@ -182,7 +182,7 @@ def _asked(
         pressure = Outlet(pressure)
     else:
         if time_s is None or deployed is None:
-            raise ReplayError("simulate: give time_s and deployed; only a protocol and a recording say them themselves")
+            raise ReplayError("simulate: give time_s and deployed; only a protocol or a recording has them itself")
         when, at_start = np.empty(0), ()
     if not callable(pressure):
         pressure = _constant(float(pressure))

@@ -1,4 +1,4 @@
-"""Recordings and protocols as a notebook has them: read, written, shown."""
+"""Recordings and protocols for notebooks: read, written, shown."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from straw.tracking.trace import TipTrace
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: What a pressure or a tip may be given as: columns by name, or an object that has them as attributes.
+#: A pressure or a tip: columns by name, or an object that has them as attributes.
 Columns = Mapping[str, ArrayLike] | PressureLog | TipTrace
-#: Where recordings of no date stand: a message at time 0 breaks Foxglove.
+#: Zero of recordings without a date: a message at time 0 breaks Foxglove.
 NOMINAL_ZERO_NS = 1_000_000_000
 
 
@@ -36,7 +36,7 @@ class Recording(Shown, Run):
 
     ``pressure`` and ``command`` (``time_s``, ``pressure_pa``, ``sigma_pa``, each (n,)), ``tip`` (``time_s``, ``x_m``,
     ``z_m``, ``phi_rad``, their sigmas, ``valid``, each (m,)), ``events``, ``metadata``; None where it was not recorded.
-    ``lost`` says in sentences what is missing, damaged or assumed.
+    ``lost``: sentences on what is missing, damaged or assumed.
     """
 
     def _columns(self) -> Rows:
@@ -91,8 +91,8 @@ def load_protocol(path: str | Path) -> Protocol:
 def read_recording(path: str | Path, *tracks: str | Path, partial: bool = False) -> Recording:
     """One recording, and on its clock the tracks that were derived from it.
 
-    Raises ReplayError for a damaged file, unless ``partial`` takes it for what is left, and for a track of another
-    recording; RigError for what is no recording.
+    Raises ReplayError for a damaged file, unless ``partial`` accepts its intact part, and for a track of another
+    recording; RigError for a file that is no recording.
     """
     run = read_whole(Path(path), partial=partial)
     for track in tracks:
@@ -115,7 +115,7 @@ def write_recording(
     zero_time_ns: int = NOMINAL_ZERO_NS,
     metadata: Mapping[str, str] | None = None,
 ) -> Recording:
-    """Write columns as a recording (MCAP) and return it as it reads; nothing is overwritten.
+    """Write columns as a recording (MCAP) and return it as read back; nothing is overwritten.
 
     ``pressure``: ``time_s``, ``pressure_pa`` (n,) and, where known, ``sigma_pa``, ``channel``, ``flow_m3_s``;
     ``command``: ``time_s``, ``pressure_pa``; ``tip``: ``time_s``, ``x_m``, ``z_m``, ``phi_rad`` (m,) and, where known,

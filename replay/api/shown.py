@@ -1,4 +1,4 @@
-"""Results that a notebook shows: a heading, a table, a picture; and the same columns as a pandas DataFrame."""
+"""Results that a notebook displays as heading, table and picture, with the columns as a pandas DataFrame."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ Rows = Mapping[str, NDArray[Any]]
 
 
 class Shown:
-    """What a result has for a notebook. A class gives its columns, and what else it has to say."""
+    """Base of results that a notebook displays. A subclass defines its columns and, optionally, a sentence and a
+    figure."""
 
     def _columns(self) -> Rows:
         """Columns (n,) by their names, each with its unit (``x_m``)."""
@@ -58,7 +59,7 @@ class Shown:
         return f"<{type(self).__name__}{': ' if says else ''}{says}>"
 
     def _repr_html_(self) -> str:
-        """What Jupyter and its like show."""
+        """HTML for Jupyter and similar notebooks."""
         parts = [f"<p><b>{type(self).__name__}</b> {escape(self._says())}</p>"]
         if (figure := self._figure()) is not None:
             kept = io.StringIO()
@@ -84,13 +85,13 @@ def table(columns: Rows, most: int = 6) -> str:
 
 
 def cell(value: Any) -> str:
-    """A number or a word as it stands in a table."""
+    """A number or a word as text of a table."""
     return f"{value:.6g}" if isinstance(value, float | np.floating) else str(value)
 
 
 def motion_figure(rows: Rows) -> Figure:
     """Tip and pressure over time, whichever of the columns are there: mm, degrees, kPa."""
-    from matplotlib.figure import Figure  # takes its time
+    from matplotlib.figure import Figure  # slow to import
 
     panels = [
         (title, [(name, factor) for name, factor in names if name in rows])

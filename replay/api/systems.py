@@ -1,4 +1,4 @@
-"""What a measured system of one's own leaves out: what `straw diagnose --system` finds, as an object."""
+"""The diagnosis of a user's own system, as `straw diagnose --system`, as an object."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ GivenTables = Named | Sequence[Named] | Mapping[str, Mapping[str, ArrayLike]]
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class SystemDiagnosis(Shown):
-    """What recordings of a system say; figures are in the units of the system's file. `to_dataframe` gives the laws
-    that were found with their constants, and so do ``probability``, ``heldout`` and ``located`` as columns."""
+    """A diagnosis of a system; figures are in the units of the system's file. `to_dataframe` gives the laws found with
+    their constants, and so do ``probability``, ``heldout`` and ``located`` as columns."""
 
     findings: SystemFindings
 
@@ -52,12 +52,12 @@ class SystemDiagnosis(Shown):
 
     @property
     def probability(self) -> Mapping[str, float]:
-        """How often each law comes first when the blocks of the recordings are drawn again; the largest first."""
+        """How often each law comes first when the blocks of the recordings are resampled; the largest first."""
         return self.findings.probability
 
     @property
     def laws(self) -> tuple[str, ...]:
-        """Formulas of what was found, in order."""
+        """Formulas of the laws found, in order."""
         return tuple(one.formula for one in self.findings.laws)
 
     @property
@@ -80,7 +80,7 @@ class SystemDiagnosis(Shown):
 
     @property
     def heldout(self) -> Rows:
-        """RMS where nothing was fitted: ``channel``, ``rms_before``, ``rms_after``, ``noise_floor``."""
+        """Held-out RMS: ``channel``, ``rms_before``, ``rms_after``, ``noise_floor``."""
         d = self.findings.discovery
         rows = (d.held[0], d.held[-1], d.noise)
         return heldout_table(*(dict(zip(self.findings.channels, map(float, row), strict=True)) for row in rows))
@@ -129,11 +129,11 @@ def diagnose_system(
     executor: Executor | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> SystemDiagnosis:
-    """What the base model in a system's file leaves out of its recordings, as `straw diagnose --system` finds it.
+    """Diagnose what the base model in a system's file leaves out of its recordings, as `straw diagnose --system`.
 
     ``recordings``: files, or columns by recording, ``{"monday": {"time_s": t, "p": p}}``. ``hold_out``: names of those
-    that no fit sees; ``given``: constants known better than the file says, (value, low, high); ``tolerance``: RMS that
-    may remain by channel, in its unit; ``jobs``, ``executor``, ``progress`` as for `diagnose`. Seconds to minutes.
+    left out of every fit; ``given``: constants known better than in the file, (value, low, high); ``tolerance``: RMS
+    that may remain by channel, in its unit; ``jobs``, ``executor``, ``progress`` as for `diagnose`. Seconds to minutes.
     Raises ReplayError, one line with place and cure.
     """
     model = load_model(Path(system), [(name, *values) for name, values in (given or {}).items()])

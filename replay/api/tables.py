@@ -1,4 +1,4 @@
-"""Tables of other loggers from Python: what `straw import` and `straw export` do, as an object that shows itself."""
+"""Tables of other loggers from Python: `straw import` and `straw export` as functions."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Import(Shown):
-    """What tables were understood to say. ``guesses``: what nobody stated; ``recording``: what was written, None for a
-    look without an output; ``mapping`` (TOML): the same, stated. `to_dataframe` gives a row for each column used."""
+    """The interpretation of tables. ``guesses``: what was not stated; ``recording``: what was written, None without an
+    output; ``mapping`` (TOML): the interpretation, stated. `to_dataframe` gives a row for each column used."""
 
     plan: Plan
     recording: Recording | None
 
     @property
     def guesses(self) -> tuple[str, ...]:
-        """What was guessed, with the flag of `straw import` that states it."""
+        """Each guess, with the flag of `straw import` that states it."""
         return tuple(f"{doubt.what}; to state it: {doubt.say}" for doubt in self.plan.doubts)
 
     @property
     def mapping(self) -> str:
-        """What was understood as a mapping file, which ``mapping`` and `straw import --map` take."""
+        """Write the interpretation as a mapping file, for ``mapping`` and `straw import --map`."""
         return to_toml(self.plan.mapping)
 
     def __str__(self) -> str:
@@ -91,15 +91,15 @@ def import_tables(
     as_stated: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> Import:
-    """Make one recording of tables of other loggers, as `straw import` does; without ``output``, look only.
+    """Make one recording of tables of other loggers, as `straw import` does; without ``output``, only interpret them.
 
     ``columns``: by role ("time", "pressure", "command", "flow", "x", "z", "phi", ...) a column's heading or number
     from 1, with its unit where the heading has none ("P1 in mbar"), with its table where several have it
-    ("tip.csv:Time in s"), "none" to leave it out. ``mapping``: a mapping file, or what it says, for all else.
+    ("tip.csv:Time in s"), "none" to leave it out. ``mapping``: a mapping file, or its contents, for all else.
     ``reader``: a file with a `Reader`. ``rate_hz``: samples a second of a table without a time. ``start``,
-    ``time_zone``: when time 0 was. What nobody states is guessed; with a guess nothing is written, and a ReplayError
-    says how to state it, unless ``accept_guesses``. ``as_stated``: believe
-    units although sizes look wrong. Raises RigError or ReplayError, one line.
+    ``time_zone``: when time 0 was. What is not stated is guessed; with a guess nothing is written, and a ReplayError
+    says how to state it, unless ``accept_guesses``. ``as_stated``: accept units although magnitudes look wrong. Raises
+    RigError or ReplayError, one line.
     """
     paths = [Path(one) for one in ([tables] if isinstance(tables, str | Path) else tables)]
     if not paths:
@@ -149,8 +149,8 @@ def _entry(path: Path, paths: Sequence[Path], said: TablesMap) -> TableMap:
 def export_table(
     recording: Recording | Named, *, csv: Named | None = None, parquet: Named | None = None, topics: Sequence[str] = ()
 ) -> int:
-    """Write a recording as a table, as `straw export` does, and how many rows it has; `import_tables` is for tables of
-    others, `straw import` brings this one back bit for bit. Raises RigError or ReplayError."""
+    """Write a recording as a table, as `straw export` does, and return its number of rows. `straw import` restores it
+    exactly; `import_tables` is for other tables. Raises RigError or ReplayError."""
     if csv is None and parquet is None:
         raise ReplayError("export_table: say where: csv=, parquet=, or both")
     for path in (csv, parquet):

@@ -16,7 +16,7 @@ from straw.tracking.camera import Camera, save_camera
 
 
 def run(args: argparse.Namespace) -> int:
-    """Calibrate; say which model, how good, and what would make it better."""
+    """Calibrate; print the lens model, its quality, and advice."""
     for path in filter(None, (args.output, args.picture)):
         if not path.parent.is_dir():
             raise ReplayError(f"{path}: there is no folder {path.parent}; make it or choose another place")
@@ -68,7 +68,7 @@ def as_data(found: Calibration) -> dict[str, object]:
 
 def draw(found: Calibration, path: Path) -> None:
     """Draw one sigma of the projection over the picture, and where corners were seen."""
-    import matplotlib as mpl  # takes its time
+    import matplotlib as mpl  # slow to import
 
     mpl.use("Agg")
     from matplotlib import pyplot as plt

@@ -1,4 +1,4 @@
-"""straw check: the contract test over a part of somebody's own; what is wrong is one line."""
+"""straw check: the contract test of a user's own part; a defect is one line."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from straw.replay.progress import say
 
 
 def run(args: argparse.Namespace) -> int:
-    """Check the part by what it gives; 0 when it may be used, 2 with one line when not."""
+    """Check the part by its kind; 0 when it can be used, 2 with one line when not."""
     module = module_of(args.part.resolve(), "part")
     kinds = [name for name in PARTS if hasattr(module, name)]
     if not kinds:
@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def check_laws(path: Path, _module: ModuleType, args: argparse.Namespace) -> list[str]:
-    """What a file's laws are; with ``--run`` they run in the model, too."""
+    """Describe a file's laws; with ``--run`` also run them in the model."""
     whole = args.run
     if whole:
         add_laws(path)
@@ -53,7 +53,7 @@ def check_laws(path: Path, _module: ModuleType, args: argparse.Namespace) -> lis
         if whole:
             said.append(f"  on the paper's two runs the tip changes by up to {runs(law.name):.3g} mm")
     if not whole:
-        say("not run in the model, which compiles for a minute or two: --run")
+        say("not run in the model; --run does so, and compiles for a minute or two")
     return said
 
 
@@ -80,7 +80,7 @@ def compiles(where: str, law: object) -> None:
 
 
 def runs(name: str) -> float:
-    """How far the tip moves off by a law of plausible strength on the paper's two runs, mm; ModelError if it fails."""
+    """Change of the tip (mm) by a law of plausible strength in the paper's two runs; ModelError if it fails."""
     from straw.model.parameters import StrawParameters
     from straw.model.simulate import simulate
     from straw.model.terms import TERMS
@@ -99,7 +99,7 @@ def runs(name: str) -> float:
 
 
 def check_controller(path: Path, _module: ModuleType, _args: argparse.Namespace) -> list[str]:
-    """What a driver is."""
+    """Describe a driver."""
     from straw.rig.controller import driver_in
 
     driver = driver_in(path.resolve())
@@ -110,7 +110,7 @@ def check_controller(path: Path, _module: ModuleType, _args: argparse.Namespace)
 
 
 def check_system(path: Path, _module: ModuleType, _args: argparse.Namespace) -> list[str]:
-    """That a system can be simulated and diagnosed; ReplayError with every defect in one line."""
+    """Check that a system can be simulated and diagnosed; ReplayError with every defect in one line."""
     from straw.replay.diagnose.systems.function.check import defects
 
     if found := defects(path):
@@ -119,7 +119,7 @@ def check_system(path: Path, _module: ModuleType, _args: argparse.Namespace) -> 
 
 
 def check_readers(path: Path, _module: ModuleType, args: argparse.Namespace) -> list[str]:
-    """What a file's readers say; with ``--on TABLE`` the first reads it, whole and damaged."""
+    """Describe a file's readers; with ``--on TABLE`` the first one reads it, whole and damaged."""
     from straw.rig.parts import in_file
     from straw.rig.tables import Reading, table_bytes
     from straw.rig.tables.reader import READERS, reader_in, tried
@@ -142,7 +142,7 @@ def check_readers(path: Path, _module: ModuleType, args: argparse.Namespace) -> 
 
 
 def check_figures(path: Path, _module: ModuleType, _args: argparse.Namespace) -> list[str]:
-    """What a file's figures of merit are, and what they say of a fold that rings and of a straw at rest."""
+    """Describe a file's figures of merit, with their values for a fold that rings and a straw at rest."""
     from straw.replay.metrics.merit import FIGURES, asked
     from straw.replay.metrics.typical import typical_motions
     from straw.rig.parts import in_file
@@ -159,7 +159,7 @@ def check_figures(path: Path, _module: ModuleType, _args: argparse.Namespace) ->
     return out
 
 
-#: What a file may give, and its check.
+#: Kinds of part by the name in the file, and their checks.
 PARTS: dict[str, Callable[[Path, ModuleType, argparse.Namespace], list[str]]] = {
     "LAW": check_laws,
     "LAWS": check_laws,

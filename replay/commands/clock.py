@@ -20,7 +20,7 @@ from straw.tracking.video import Frame, VideoReader
 
 
 def run(args: argparse.Namespace) -> int:
-    """Fit it, say so, and write it down."""
+    """Fit, print and write the clock."""
     recorded = read_whole(args.run)
     if args.video.suffix == ".mcap":
         clock = from_track(args, recorded)
@@ -51,7 +51,7 @@ def from_video(args: argparse.Namespace, recorded: Run) -> CameraClock:
 
 
 def from_track(args: argparse.Namespace, recorded: Run) -> CameraClock:
-    """The motion of a track, against what the model says of the run."""
+    """The motion of a track, against the model's prediction of the run."""
     tracked = read_whole(args.video)
     if tracked.tip is None:
         raise ReplayError(f"{args.video}: holds no /tip/state; track the video first")

@@ -1,4 +1,5 @@
-"""straw demo: the whole loop without hardware: drive, film, track, diagnose what the twin conceals, replay."""
+"""straw demo: the whole loop without hardware: drive, film, track, diagnose what the simulated straw conceals,
+replay."""
 
 from __future__ import annotations
 
@@ -30,11 +31,11 @@ from straw.replay.report.proxy import film as film_proxy
 from straw.rig.run import Run
 from straw.tracking.camera import save_camera
 
-#: The straw as its owner knows it; damping lies between those of the paper's two runs.
+#: The base straw; its damping lies between those of the paper's two runs.
 BASE = StrawParameters().replace(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)
-#: A search that takes longer is cut short, says so and names nothing, s.
+#: A search that takes longer (s) is cut short, reports it and names nothing.
 PATIENCE_S = 170.0
-MARKER = ".straw-demo"  # a folder with this file is one that the demo may use again
+MARKER = ".straw-demo"  # marks a folder that the demo may overwrite
 MADE = (
     "sealed.txt", "base.toml", "camera.json", *(name for plan in PLANS for name in plan.files),
     "why.html", "improved.toml", "replay.html", "opened.json", "demo.json",
@@ -98,7 +99,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def diagnosed(runs: list[Run]) -> tuple[Findings, str]:
-    """What the runs say, from their recordings and the base straw alone, and the page that shows why."""
+    """Diagnose the recordings with the base straw alone, and write the page."""
     until_s = time.monotonic() + PATIENCE_S
     with ThreadPoolExecutor() as pool, stage_bar("diagnose") as told:
         found = inquire(
@@ -118,19 +119,19 @@ def clear_folder(out: Path) -> Path:
         if out.is_dir() and any(out.iterdir()) and not (out / MARKER).exists():
             raise ReplayError(f"{out}: is not empty and not an earlier demo; choose another folder with --out")
         out.mkdir(parents=True, exist_ok=True)
-        for name in MADE:  # and nothing else: somebody may keep a recording of their own here by now
-            for ending in ("", ".sha256", ".part", ".corners"):  # the last two of one that was killed
+        for name in MADE:  # and nothing else: the user may keep recordings of their own here
+            for ending in ("", ".sha256", ".part", ".corners"):  # the last two are left by a demo that was killed
                 (out / f"{name}{ending}").unlink(missing_ok=True)
-        (out / MARKER).write_text(f"straw demo makes anew: {', '.join(MADE)}\n", encoding="utf-8")
+        (out / MARKER).write_text(f"straw demo overwrites: {', '.join(MADE)}\n", encoding="utf-8")
     except OSError as error:
         raise ReplayError(f"{out}: cannot be the demo's folder: {error.strerror}; choose another with --out") from None
     return out
 
 
 def figures(filmed: Filmed, held: Held | None) -> str:
-    """Tracking error of one run, and what base and improved model are off by on runs held out, in units people read.
+    """Tracking error of one run, and errors of base and improved model on held-out runs, in display units.
 
-    From the diagnosis rather than the page: a fault of clock, camera or gauge that it found is in it.
+    From the diagnosis rather than the page, so that a fault of clock, camera or gauge that it found is included.
     """
     lines = [f"{filmed.recording.name:<26}    X / um    Z / um   Phi / mrad"]
     scale = dict(zip(CHANNELS, (1e6, 1e6, 1e3), strict=True))

@@ -1,4 +1,4 @@
-"""straw demo --measured: a recording that instruments measured, a base model, and what it leaves out."""
+"""straw demo --measured: a real recording, a base model, and what the model leaves out."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 from straw.replay.commands import diagnose_system
 
-#: What is laid into the folder, and what is made there.
+#: Files copied into the folder, and files made there.
 SYSTEM, READINGS, SOURCE = "air_chamber.py", "Ultimaker_015.csv", "SOURCE.md"
 
 

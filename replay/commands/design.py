@@ -1,4 +1,4 @@
-"""straw design: geometries for wanted snap pressures, lengths and states; the chosen ones by finite elements."""
+"""straw design: geometries for wanted snap pressures, lengths and states; the best are checked by finite elements."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from straw.replay.workers import workers
 
 
 def run(args: argparse.Namespace) -> int:
-    """Search, check, print, draw; 1 where nothing gives all that is wanted."""
+    """Search, check, print, draw; 1 where no design meets the wishes."""
     wish, straw = read_wish(args.wish), load_straw(args.straw).replace(elasticity=EQUATION_7)
     if args.count < 64:
         raise ReplayError(f"--count {args.count}: expected 64 or more")

@@ -1,4 +1,4 @@
-"""straw diagnose: what the model leaves out, or which instrument lies, from a campaign of recordings."""
+"""straw diagnose: what the model leaves out, or which instrument is wrong, from a campaign of recordings."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SHOWN = 6
 
 
 def run(args: argparse.Namespace) -> int:
-    """Diagnose; 0 when nothing is missing, 1 when something is, is not told apart, or is unknown."""
+    """Diagnose; 0 when nothing is missing, 1 when something is, or is ambiguous or unknown."""
     if args.system:
         from straw.replay.commands import diagnose_system
 
@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
         written.append(args.output)
     if args.experiment:
         if findings.experiment is None:
-            say("no experiment is proposed: nothing is left to tell apart")
+            say("no experiment is proposed: there is nothing left to distinguish")
         else:
             write_text(args.experiment, findings.experiment.protocol)
             written.append(args.experiment)
@@ -86,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def chosen(system: System, without: Sequence[str]) -> list[str]:
-    """The causes that are tried: all but some; ReplayError for one that there is not."""
+    """The causes to be tried: all but some; ReplayError for an unknown one."""
     for name in without:
         if name not in system.causes:
             raise ReplayError(f"--without {name}: no such cause; known: {', '.join(system.causes)}")
@@ -94,7 +94,7 @@ def chosen(system: System, without: Sequence[str]) -> list[str]:
 
 
 def check_campaign(runs: Sequence[Run], cells: int) -> None:
-    """Raise ReplayError where runs cannot be of one specimen, not of this straw, or not what they say."""
+    """Raise ReplayError where runs are of several specimens, of another straw, or implausible."""
     specimens = sorted({one.specimen for one in runs if one.specimen})
     if len(specimens) > 1:
         raise ReplayError(f"runs of {len(specimens)} specimens ({', '.join(specimens)}); diagnose one at a time")

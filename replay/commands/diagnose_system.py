@@ -20,7 +20,8 @@ from straw.rig.interrupts import Interrupts
 
 
 def run(args: argparse.Namespace) -> int:
-    """Diagnose; 0 when nothing is missing or all is within the tolerance, 1 when something is, or is not told."""
+    """Diagnose; 0 when nothing is missing or all is within the tolerance, 1 when something is, or is ambiguous or
+    unknown."""
     for option in ("straw", "laws", "without", "output", "experiment", "partial"):
         if getattr(args, option):
             raise ReplayError(f"--{option}: is for a straw; leave it out with --system")

@@ -1,4 +1,4 @@
-"""straw export: a recording as a table, CSV or Parquet, that comes back bit for bit with straw import."""
+"""straw export: a recording as a table, CSV or Parquet, which straw import restores exactly."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from straw.rig.tables.own_files import side_of
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write the table, and say what it does not hold."""
+    """Write the table, and report what it does not hold."""
     if not (args.csv or args.parquet):
         raise ReplayError("straw export: say --csv T.csv or --parquet T.parquet")
     outputs = [path for path in (args.csv, args.csv and side_of(args.csv), args.parquet) if path]

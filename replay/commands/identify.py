@@ -19,19 +19,19 @@ from straw.replay.workers import threads
 #: Where the search of damping and channel radius starts: all combinations; the paper's span 0.1 to 620, 0.7 to 3e-3,
 #: 0.315 to 0.43 mm.
 C_ZETA_STARTS, C_PHI_STARTS, R_CH_STARTS = (1.0, 10.0, 100.0, 600.0), (1e-3, 3e-3), (0.33e-3, 0.42e-3, 0.52e-3)
-#: Reduced chi-square above which the straw is said not to explain the runs.
+#: Reduced chi-square above which the command reports that the straw does not explain the runs.
 POOR_CHI2 = 2.0
 
 
 def run(args: argparse.Namespace) -> int:
-    """Hand over to the kind of measurement, then write the straw and the result."""
+    """Call the kind of measurement, then write the straw and the result."""
     known = load_straw(args.straw)
     if args.output:
         check_new(args.output)
     straw, result = {"filling": _filling, "geometry": _geometry, "runs": _runs}[args.kind](args, known)
     if args.output:
         write_text(args.output, straw.to_toml())
-        print(f"the straw with what was found is in {args.output}")
+        print(f"the straw with these constants is in {args.output}")
     if args.json:
         write_json(args.json, {**result, "straw": straw.to_toml()})
     return 0

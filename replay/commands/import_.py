@@ -16,7 +16,7 @@ from straw.rig.tables.mapping import to_toml
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write the recording; 1 where guesses wait to be confirmed."""
+    """Write the recording; 1 where guesses must be confirmed first."""
     if args.output is None and not args.dry_run:
         raise ReplayError("straw import: say -o RUN.mcap, where the recording goes, or --dry-run to look only")
     if args.output is not None:
@@ -24,7 +24,7 @@ def run(args: argparse.Namespace) -> int:
     if args.straw:
         from straw.model.parameters import load_straw  # loads the compiler
 
-        load_straw(args.straw)  # who names readers in it is told what is wrong with it
+        load_straw(args.straw)  # a file that names readers must be valid
     own = [is_own_table(path) for path in args.tables]
     if any(own):
         return _own(args, own)
@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
     if args.save_map:
         check_new(args.save_map)
         write_text(args.save_map, to_toml(plan.mapping))
-        print(f"what was understood is in {args.save_map}; --map takes it")
+        print(f"the interpretation is in {args.save_map}, for --map")
     waiting = bool(plan.doubts) and not args.yes
     picture = args.picture
     if picture is None and (waiting or args.dry_run):
@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _own(args: argparse.Namespace, own: list[bool]) -> int:
-    """A table that straw export wrote: it says all of itself."""
+    """A table that straw export wrote, which needs no mapping."""
     if len(own) > 1:
         raise ReplayError(
             f"{args.tables[own.index(True)]}: straw export wrote it; import it alone, it is a whole recording"

@@ -1,4 +1,4 @@
-"""straw investigate: diagnose, choose and dry-run the next experiment, ask, run it, again, until there is an answer."""
+"""straw investigate: diagnose, propose and simulate an experiment, ask, run it, repeat until there is an answer."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from straw.rig.rig_file import load_rig
 
 
 def run(args: argparse.Namespace) -> int:
-    """Go on until there is a reason to stop; 0 when it is an answer, 1 when not."""
+    """Repeat until there is a reason to stop; 0 when that is an answer, 1 when not."""
     if not 0.5 < args.certainty < 1:
         raise ReplayError(f"--certainty {args.certainty:g}: expected a probability between 0.5 and 1, as 0.9")
     for name in ("rounds", "minutes", "snaps"):
@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
         raise ReplayError("--fast and --twin belong to --emulate: a real rig runs in real time, with a real straw")
     straw = load_straw(args.straw)
     system = StrawSystem(straw)
-    chosen(system, args.without)  # what is wrong with these is said before anything else happens, too
+    chosen(system, args.without)  # errors in these are reported before anything else happens, too
     if args.tolerance:
         parse_tolerance(args.tolerance, system.channels)
     if args.twin:
@@ -85,7 +85,7 @@ def command(words: Sequence[str]) -> int:
 
 
 def _answered(args: argparse.Namespace) -> int:
-    """Say yes or no to the one that waits."""
+    """Answer the process that waits for a yes."""
     path = Path(args.folder or (load_rig(args.rig).folder if args.rig else Path())).resolve()
     log = (args.log or log_of(path, specimen_of(path, args.specimen, emulated=True))).resolve()
     print(answer(log.with_suffix(""), args.answer == "yes", args.operator))

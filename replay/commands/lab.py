@@ -1,4 +1,4 @@
-"""straw lab: opens the lab in a browser, and stays at the terminal, where V vents whatever the server does."""
+"""straw lab: opens the lab in a browser, and stays at the terminal, where V vents independently of the server."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from straw.rig.orders import SUFFIX, send_order
 
 
 def run(args: argparse.Namespace) -> int:
-    """Serve until Ctrl-C; a run that goes on then goes on by itself."""
+    """Serve until Ctrl-C; a run in progress then continues by itself."""
     if importlib.util.find_spec("uvicorn") is None:
         raise ReplayError("the lab needs the web server's packages; install them with: pip install 'straw[lab]'")
     folder = folder_of(args)
@@ -76,7 +76,7 @@ def folder_of(args: argparse.Namespace) -> Path:
 
 
 def tell(folder: Path, said: dict[str, Any]) -> None:
-    """What a person at the terminal should know."""
+    """Print the address and warnings."""
     print(f"the lab of {folder}: {said['url']}", flush=True)
     if said["remote"]:
         print("other machines can reach it: whoever has this address controls the rig", flush=True)
@@ -106,7 +106,7 @@ def attend(folder: Path, server: subprocess.Popen[str]) -> None:
 
 
 def vent_all(folder: Path) -> int:
-    """Vent every run of the folder from here, past the server; how many obeyed."""
+    """Vent every run of the folder from here, without the server; return how many obeyed."""
     vented = 0
     for control in sorted(folder.rglob(f"*{SUFFIX}")):
         try:
@@ -120,7 +120,7 @@ def vent_all(folder: Path) -> int:
 
 
 def leave(folder: Path, server: subprocess.Popen[str]) -> None:
-    """End the server; say what goes on without it."""
+    """End the server; print which runs continue without it."""
     try:
         server.wait(timeout=5)
     except subprocess.TimeoutExpired:
@@ -130,6 +130,6 @@ def leave(folder: Path, server: subprocess.Popen[str]) -> None:
         try:
             state = send_order(control, "state")
             name = control.name.removesuffix(SUFFIX)
-            print(f"{name} is {state} and goes on; straw rig tell vent --dir {folder} vents it")
+            print(f"{name} is {state} and continues; straw rig tell vent --dir {folder} vents it")
         except RigError:
             continue

@@ -128,7 +128,7 @@ def _print(table: list[Number]) -> None:
             f"{n.name:<{width}}  {n.source:<12} {n.paper:>8.5g} {n.model:>9.6g} {n.difference:>+11.2g} "
             f"{n.unit:<4}{'' if n.agrees else ' DIFFERS'} [{ways.index(n.how) + 1}]"
         )
-    print("how the model's number was got:")
+    print("how the model's number was obtained:")
     for i, how in enumerate(ways, 1):
         print(f"[{i}] {how}")
     off = sum(not n.agrees for n in table)

@@ -26,12 +26,12 @@ from straw.rig.run_derived import write_prediction
 
 
 def run(args: argparse.Namespace) -> int:
-    """Compare every run; 0 whatever the misfit, for how good is good enough is not for this command to say."""
+    """Compare every run; 0 whatever the misfit, as this command sets no limit for it."""
     straw, uncertain = load_straw(args.straw), uncertain_of(args.uncertain)
     runs = gather(args.runs, partial=args.partial)
     roles = roles_of(args.fitted, runs)
     if args.video and len(runs) > 1:
-        raise ReplayError(f"--video: {len(runs)} runs are given; a film belongs to one run, replay that by itself")
+        raise ReplayError(f"--video: {len(runs)} runs are given; a video belongs to one run, replay that by itself")
     if args.predictions:
         for one in runs:
             check_new(args.predictions / f"{one.run_id}-prediction.mcap")
@@ -93,7 +93,7 @@ def write_predicted(folder: Path, c: Comparison) -> Path:
 
 def pictures(path: Path, comparisons: list[Comparison]) -> list[Path]:
     """One picture a run; with several runs each has its run's id in the name."""
-    from straw.replay.report.png import write_png  # matplotlib takes its time
+    from straw.replay.report.png import write_png  # matplotlib is slow to import
 
     paths = [path if len(comparisons) == 1 else path.with_stem(f"{path.stem}-{c.run.run_id}") for c in comparisons]
     for where, c in zip(paths, comparisons, strict=True):
@@ -150,7 +150,7 @@ def as_data(comparisons: list[Comparison], roles: dict[str, str] | None = None) 
 
 
 def table(comparisons: list[Comparison], roles: dict[str, str]) -> str:
-    """One line a run: RMS residuals in units people read, and how far that is beyond the noise."""
+    """One line a run: RMS residuals in display units, and how far they exceed the noise."""
     width = max(len("run"), *(len(c.run.run_id) for c in comparisons))
     lines = [
         f"{'run':<{width}}  {'X / um':>9} {'Z / um':>9} {'Phi / mrad':>11} {'worst / sigma':>14} {'Phi lag / ms':>16}"

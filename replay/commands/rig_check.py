@@ -1,4 +1,4 @@
-"""straw rig check: is the rig on the table what its file says, does every channel read, does the vent vent."""
+"""straw rig check: whether the rig matches its file, every channel reads, and the vent works."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from straw.rig.guarded import GuardedController
 from straw.rig.rig_file import load_rig
 
 SETTLE_S = 1.0
-#: Within so much of what it was told a channel follows: the OB1's own accuracy is 100 Pa a step, its drift some more.
+#: Tolerance of a channel against its command: the OB1's accuracy is 100 Pa a step, plus drift.
 NEAR_PA = 300.0
 TRIES = 5
 
@@ -55,7 +55,7 @@ def report(controller: Controller, args: argparse.Namespace) -> int:
     if found["camera"]:
         print(found["camera"]["says"])
     well = all(row["well"] for row in found["channels"]) and found["camera"].get("well", True)
-    print("all is well" if well else "something is wrong: look at what is named above: tubes, valves, supply, camera")
+    print("all is well" if well else "something is wrong: check what is named above (tubes, valves, supply, camera)")
     if args.json:
         write_json(args.json, found | {"well": well})
     return 0 if well else 1
@@ -84,7 +84,7 @@ def checked(controller: Controller, pressure_pa: float) -> dict[str, Any]:
             if step_pa:
                 controller.set_pressure(channel, step_pa)
                 reached = _near(controller, channel, step_pa)
-                told.append(f"told {step_pa / 1e3:g} kPa it shows {reached / 1e3:.2f} kPa")
+                told.append(f"at a command of {step_pa / 1e3:g} kPa it shows {reached / 1e3:.2f} kPa")
                 well &= abs(reached - step_pa) <= NEAR_PA
             began_s = time.monotonic()
             controller.vent_channel(channel)

@@ -1,4 +1,4 @@
-"""Which rig a command means: what its rig file says, and over that what its flags say."""
+"""The rig of a command: its rig file, overridden by its flags."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ CONTROLLER, RATE_HZ = "ob1-mk4", 100.0
 
 
 def take_rig(args: argparse.Namespace) -> RigFile | None:
-    """Fill in what the flags leave open, from ``--rig`` where it is given; ReplayError where no rig is meant."""
+    """Fill in what the flags leave open, from ``--rig`` where it is given; ReplayError where no rig is given."""
     rig = load_rig(args.rig) if args.rig else None
     if rig is None and not args.port and not args.emulate:
         raise ReplayError("no rig: give --port URL, --emulate, or --rig rig.toml")

@@ -1,4 +1,4 @@
-"""straw rig ports, read, vent: which instruments are there, what they read, and letting the pressure out."""
+"""straw rig ports, read, vent: list instruments, read them, vent them."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ KPA = 1e3
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do what the command's name says."""
+    """Call the function of the command."""
     return ACTIONS[args.action](args)
 
 
 def vent(args: argparse.Namespace) -> int:
-    """Let the pressure out of one instrument, or of all that are known; 1 where that is not certain."""
+    """Vent one instrument, or all known ones; 1 where that is not certain."""
     done = []
     for known in wanted(args):
         print(f"venting {known.port} ({known.controller})", file=sys.stderr, flush=True)
@@ -38,12 +38,12 @@ def vent(args: argparse.Namespace) -> int:
         write_json(args.json, {"vented": [asdict(one) | {"is_empty": one.is_empty} for one in done]})
     there = [one for one in done if one.is_there]
     if not there:
-        raise RigError(done[0].problem if args.port else "none of the known ports is there; name one with --port")
+        raise RigError(done[0].problem if args.port else "none of the known ports is connected; name one with --port")
     return 0 if all(one.is_empty for one in there) else 1
 
 
 def read(args: argparse.Namespace) -> int:
-    """What one instrument reads, or all that are known; nothing is set, vented or changed."""
+    """Print the readings of one instrument, or of all known ones; nothing is set, vented or changed."""
     rows: list[dict[str, Any]] = []
     problems: list[str] = []
     for known in wanted(args):
@@ -100,7 +100,8 @@ def ports(args: argparse.Namespace) -> int:
 
 
 def identified(port: str, known: Known | None) -> tuple[str, dict[str, str]]:
-    """Which kind of line controller answers on a port, and what it says; nothing is set. Empty where none does."""
+    """The kind of line controller that answers on a port, and its description; nothing is set. Empty where none
+    does."""
     kinds = [known] if known else [Known(port, name) for name in controller_names()]
     for one in kinds:
         try:
@@ -114,7 +115,7 @@ def identified(port: str, known: Known | None) -> tuple[str, dict[str, str]]:
 
 
 def wanted(args: argparse.Namespace) -> list[Known]:
-    """The port that was named, with what is remembered of it; or every port that is known."""
+    """The named port, with its stored settings; or every known port."""
     known = known_ports()
     if not args.port:
         if not known:

@@ -36,11 +36,11 @@ from straw.tracking.trace import TipTrace
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the protocol and say what was recorded."""
+    """Run the protocol and report the recording."""
     rig = take_rig(args)
     protocol = of_specimen(args, load_protocol(args.protocol))
     straw = load_straw(args.straw)
-    about_run(args)  # what is wrong with it is said before anything else happens
+    about_run(args)  # errors in it are reported before anything else happens
     if rig is not None:
         protocol.check_limits(rig.limits)
     camera = rig.camera if rig and not args.no_film else None
@@ -92,30 +92,30 @@ def _run(args: argparse.Namespace, straw: StrawParameters, protocol: PressurePro
 
 
 def channels_of(args: argparse.Namespace, protocol: PressureProtocol) -> dict[str, Any]:
-    """The controller's settings; where nobody says which channels are in use, those that the protocol drives."""
+    """The controller's settings; by default the channels in use are those that the protocol drives."""
     return {"channels": tuple(part.channel for part in protocol.parts), **settings_of(args)}
 
 
 def of_specimen(args: argparse.Namespace, protocol: PressureProtocol) -> PressureProtocol:
-    """The protocol of the specimen that the command line names, over what its file says."""
+    """The protocol, with specimen and cycle from the command line in place of its file's."""
     specimen = protocol.specimen if args.specimen is None else args.specimen
     return replace(protocol, specimen=specimen, cycle=protocol.cycle if args.cycle is None else args.cycle)
 
 
 def about_of(args: argparse.Namespace) -> dict[str, str]:
-    """What the command line says of the run, and of the rig."""
+    """Metadata from the command line and the rig."""
     return ({"rig": str(args.rig)} if args.rig is not None else {}) | about_run(args)
 
 
 def drive_emulated(
     args: argparse.Namespace, straw: StrawParameters, protocol: PressureProtocol, live: Live | None = None
 ) -> Outcome:
-    """Run it on the emulator, in real time behind a guardian or as fast as the arithmetic; keep the tip if asked."""
+    """Run it on the emulator, in real time behind a guardian or as fast as possible; keep the tip if asked."""
     clock = SteppedClock() if args.fast else None
     if args.tip:
         check_new(args.tip)
     settings = channels_of(args, protocol)
-    worn = straw.replace(cycle=float(protocol.cycle))  # as what is recorded says
+    worn = straw.replace(cycle=float(protocol.cycle))  # from the recording's metadata
     with emulation(
         worn, protocol.initial_deployed, args.controller, clock=clock, channels=settings["channels"]
     ) as emulated:
@@ -154,7 +154,7 @@ def emulation(
     straw: StrawParameters, deployed: Collection[int], controller: str, *addresses: str, **settings: Any
 ) -> Emulation:
     """An emulated controller with the straw in a configuration behind it, ready to be entered."""
-    emulator_of(controller)  # a wrong name is answered before half a minute is spent
+    emulator_of(controller)  # a wrong name is reported before half a minute is spent
     prepare()
     return Emulation(Stepper(straw, deployed), controller, *addresses, **settings)
 

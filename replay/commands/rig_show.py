@@ -19,7 +19,7 @@ KPA = 1e3
 
 
 def run(args: argparse.Namespace) -> int:
-    """Draw it and print what it asks for."""
+    """Draw it and print its duration, range and rates."""
     protocol = load_protocol(args.protocol)
     picture = args.output or Path(f"{protocol.name}.png")
     said = as_data(protocol)
@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def as_data(protocol: PressureProtocol) -> dict[str, float]:
-    """What it asks for, SI."""
+    """Its duration, range and rates, SI."""
     dt, dp = np.diff(protocol.time_s), np.abs(np.diff(protocol.pressure_pa))
     return {
         "duration_s": protocol.duration_s,
@@ -55,7 +55,7 @@ def as_data(protocol: PressureProtocol) -> dict[str, float]:
 def fastest_ramp(width_s: Floats, change_pa: Floats) -> float:
     """Largest rate of change (Pa/s) between points that are not at the same time."""
     there = width_s > 0
-    with np.errstate(over="ignore"):  # a ramp of a femtosecond is as good as infinitely fast
+    with np.errstate(over="ignore"):  # a ramp of a femtosecond counts as a step
         return float(np.max(change_pa[there] / width_s[there], initial=0.0))
 
 
@@ -65,6 +65,6 @@ def draw(protocol: PressureProtocol, path: Path) -> None:
 
 
 def length_of(time_s: float) -> str:
-    """Seconds, and what they are in a unit that people have a feeling for."""
+    """Seconds, and the same in a familiar unit."""
     unit, unit_s = next((one for one in UNITS_S.items() if time_s > 2 * one[1]), ("s", 1.0))
     return f"{time_s:g} s" if unit == "s" else f"{time_s:g} s ({time_s / unit_s:.3g} {unit})"

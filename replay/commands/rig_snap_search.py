@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
     """Search, and print the interval."""
     straw = load_straw(args.straw)
     deployed = deployed_of(args, straw.cells)
-    about_run(args)  # what is wrong with it is said before anything else happens
+    about_run(args)  # errors in it are reported before anything else happens
     if args.output:
         check_new(args.output)
     rig = emulated_rig if args.emulate else real_rig
@@ -63,7 +63,7 @@ def deployed_of(args: argparse.Namespace, cells: int) -> list[int]:
 
 
 def plan_of(args: argparse.Namespace, controller: Controller) -> SnapPlan:
-    """The search in SI, as far as the limits reach where nothing else is said."""
+    """The search in SI, by default as far as the limits reach."""
     sign = -1.0 if args.direction == "fold" else 1.0
     limit_pa = controller.limits.min_pa if sign < 0 else controller.limits.max_pa
     start_pa = sign * abs(args.start) * 1e3
@@ -96,7 +96,7 @@ def tip_watcher(emulated: Emulation) -> MotionWatcher:
 
 
 def put_back(emulated: Emulation, straw: StrawParameters, deployed: Collection[int]) -> None:
-    """What hands do on a real rig, once the pressure is gone."""
+    """Reset the emulated straw, as is done by hand on a real rig after venting."""
     emulated.clock.sleep(1.0)
     emulated.catch_up()
     emulated.twin.stepper = Stepper(straw, deployed, emulated.twin.stepper.time_s)
@@ -106,7 +106,7 @@ def put_back(emulated: Emulation, straw: StrawParameters, deployed: Collection[i
 def real_rig(
     args: argparse.Namespace, straw: StrawParameters, deployed: Collection[int]
 ) -> Iterator[tuple[Controller, Watcher, Reset | None]]:
-    """A controller behind its guardian; a flow sensor watches, or somebody who answers."""
+    """A controller behind its guardian, watched by a flow sensor or a person who answers."""
     with GuardedController(args.controller, args.port, **settings_of(args)) as controller:
 
         def ask(told_pa: float) -> bool:
@@ -121,21 +121,22 @@ def real_rig(
 
 
 def answered(controller: Controller, question: str) -> str:
-    """Ask while the pressure is held: the guardian must go on hearing from us."""
+    """Ask while the pressure is held, with heartbeats to the guardian meanwhile."""
     import os
     import threading
 
     answer: list[bytes] = []
 
     def listen() -> None:
-        # Not sys.stdin, on which Python aborts when it ends, by Ctrl-C for one, while a thread still reads from it.
+        # Not sys.stdin: Python aborts if it ends (by Ctrl-C, say) while a thread still reads from it.
         while (byte := os.read(sys.stdin.fileno(), 1)) not in (b"", b"\n"):
             answer.append(byte)
 
     print(question, end="", file=sys.stderr, flush=True)
     thread = threading.Thread(target=listen, daemon=True)
     thread.start()
-    with Interrupts() as interrupts:  # its own: the search, which waits for the answer, does not ask for signals now
+    # checked here, as the search, which waits for the answer, does not check signals meanwhile
+    with Interrupts() as interrupts:
         while thread.is_alive():
             interrupts.check()
             controller.read()
@@ -161,7 +162,7 @@ def metadata_of(
 
 
 def told(pressure_pa: float, how: str) -> None:
-    """One hold, where somebody watches."""
+    """Print one hold where a person watches."""
     if sys.stderr.isatty():
         say(f"  {pressure_pa / 1e3:+.2f} kPa {how}")
 

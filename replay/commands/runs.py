@@ -23,7 +23,7 @@ from straw.rig.run_read import read_run
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do what the command's name says."""
+    """Call the function of the action."""
     return ACTIONS[args.action](args)
 
 
@@ -61,7 +61,7 @@ def list_runs(args: argparse.Namespace) -> int:
 
 
 def tag(args: argparse.Namespace) -> int:
-    """Put tags on a recording, or take them off."""
+    """Add tags to a recording, or remove them."""
     path = find(args.dir, args.run)
     for word in args.tags:
         say(path, "untag" if args.remove else "tag", word)
@@ -86,7 +86,7 @@ def note(args: argparse.Namespace) -> int:
 
 
 def attach(args: argparse.Namespace) -> int:
-    """Enter files that belong to a run, a video for one, into its manifest."""
+    """Enter files that belong to a run, such as a video, into its manifest."""
     path = find(args.dir, args.run)
     seal(path, args.files)
     print(f"{manifest_of(path)}: {len(read_manifest(path))} files")
@@ -165,7 +165,7 @@ def export_run(args: argparse.Namespace) -> int:
 
 
 def recover_runs(args: argparse.Namespace) -> int:
-    """A readable run out of a .part or a damaged file, and what was lost."""
+    """Make a readable run from a .part or a damaged file, and print what was lost."""
     done = recover(args.run, args.output)
     if args.json:
         write_json(args.json, {"recording": str(done.path), "messages": done.messages, "lost": list(done.lost)})
@@ -182,7 +182,7 @@ def _wanted(entry: Entry, args: argparse.Namespace) -> bool:
 def check_column(name: str, entries: list[Entry]) -> None:
     """Raise RigError where a name is neither a column nor among the recordings' metadata."""
     if name not in COLUMNS and name not in metadata_names(entries):
-        raise RigError(f"no such column: {name}; known: {', '.join(COLUMNS)}, and what the recordings' metadata say")
+        raise RigError(f"no such column: {name}; known: {', '.join(COLUMNS)}, and the keys of the recordings' metadata")
 
 
 ACTIONS: dict[str, Callable[[argparse.Namespace], int]] = {

@@ -14,7 +14,7 @@ from straw.rig.catalogue import family, find
 from straw.rig.run import Run
 from straw.rig.run_read import read_run
 
-#: What differs between any two runs and means nothing.
+#: Keys that differ between any two runs and are left out.
 OWN = ("run_id", "zero_time_ns", "cycles", "port", "missed_readings", "parent_sha256")
 SHOWN = {"Pa": (1e-3, "kPa"), "m": (1e3, "mm"), "rad": (1e3, "mrad")}
 

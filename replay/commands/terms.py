@@ -1,4 +1,4 @@
-"""straw terms: every law that can be added to the straw, its constants, and what it does to the paper's two runs."""
+"""straw terms: every law that can be added to the straw, its constants, and its effect on the paper's two runs."""
 
 from __future__ import annotations
 
@@ -32,9 +32,7 @@ def run(args: argparse.Namespace) -> int:
         for c in term.constants:
             kind = "strength" if c.name in term.strengths else f"default {c.default:g}"
             print(f"    {c.name} ({c.unit}), {c.low:g} to {c.high:g}, {kind}: {c.about}")
-    print(
-        "\nwhat each does to the paper's two validation runs, at a plausible strength: RMS change of the tip, and how"
-    )
+    print("\nits effect on the paper's two validation runs, at a plausible strength: RMS change of the tip, and how")
     print("much later cells 1 and 4 snap (-: does not)")
     print(
         f"{'term':<20} {'strength':<34} {'run':<11} {'X/um':>7} {'Z/um':>7} {'Phi/mrad':>9} {'cell 1/ms':>10}"

@@ -31,7 +31,7 @@ from straw.tracking.task import Track
 
 
 def run(args: argparse.Namespace) -> int:
-    """Track the video; say how much of it can be trusted."""
+    """Track the video; print how many frames are valid."""
     camera, board = load_camera(args.camera), board_of(args.board)
     if args.mount:
         camera = dataclasses.replace(camera, mount=args.mount)
@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
     outputs = [path for path in (args.csv, args.overlay, args.report, args.step, args.save_camera) if path]
     if args.step_frames != "doubtful":
         part = {name: task[name] for name in ("fps", "from_s", "to_s") if name in task}
-        with Timeline(args.videos, **part) as film:  # refused before the work, not after it
+        with Timeline(args.videos, **part) as film:  # refused before the work starts
             stretch_of(args.step_frames, film.expected)
     for path in outputs:
         check_folder(path)
@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
         if args.save_camera:
             save_camera(args.save_camera, tracked.camera)
         if args.report:
-            from straw.replay.track_report import page  # matplotlib takes its time
+            from straw.replay.track_report import page  # matplotlib is slow to import
 
             write_text(args.report, page(tracked, [path.name for path in in_order(args.videos)]))
         if args.step:
@@ -102,14 +102,14 @@ def pair(text: str) -> tuple[float, float]:
 
 
 def check_folder(path: Path) -> None:
-    """Raise ReplayError where a file could not be written: before the work, not after it."""
+    """Raise ReplayError where a file could not be written, before the work starts."""
     if not path.parent.is_dir() or path.is_dir():
         raise ReplayError(f"{path}: cannot be written there; make the folder {path.parent} or choose another name")
 
 
 def rest_of(text: str | None, filmed: Run | None, camera: Camera, straw: StrawParameters) -> Rest | None:
     """The tip's pose while still: as given, or the model's for the run's configuration; None if the camera's place is
-    known. ReplayError where nothing says it.
+    known. ReplayError where it is unknown.
     """
     if text is not None:
         try:
@@ -121,7 +121,7 @@ def rest_of(text: str | None, filmed: Run | None, camera: Camera, straw: StrawPa
         return None
     if filmed is None or filmed.initial_deployed is None:
         raise ReplayError(
-            "nothing says where the camera stands: give --rest X,Z,PHI, or --run with initial_deployed in its "
+            "the camera's place is unknown: give --rest X,Z,PHI, or --run with initial_deployed in its "
             "metadata, or --reference, or world_from_camera in the camera file"
         )
     return model_rest(straw, filmed.initial_deployed)
@@ -142,7 +142,7 @@ def summary(tracked: Track) -> str:
 
 
 def as_data(tracked: Track, output: Path) -> dict[str, object]:
-    """The account of a track for JSON."""
+    """Summary of a track for JSON."""
     trace = tracked.trace
     sigmas = {name: float(np.nanmedian(getattr(trace, name))) for name in ("sigma_x_m", "sigma_z_m", "sigma_phi_rad")}
     return {

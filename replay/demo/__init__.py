@@ -1,1 +1,1 @@
-"""The demo's parts: what its twin conceals, the runs it is driven through, the film of them."""
+"""The demo's parts: what its simulated straw conceals, its runs, their video."""

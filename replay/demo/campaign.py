@@ -31,9 +31,9 @@ CONTROLLER, SPECIMEN = "ob1-mk4", "twin"
 
 @dataclass(frozen=True)
 class Plan:
-    """One run: its name, its protocol, how often the specimen was cycled before, what its files' names end with.
+    """One run: its name, its protocol, how often the specimen was cycled before, the suffix of its files' names.
 
-    ``places``: the tip moves far enough to tell where the camera stands.
+    ``places``: the tip moves far enough to determine the camera's place.
     """
 
     name: str
@@ -48,7 +48,7 @@ class Plan:
         return f"run{self.suffix}.mcap", f"video{self.suffix}.mp4", f"tip{self.suffix}.mcap"
 
 
-#: Both directions, the same again once worn, and small steps that tell elasticity and gauge apart from what snaps.
+#: Both directions, a worn repetition, and small steps that separate elasticity and gauge from what depends on snaps.
 PLANS = (
     Plan("fold", "fold"),
     Plan("deploy-fresh", "deploy", 0, "-2"),
@@ -59,7 +59,7 @@ PLANS = (
 
 @dataclass(frozen=True, eq=False)
 class Filmed:
-    """One run as recorded in files, its track, and how far that is from the painted truth."""
+    """One run as recorded in files, its track, and the track's error against the painted truth."""
 
     recording: Path
     video: Path
@@ -69,7 +69,7 @@ class Filmed:
 
 
 class FaultyGauge(PressurePlant):
-    """A plant whose sensor may lie by an offset and a gain."""
+    """A plant whose sensor may have an offset and a gain error."""
 
     def __init__(self, instrument: Instrument, seed: int) -> None:
         super().__init__(seed=seed)
@@ -99,7 +99,7 @@ def record(
     motion = Motion(truth, recorded.zero_time_ns + round(start_s * 1e9))
     stands = model_rest(base, protocol_of(PLANS[0]).initial_deployed)  # on one tripod for all runs
     film(video, motion, stands, protocol.duration_s, seed)
-    # A late clock and a turned camera are in what the tracker is told: when the film starts, and where the tip rests.
+    # A late clock and a rolled camera enter through the tracker's inputs: the video's start and the rest pose.
     told_s = start_s + instrument.clock_offset_s
     x_m, z_m, phi_rad = instrument.seen(np.array(model_rest(straw, protocol.initial_deployed)))
     rest = None if camera else (x_m, z_m, phi_rad)
@@ -114,7 +114,7 @@ def drive_twin(
 ) -> TwinHistory:
     """Run a protocol on the emulator through the real driver, over a serial terminal where there is one, else TCP.
 
-    Time stands still between two exchanges, so that a busy computer makes no other recording than an idle one.
+    Time stands still between two exchanges, so that the recording does not depend on the computer's load.
     """
     clock = SteppedClock()
     address = "pty" if os.name == "posix" else "127.0.0.1:0"

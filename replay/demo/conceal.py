@@ -1,4 +1,4 @@
-"""What the demo's twin conceals: an effect drawn by seed, sealed before anything is recorded, opened at the end."""
+"""The concealed effect of the demo: drawn by seed, sealed before anything is recorded, opened at the end."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from straw.replay.diagnose.findings import Findings
 from straw.replay.diagnose.systems.straw.instrument import Instrument
 
 NOTHING = "complete"
-#: What may be concealed, each of a well visible size: terms of the straw and faults of the instrument, SI. A drawn
-#: strength, the first constant of each, is this times a factor of up to SPREAD either way.
+#: Effects that may be concealed, each of a well visible size: terms of the straw and faults of the instrument, SI. The
+#: drawn strength, the first constant of each, is this times a factor of up to SPREAD either way.
 DRAWER: dict[str, dict[str, float]] = {
     "cohesion": {"force_n": 5.0, "range_m": 0.3e-3, "weakening": 0.3},
     "poiseuille_loss": {"resistance_pa_s_per_m3": 2e9},
@@ -68,7 +68,7 @@ def draw(seed: int) -> Concealed:
 
 @dataclass(frozen=True)
 class Seal:
-    """A label as the text that is opened at the end; its SHA-256 is shown at once. The nonce keeps it from a guess."""
+    """A label as the text that is opened at the end; its SHA-256 is shown at once. The nonce prevents guessing."""
 
     label: str
 
@@ -79,19 +79,19 @@ class Seal:
 
     @property
     def sha256(self) -> str:
-        """What ``sha256sum`` says of the opened label."""
+        """The SHA-256 of the opened label, as ``sha256sum`` prints it."""
         return hashlib.sha256(self.label.encode()).hexdigest()
 
 
 def named(concealed: Concealed, findings: Findings) -> bool:
-    """Whether the diagnosis says this cause and no other, or that nothing is missing where nothing was concealed."""
+    """Whether the diagnosis names this cause and no other, or "complete" where nothing was concealed."""
     if concealed.cause == NOTHING:
         return findings.verdict == "complete"
     return findings.verdict in ("missing_physics", "measurement_fault") and findings.causes == [concealed.cause]
 
 
 def opened(concealed: Concealed, seal: Seal, told: str, findings: Findings) -> dict[str, Any]:
-    """How it went, for machines: ``told`` is the SHA-256 that was shown before the analysis."""
+    """The outcome for machines: ``told`` is the SHA-256 that was shown before the analysis."""
     return {
         "concealed": concealed.cause,
         "constants": concealed.constants,
@@ -106,7 +106,7 @@ def opened(concealed: Concealed, seal: Seal, told: str, findings: Findings) -> d
 
 
 def story(concealed: Concealed, seal: Seal, told: str, findings: Findings) -> str:
-    """How it went, for people."""
+    """The outcome for people."""
     agrees = (
         "its SHA-256 is the one above" if seal.sha256 == told else f"its SHA-256 is {seal.sha256}, NOT the one above"
     )

@@ -1,4 +1,4 @@
-"""The demo's film: the twin's tip painted as a GoPro sees it, and how far the track of it is from the painted truth."""
+"""The demo's video: the tip painted as a GoPro sees it, and the track's error against the painted truth."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ LINE_S = 3.7e-6  # rolling shutter: from one row to the next
 
 
 class Motion:
-    """What the twin's tip really did, at seconds since the video's first frame; smooth between its milliseconds."""
+    """The true motion of the tip, at seconds since the video's first frame; smooth between its milliseconds."""
 
     def __init__(self, truth: TwinHistory, video_start_ns: int) -> None:
         self._spline = CubicSpline(

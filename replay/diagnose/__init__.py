@@ -1,1 +1,1 @@
-"""Diagnosis: where simulation and recordings differ, what was left out, and how much better it fits with it."""
+"""Diagnosis: where simulation and recordings differ, what the model leaves out, and how much better it fits with it."""

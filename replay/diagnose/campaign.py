@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 
 class Campaign:
-    """Recordings of one system; what is asked of them is worked out by an executor's workers."""
+    """Recordings of one system, whose residuals are computed by an executor's workers."""
 
     def __init__(
         self,
@@ -33,14 +33,14 @@ class Campaign:
         self.random_effects: list[tuple[Floats, Floats]] | None = None
 
     def only(self, names: Sequence[str]) -> Campaign:
-        """The campaign with some of its runs, and what repeats of these may differ by."""
+        """The campaign with some of its runs, and their random effects."""
         which = [k for k, o in enumerate(self.observations) if o.name in set(names)]
         out = self._like([self.observations[k] for k in which], self.level)
         out.random_effects = [self.random_effects[k] for k in which] if self.random_effects else None
         return out
 
     def coarse(self) -> Campaign:
-        """The campaign with only what changes smoothly from afar compared: the way down to a good fit is wider."""
+        """The campaign with only smooth features compared, which widens the basin of a good fit."""
         return self._like(self.observations, Level.COARSE)
 
     def with_system(self, system: System) -> Campaign:
@@ -58,7 +58,7 @@ class Campaign:
         return self._worked_out(unknowns, points, Level.FINE, False)
 
     def residuals(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[Floats]:
-        """Residuals (m,) of all runs in sigmas at each point u; runs that cannot be simulated count as very wrong."""
+        """Residuals (m,) of all runs in sigmas at each point u; runs that cannot be simulated get large residuals."""
         rows = self._worked_out(unknowns, points, self.level, False)
         return [self._stacked(row) for row in rows]
 
@@ -76,8 +76,8 @@ class Campaign:
         return out
 
     def allow(self, directions: Floats) -> None:
-        """Let every run differ a little from the others (random effects): ``directions`` (m, k) are what one standard
-        deviation of each kind does to the residuals.
+        """Let every run differ a little from the others (random effects): ``directions`` (m, k) are the effects of one
+        standard deviation of each kind on the residuals.
 
         With covariance 1 + J J' in each run, residuals are multiplied by its inverse root.
         """
@@ -87,7 +87,7 @@ class Campaign:
             self.random_effects.append((basis, 1 / np.sqrt(1 + size**2) - 1))
 
     def decorrelated(self, differences: Floats) -> Floats:
-        """Residuals (m,) or Jacobian (m, k) with what repeats differ by counted as such."""
+        """Residuals (m,) or Jacobian (m, k), whitened for the random effects."""
         if self.random_effects is None:
             return differences
         out = differences.copy()
@@ -101,7 +101,7 @@ class Campaign:
         return self.system.size(observed, self.level)
 
     def slices(self) -> list[slice]:
-        """Where each run's residuals lie in the stacked vector."""
+        """The place of each run's residuals in the stacked vector."""
         ends = np.cumsum([0, *(self.size(o) for o in self.observations)])
         return [slice(int(a), int(b)) for a, b in itertools.pairwise(ends)]
 
@@ -142,7 +142,7 @@ class Campaign:
 def _one(
     system: System, recording: Recording, unknowns: tuple[Unknown, ...], at: Floats, level: Level, derivatives: bool
 ) -> Misfit | None:
-    """A run's misfit; where it, or a derivative, is not finite the model cannot follow."""
+    """A run's misfit; None where it, or a derivative, is not finite."""
     found = system.misfit(recording, unknowns, at, level=level, derivatives=derivatives)
     if found is None or not np.isfinite(found.vector).all() or not np.isfinite(found.jacobian).all():
         return None

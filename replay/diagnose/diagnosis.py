@@ -1,4 +1,4 @@
-"""The whole way from observations to an inquiry: what is asked, of whom, with which workers."""
+"""From observations to an inquiry: the search with its proposal, budget and workers."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ def inquire(
     """Fit the base and every cause in the library (all by default), alone and in pairs, until done or stopped.
 
     Raises ReplayError where a run cannot be simulated at all. A search that takes more than the system's
-    ``most_work`` steps ends where it is, on every machine at the same place, and says so.
+    ``most_work`` steps ends there, at the same place on every machine, and reports it.
 
-    ``before``: what was found with fewer runs of the same specimen, whose base constants are one more start.
+    ``before``: the inquiry of fewer runs of the same specimen, whose base constants are one more start.
 
-    ``executor`` works out residuals: a `ThreadPoolExecutor` (the compiled model releases the GIL), or a Dask client's
-    ``client.get_executor()``. It must outlive what is asked of the inquiry later.
+    ``executor`` computes residuals: a `ThreadPoolExecutor` (the compiled model releases the GIL), or a Dask client's
+    ``client.get_executor()``. It must outlive later uses of the inquiry.
     """
     names = [n for n in system.causes if library is None or n in library]
     system.ready(observations)
@@ -40,8 +40,8 @@ def inquire(
     campaign.stop = lambda: stop() or campaign.tally["work"] > system.most_work
     found = explain(campaign, names, told, proposal, before.null.u if before else None)
     found.whole, found.spent = not stop(), campaign.tally["work"] > system.most_work
-    campaign.stop = stop  # what is asked of the inquiry later has a budget of its own
-    if found.spent:  # without each cause fitted alone, one that does nothing would be named beside the other
+    campaign.stop = stop  # later uses of the inquiry have a budget of their own
+    if found.spent:  # unless each cause is fitted alone, one without effect would be named beside the other
         nested(found)
     if found.whole:
         accept(found, names)

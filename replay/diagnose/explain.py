@@ -1,8 +1,8 @@
 """Explains a campaign: the base model, every cause of the library, the best in pairs; proposed, then fitted exactly.
 
-Every hypothesis goes the same way. Its starts (the library's, the learned proposal's, and the rivals' constants) are
-looked at in a coarse comparison of the runs that tell most, the base's constants making room; the best are fitted there
-(`straw.replay.diagnose.tournament`), and what is left of them to all samples of all runs.
+Every hypothesis is treated alike. Its starts (the library's, the learned proposal's, and the rivals' constants) are
+evaluated in a coarse comparison of the most informative runs, profiled over the base's constants; the best are fitted
+there (`straw.replay.diagnose.tournament`), and the survivors to all samples of all runs.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from straw.replay.diagnose.tournament import fitted_contestant, tournament
 
 Floats = NDArray[np.float64]
 
-#: Stages that progress is told in, at most.
+#: Largest number of stages of progress.
 STAGES = 10
 
 
@@ -49,11 +49,11 @@ def explain(
 ) -> Inquiry:
     """Fit the base and every cause, alone and in pairs, until done or stopped.
 
-    ``known``: constants u of the base as fewer runs of the same specimen had them. One run more can make the search for
-    them end in a worse minimum, in which something seems to be missing.
+    ``known``: constants u of the base found with fewer runs of the same specimen. With one run more the search may end
+    in a worse minimum, in which something seems to be missing.
 
-    A ``proposal`` adds starts, and says which causes come first: where they explain the runs the others are left out,
-    but not where it has seen nothing like these runs.
+    A ``proposal`` adds starts and an order of causes: where the first ones explain the runs the others are left out,
+    unless the runs are outside its training distribution.
     """
     steps = _Steps(told, campaign)
     steps("base model")
@@ -65,7 +65,7 @@ def explain(
     found = Inquiry(campaign, fitted(campaign, null.unknowns, null.u, rounds=ROUNDS))
     hypotheses = [campaign.hypothesis([name]) for name in names]
     far = unexplained(campaign, found.null) > FAR
-    if far:  # to first order around a fit that is far off nothing is told
+    if far:  # a first-order expansion around a poor fit is not informative
         _large(found, hypotheses, wide_known, proposal, steps)
     if not found.contestants or not far or _unexplained(found):
         steps("causes that are small", found)
@@ -92,7 +92,7 @@ def explain(
 def _large(
     found: Inquiry, hypotheses: Sequence[Hypothesis], base: Fit, proposal: Proposal | None, steps: _Steps
 ) -> None:
-    """Causes fitted coarsely from their starts, those that the proposal puts first before the others.
+    """Causes fitted coarsely from their starts, the proposal's first ones before the others.
 
     Where the base explains the coarse comparison to noise (reduced chi-square below one), no cause can show there.
     """
@@ -120,10 +120,10 @@ def _pairs(found: Inquiry, names: Sequence[str], proposal: Proposal | None, step
 
 
 def alternate(found: Inquiry) -> None:
-    """The best fitted to the coarse comparison and to all samples in turn, while that takes away half of what is left.
+    """The best fitted to the coarse comparison and to all samples in turn, while that halves the misfit.
 
-    The tournament compares only the runs that tell most; its constants may leave the others in a local minimum. Leaving
-    one takes away most of what is left; a round that takes less is spent better on another hypothesis.
+    The tournament compares only the most informative runs; its constants may be a local minimum for the others. Leaving
+    one takes away most of the misfit; a round that gains less is better spent on another hypothesis.
     """
     campaign, before = found.campaign, np.inf
     while _unexplained(found) and (left := unexplained(campaign, found.best)) < before / 2:
@@ -133,7 +133,7 @@ def alternate(found: Inquiry) -> None:
 
 
 class _Steps:
-    """Says what is being done, what leads, and how long it may take at most."""
+    """Reports the activity, the leading hypothesis, and the longest time left."""
 
     def __init__(self, told: Told, campaign: Campaign) -> None:
         self.told, self.campaign, self.done, self.began_s = told, campaign, 0, time.monotonic()
@@ -150,7 +150,7 @@ class _Steps:
 
 
 def _unexplained(found: Inquiry) -> bool:
-    """Whether the best so far leaves more than noise, and nobody asked to stop."""
+    """Whether the best so far leaves more than noise, and the search was not stopped."""
     return not found.campaign.stop() and unexplained(found.campaign, found.best) > NOISE_LEAVES
 
 
@@ -183,7 +183,7 @@ def _in_turn(hypotheses: Sequence[Hypothesis], proposal: Proposal | None) -> lis
 
 
 def random_effects(campaign: Campaign, fit: Fit) -> None:
-    """From now on allow for what repeats differ by, as felt at this fit."""
+    """Include random effects of the runs, linearised at this fit, from here on."""
     campaign.random_effects = None
     directions = campaign.system.repeats(campaign, fit)
     if directions is not None:
@@ -191,7 +191,7 @@ def random_effects(campaign: Campaign, fit: Fit) -> None:
 
 
 def from_each_other(found: Inquiry) -> None:
-    """The base, and the best rivals, once more from the constants that the best of all leaves: that a search ended in
+    """The base, and the best rivals, fitted again from the constants of the best of all, as a search that ended in
     another local minimum is no evidence against a hypothesis."""
     campaign, n = found.campaign, len(found.null.unknowns)
     best = found.contestants[:FOLLOWED]
@@ -199,7 +199,7 @@ def from_each_other(found: Inquiry) -> None:
         return  # nothing is better than the base
     for one in best:
         if found.null.cost > best[0].cost + FAR and one is not best[0]:
-            break  # it is not the base's constants that are wrong
+            break  # the base's constants are not the cause
         again = fitted(campaign, found.null.unknowns, one.fit.u[:n], rounds=ROUNDS)
         found.null = min(found.null, again, key=lambda fit: fit.cost)
     for one in best[1:]:

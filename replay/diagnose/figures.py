@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Contestant, Fit
 from straw.replay.diagnose.inquiry import Inquiry
-from straw.replay.diagnose.judge import CALIBRATION, decisive
+from straw.replay.diagnose.judge import decisive
 from straw.replay.diagnose.robust import weights
 from straw.replay.diagnose.settings import ONE_DEVIATION
 from straw.replay.diagnose.system import System
@@ -35,8 +35,8 @@ def constants_of(system: System, best: Contestant) -> dict[str, dict[str, dict[s
 def covariance_of(fit: Fit) -> Floats:
     """Of a fit's u, (unknowns, unknowns); residuals beyond noise widen it.
 
-    So many squared sigmas are one deviation here (`ONE_DEVIATION`): no model is nature, and the base's constants make
-    up for what it leaves out, so instruments' constants came out up to ten of the likelihood's own deviations wrong.
+    So many squared sigmas are one deviation here (`ONE_DEVIATION`): every model is incomplete and its constants
+    compensate for that, so that instruments' constants were off by up to ten of the likelihood's own deviations.
     """
     w = weights(fit.residual)
     spread = max(1.0, float(np.mean(w * fit.residual**2)))
@@ -46,7 +46,7 @@ def covariance_of(fit: Fit) -> Floats:
 
 
 def told(constants: dict[str, dict[str, Any]]) -> list[str]:
-    """A cause's constants as `constants_of` has them, each as a person writes it; a pure number has no unit."""
+    """A cause's constants of `constants_of`, each as text; a pure number has no unit."""
     return [
         f"{name} = {found['value']:.4g} ± {found['sigma']:.2g} {found['unit']}".removesuffix(" 1")
         for name, found in constants.items()
@@ -58,7 +58,7 @@ def smallest_seen(
 ) -> dict[str, str]:
     """The smallest effect of each cause these runs would have shown: four sigmas, estimated to first order.
 
-    ``beside`` the base's fit or another; ``but``: causes that are not told.
+    ``beside`` the base's fit or another; ``but``: causes left out.
     """
     null, out = beside or found.null, {}
     w = np.sqrt(weights(null.residual))
@@ -70,9 +70,9 @@ def smallest_seen(
         strengths = sum(k.kind == "strength" for k in unknowns[n:])
         if c.name in but:
             continue
-        if strengths > 4 or unknowns[n].kind != "strength":  # a spread has no one size, a form none
+        if strengths > 4 or unknowns[n].kind != "strength":  # a spread has no single size, a form none
             continue
-        # as it may act by its own account: what a fit found beside no effect is by chance
+        # shapes from the prior, as a fitted shape without an effect is arbitrary
         start = np.array(c.hypothesis.starts[0])
         little = [0.3 * u / start[0] if k.kind == "strength" else u for k, u in zip(unknowns[n:], start, strict=True)]
         u = np.concatenate([null.u, little])

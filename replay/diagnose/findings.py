@@ -1,4 +1,5 @@
-"""Findings: what an inquiry says, in the contract's words: verdict, causes, constants, improvement on runs held out."""
+"""Findings: the result of an inquiry in the contract's words: verdict, causes, constants, improvement on held-out
+runs."""
 
 from __future__ import annotations
 
@@ -25,7 +26,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """What the runs say. ``best`` is the hypothesis that explains them best, ``model`` the system's with it."""
+    """The result. ``best`` is the hypothesis that explains the runs best, ``model`` the system's with it."""
 
     verdict: str
     causes: list[str]
@@ -43,7 +44,7 @@ class Findings:
     indistinguishable: list[list[str]]
     experiment: Any
     notes: tuple[str, ...]
-    missing: Any = None  # what stands for the cause where it is unknown
+    missing: Any = None  # the curve of an unknown cause
     discovered: dict[str, Any] | None = None  # the same in the contract's words, where runs held out got better by it
 
     @property
@@ -99,11 +100,11 @@ def conclude(
     brief: bool = False,
     tolerance: Tolerance | None = None,
 ) -> Findings:
-    """Findings of an inquiry, finished or cut short. An unknown cause is looked for as a curve, a minute, and the next
+    """Findings of an inquiry, finished or cut short. An unknown cause is fitted as a curve, for a minute, and the next
     experiment is chosen, unless ``brief``. Where the base is within the ``tolerance``, that is the verdict.
 
-    What makes runs held out worse is no improvement: its cause is not named however probable, the model stays the
-    refitted base, and a curve is located but explains nothing.
+    A cause that makes held-out runs worse is not named, however probable: the model stays the refitted base, and a
+    curve is located but explains nothing.
     """
     campaign, judgement = found.campaign, found.judgement()
     probability = judgement.probability
@@ -111,7 +112,7 @@ def conclude(
     fitted = {c.name: c for c in found.contestants}
     system = campaign.system
     verdict, causes = verdict_of(probability, system.faults)
-    if not found.whole:  # what was not looked at counts as impossible in the probabilities, so nothing is settled
+    if not found.whole:  # causes not looked at have probability zero, so nothing is settled
         verdict, causes = "ambiguous", [c for c in causes if c != "unknown"]
     best = fitted.get(top) if verdict not in ("complete", "unknown_physics") else None
     if verdict == "ambiguous":
@@ -147,12 +148,13 @@ def conclude(
     model = there.system.fitted(fit.unknowns, fit.u)
     experiment = None
     if found.whole and verdict in ("ambiguous", "unknown_physics") and not brief:
-        nearest = sorted(found.singles.values(), key=lambda c: c.cost)[:2]  # of what is not the answer, but something
-        # what comes nearest survives where the cause is unknown, but explains nothing
+        # among the causes, without "complete" and "unknown"
+        nearest = sorted(found.singles.values(), key=lambda c: c.cost)[:2]
+        # with an unknown cause the nearest hypotheses survive, but explain nothing
         survivors = surviving(probability) if verdict == "ambiguous" else []
         rivals = [fitted[n] for n in survivors if n in fitted and fitted[n] is not best][:3]
         among = [c for c in (best, *rivals) if c]
-        explain = len(among) > 1  # one alone is set beside what comes nearest
+        explain = len(among) > 1  # a single survivor is compared with the nearest other
         among += [] if explain else [c for c in nearest if c not in among]
         experiment = system.experiment(campaign, among, explain=explain)
     return Findings(
@@ -178,7 +180,8 @@ def conclude(
 
 
 def _added(found: Inquiry, best: Contestant | None) -> list[tuple[str, Fit]]:
-    """Fits with the first of the best hypothesis' causes, with two, ...; that comes first which explains most alone."""
+    """Fits with the first of the best hypothesis' causes, with two, ...; the cause that explains most alone comes
+    first."""
     if best is None:
         return []
     alone = [found.singles[cause] for cause in best.hypothesis.causes if cause in found.singles]
@@ -211,7 +214,7 @@ def verdict_of(probability: Mapping[str, float], faults: Collection[str]) -> tup
     if probability[top] >= NAMED_ALONE or (certain and set(certain) == set(top.split("+"))):
         causes = sorted(top.split("+"), key=lambda c: -marginal[c])
         return ("measurement_fault" if set(causes) <= set(faults) else "missing_physics"), causes
-    if certain:  # one cause is sure, only what stands beside it is not
+    if certain:  # one cause is certain, only the one beside it is not
         return ("measurement_fault" if set(certain) <= set(faults) else "missing_physics"), certain
     told = [cause for name in names if name != "complete" for cause in name.split("+")]
     return "ambiguous", sorted(set(told), key=lambda c: -marginal.get(c, 0.0))

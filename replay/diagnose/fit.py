@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Where a search ended: u, residual (m,), Jacobian ``slopes`` (m, unknowns) there, and what it cost to be there."""
+    """Where a search ended: u, residual (m,), Jacobian ``slopes`` (m, unknowns) there, and the cost there."""
 
     unknowns: tuple[Unknown, ...]
     u: Floats
@@ -53,16 +53,16 @@ class Contestant:
 
 
 class StoppedError(Exception):
-    """The user asked to stop: the best point so far is the result."""
+    """The user stopped the search: the best point so far is the result."""
 
 
 def prior_cost(unknowns: Sequence[Unknown], u: Floats) -> float:
-    """What the priors charge."""
+    """The priors' part of the cost."""
     return float(sum(((x - k.mean) / k.sd) ** 2 for k, x in zip(unknowns, u, strict=True)))
 
 
 def cost_at(unknowns: Sequence[Unknown], u: Floats, residual: Floats, smooth: Floats | None = None) -> float:
-    """Robust misfit at u with what the priors charge, ``smooth`` (k, unknowns) among them (see `fitted`)."""
+    """Robust misfit at u plus the priors' cost, ``smooth`` (k, unknowns) included (see `fitted`)."""
     rough = 0.0 if smooth is None else float(np.sum((smooth @ u) ** 2))
     return robust_cost(residual) + prior_cost(unknowns, u) + rough
 
@@ -91,8 +91,8 @@ def fitted(
     """The fit found from u in at most so many evaluations; it ends when a step gains less than ``share`` of the cost.
 
     Minimises the sum of rho(r_i) + ((u_k - mean_k) / sd_k)^2 with rho the soft-L1 loss
-    (`straw.replay.diagnose.robust`), and |smooth u|^2 for ``smooth`` (k, unknowns): what a table's values are charged
-    for being rough.
+    (`straw.replay.diagnose.robust`), and |smooth u|^2 for ``smooth`` (k, unknowns), the roughness penalty of a
+    table's values.
     """
     problem = _Problem(campaign, tuple(unknowns), smooth)
     low, high = (np.array([getattr(k, name) for k in unknowns]) for name in ("low", "high"))
@@ -114,7 +114,7 @@ def fitted(
 
 
 class _Problem:
-    """What SciPy asks: rows of residuals and of priors, their Jacobian, their loss; the best point is remembered."""
+    """Functions for SciPy: rows of residuals and of priors, their Jacobian, their loss; the best point is kept."""
 
     def __init__(self, campaign: Campaign, unknowns: tuple[Unknown, ...], smooth: Floats | None) -> None:
         self.campaign, self.unknowns, self.smooth = campaign, unknowns, smooth

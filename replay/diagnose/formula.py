@@ -1,4 +1,4 @@
-"""A sparse formula for a curve: the few functions of its state that the runs themselves cannot tell from the curve."""
+"""A sparse formula for a curve: a sum of few functions of its state that fits the runs as well as the curve."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ from straw.replay.diagnose.robust import robust_cost, weights
 
 Floats = NDArray[np.float64]
 
-#: How many sums of one, two and three functions are tried on the runs; the condition number at which some are alike.
+#: How many sums of one, two and three functions are tried on the runs; the condition number at which some count as
+#: alike.
 KEPT, ALIKE = (3, 2, 1), 12.0
 #: Rounds of a sum's fit, and the share of the gain that another function has to earn.
 ROUNDS, EARNS = 4, 0.02
@@ -26,12 +27,12 @@ ROUNDS, EARNS = 4, 0.02
 
 @dataclass(frozen=True)
 class Atom:
-    """One function of the state: how it is written, its power of the state's unit, and what choosing it costs."""
+    """One function of the state: its text, its power of the state's unit, and the cost of choosing it."""
 
     text: str
     power: float
     of: Callable[[Floats], Floats]
-    numbers: int = 1  # constants it brings, its own shape included
+    numbers: int = 1  # number of its constants, its shape's included
     code: str = ""  # the same as Python over x, for a law's file; empty where no law of the straw depends on the state
 
 
@@ -73,7 +74,7 @@ class Formula:
 
 @dataclass(frozen=True, eq=False)
 class Tangent:
-    """What runs say of a curve near its fit once the base's constants give way: -2 log L = 2 g d + d H d + const.
+    """The likelihood of a curve near its fit, profiled over the base's constants: -2 log L = 2 g d + d H d + const.
 
     ``d`` are the curve's values less ``values``, (n,).
     """
@@ -81,13 +82,13 @@ class Tangent:
     values: Floats
     g: Floats
     H: Floats
-    smooth: Floats  # (n, n) what H lacks: the price of roughness, and how wide values were sought
+    smooth: Floats  # (n, n) not included in H: the roughness penalty and the values' prior
 
 
 def tangent(fit: Fit, base: int, rows: Floats) -> Tangent:
-    """Of a fit whose first unknowns are the base's; ``rows`` (k, n) times the others' u are charged for being rough.
+    """Of a fit whose first unknowns are the base's; ``rows`` (k, n) times the others' u is the roughness penalty.
 
-    Robust weights; what the fit leaves beyond noise widens everything.
+    Robust weights; misfit beyond noise widens all uncertainties.
     """
     w = weights(fit.residual)
     spread = max(1.0, float(np.mean(w * fit.residual**2)))
@@ -106,10 +107,10 @@ def tangent(fit: Fit, base: int, rows: Floats) -> Tangent:
 
 
 def sparse(t: Tangent, at: Floats, atoms: Sequence[Atom]) -> list[tuple[tuple[Atom, ...], Floats]]:
-    """Atoms and coefficients of the sums that come nearest to the curve as the runs see it: a few of each size.
+    """Atoms and coefficients of the sums nearest to the curve in the runs' likelihood: a few of each size.
 
-    Exhaustive, and the first atom alone in any case; ``at`` (n,) in SI. What the base's constants can take over costs
-    nothing, so it need not be in a sum.
+    Exhaustive, and the first atom alone in any case; ``at`` (n,) in SI. Parts that the base's constants can compensate
+    cost nothing, so they need not be in a sum.
     """
     table = np.stack([atom.of(at) for atom in atoms], axis=1)
     size = np.linalg.norm(table, axis=0)
@@ -120,7 +121,7 @@ def sparse(t: Tangent, at: Floats, atoms: Sequence[Atom]) -> list[tuple[tuple[At
         rows = []
         for chosen in itertools.combinations(range(len(atoms)), k):
             A = table[:, chosen]
-            if np.linalg.cond(A) > ALIKE:  # the difference of two that are alike says nothing
+            if np.linalg.cond(A) > ALIKE:  # the difference of two nearly equal functions is not informative
                 continue
             a = np.linalg.lstsq(A.T @ t.H @ A, A.T @ target, rcond=1e-10)[0]
             rows.append((_misfit(t, A @ a), chosen, a / size[list(chosen)]))
@@ -181,7 +182,7 @@ def formula(
 ) -> tuple[tuple[Atom, ...], Floats, Floats, float]:
     """The fewest atoms that explain the runs nearly as well as any: they, coefficients, sigmas, share of the gain kept.
 
-    An atom more has to earn its price, or a share of all that there is to gain: no law has exactly nature's form.
+    Another atom must gain its cost, or a share of the whole gain, as no law has exactly the true form.
     """
     t, count = tangent(fit, base, rows), len(fit.residual)
     best: tuple[float, tuple[Atom, ...], Floats, Fit] | None = None

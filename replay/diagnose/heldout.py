@@ -1,4 +1,4 @@
-"""Runs held out: base, each cause as it is added, and the improved model, tried where none of them was fitted."""
+"""Held-out runs: base, each cause as it is added, and the improved model, evaluated where none was fitted."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Held:
     """RMS by channel (SI) on runs that were not fitted: base model, improved model, and the recordings' noise.
 
     ``steps``: RMS of the base with the first cause, with the first two, ...; ``moves``: range of each channel there.
-    ``lines``: what base and improved model show (SI, (channels, n) each) by run held out.
+    ``lines``: predictions of base and improved model (SI, (channels, n) each) by held-out run.
     """
 
     train: tuple[str, ...]
@@ -63,11 +63,11 @@ class Held:
         return self.above_noise(self.after)
 
     def above_noise(self, rms: dict[str, float]) -> dict[str, float]:
-        """RMS above noise by channel, of what is RMS with it."""
+        """RMS above noise by channel, from the total RMS."""
         return {name: float(np.sqrt(self._above(name, value))) for name, value in rms.items()}
 
     def explained(self) -> list[dict[str, Any]]:
-        """For each cause in order of being added: what share of the mean squared misfit above noise it takes away."""
+        """For each cause in order of being added: the share of the mean squared misfit above noise that it explains."""
         out, known = [], self.before
         for cause, rms in self.steps:
             share = {}
@@ -91,12 +91,12 @@ def hold_out(
     added: Sequence[tuple[str, Fit]] = (),
     smooth: Floats | None = None,
 ) -> Held | None:
-    """Base and improved model (or the base again) fitted once more without some runs, and how far each is off on those.
+    """Base and improved model (or the base again) refitted without some runs, and their errors on those.
 
     ``added``: fits with the first cause, with the first two, ..., all but the last, which ``better`` is, with the
-    cause's name; the last's is the name of the last cause. ``smooth``: what a curve in it is charged for being rough,
-    as in `fitted`. Held out are runs in which the misfit is, of different kinds, and at most a quarter; None with fewer
-    than three runs.
+    cause's name; the last's is the name of the last cause. ``smooth``: roughness penalty of a curve in it, as in
+    `fitted`. Held out are runs with misfit, of different kinds, at most a quarter of all; None with fewer than three
+    runs.
     """
     names = [o.name for o in campaign.observations]
     if len(names) < 3:

@@ -9,11 +9,11 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Unknown:
-    """One number to find: ``target`` says to its system which, as ``PLACE.NAME``.
+    """One number to estimate: ``target`` names it for its system, as ``PLACE.NAME``.
 
     Searched as u: value = start exp(scale u) of a ``log`` one, scale sinh(u) of a strength, which is linear while
-    small and logarithmic when large, and scale u of a ``linear`` one; zero strength is not there. Its prior is a normal
-    distribution about u = ``mean`` with deviation ``sd``; low and high bound u.
+    small and logarithmic when large, and scale u of a ``linear`` one; at zero strength the cause is absent. Its prior
+    is a normal distribution about u = ``mean`` with deviation ``sd``; low and high bound u.
     """
 
     target: str
@@ -36,7 +36,7 @@ class Unknown:
         return self.value(u) * self.scale if self.kind == "log" else self.scale * self.units_per_u(u)
 
     def units(self, u: float) -> float:
-        """A strength in units of ``scale``; u itself where the search is not of a strength."""
+        """A strength in units of ``scale``; u itself for other unknowns."""
         return float(np.sinh(u)) if self.kind == "strength" else u
 
     def units_per_u(self, u: float) -> float:
@@ -50,7 +50,7 @@ class Unknown:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """Causes that act together, their unknowns, and from where to look for each (u without the base's)."""
+    """Causes that act together, their unknowns, and starts for each (u without the base's)."""
 
     causes: tuple[str, ...]
     unknowns: tuple[Unknown, ...]
@@ -63,7 +63,7 @@ class Hypothesis:
         return "+".join(self.causes) or "complete"
 
     def beside(self, first: Hypothesis) -> Hypothesis:
-        """Both hypotheses' causes at work at once, physics named before instruments; no starts."""
+        """Both hypotheses' causes together, physics named before instruments; no starts."""
         faults = first.faults | self.faults
         both = sorted((*first.causes, *self.causes), key=lambda name: (name in faults, name))
         return Hypothesis(tuple(both), (*first.unknowns, *self.unknowns), (), faults)

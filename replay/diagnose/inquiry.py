@@ -9,7 +9,7 @@ from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Contestant, Fit
 from straw.replay.diagnose.judge import Judgement, judge
 
-#: Said with (what is being done, steps done, steps in all).
+#: Called with (activity, steps done, steps in all).
 Told = Callable[[str, int, int], None]
 
 
@@ -30,15 +30,15 @@ class Chance:
 
 @dataclass(eq=False)
 class Inquiry:
-    """What has been found so far; usable at any time after the base fit."""
+    """The state of a search; usable at any time after the base fit."""
 
     campaign: Campaign
     null: Fit
     singles: dict[str, Contestant] = field(default_factory=dict)
     pairs: dict[str, Contestant] = field(default_factory=dict)
     chance: dict[str, Chance] = field(default_factory=dict)  # of pairs that gain more than chance, by name
-    whole: bool = False  # whether the search ended by itself; one that somebody stopped settles nothing
-    spent: bool = False  # whether it ended as its budget was spent, with what it had found
+    whole: bool = False  # whether the search ended by itself; a stopped one settles nothing
+    spent: bool = False  # whether it ended because its budget was spent
 
     @property
     def contestants(self) -> list[Contestant]:
@@ -47,15 +47,15 @@ class Inquiry:
 
     @property
     def best(self) -> Fit:
-        """The best fit but the base's, which it is where the library is empty."""
+        """The best fit apart from the base's; the base's where the library is empty."""
         return self.contestants[0].fit if self.contestants else self.null
 
     def judgement(self) -> Judgement:
-        """Probabilities with what is known now."""
+        """Probabilities from the fits so far."""
         return judge(self.campaign, self.null, self.contestants)
 
     def keep(self, one: Contestant) -> None:
-        """Remember a contestant where it is better than what is known of its hypothesis."""
+        """Keep a contestant where it is better than the present fit of its hypothesis."""
         kept = self.singles if len(one.hypothesis.causes) == 1 else self.pairs
         if one.name not in kept or one.cost < kept[one.name].cost:
             kept[one.name] = one

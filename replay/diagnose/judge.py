@@ -1,4 +1,4 @@
-"""Weighs hypotheses: how much each leaves unexplained beyond noise, as probabilities with "complete" and "unknown"."""
+"""Weighs hypotheses: from their misfit beyond noise to probabilities, with "complete" and "unknown"."""
 
 from __future__ import annotations
 
@@ -25,13 +25,14 @@ class Calibration:
     `python -m tests.benchmarks.calibrating` finds them and writes `calibration.toml`.
     """
 
-    scale: float  # squared sigmas that count as one: solvers err and runs repeat only to this
-    cause: float  # what a cause, a second one beside it, each constant beyond a cause's first, and one that the library
-    second: float  # does not hold cost in logarithms of prior probability, "complete" costing nothing
+    scale: float  # squared sigmas that count as one, for numerical errors and imperfect repeats
+    # minus log prior of a cause, of a second one beside it, of each constant beyond a cause's first, and of a cause
+    cause: float
+    second: float  # that the library does not hold; that of "complete" is 0
     constant: float
     unknown: float
-    other: float  # probability that a right law has another form than nature's;
-    form: float  # it then leaves this share of what it explains, or more,
+    other: float  # probability that a right law has another form than the true one;
+    form: float  # its misfit is then at least this share of what it explains,
     power: float  # the less probable by this power
     chance: float  # probability that a wrong cause explains all that there is, and that a wrong second one explains all
     second_chance: float  # that its first leaves
@@ -51,12 +52,12 @@ class Judgement:
     """Probabilities of hypotheses by name (``complete``, ``unknown``, causes, joint ones), largest first."""
 
     probability: Mapping[str, float]
-    excess: Mapping[str, float]  # misfit beyond noise that each hypothesis leaves, sigmas squared
-    left_over: float  # of the best of them, from where its differences are too large to be noise
+    excess: Mapping[str, float]  # misfit of each hypothesis beyond noise, sigmas squared
+    left_over: float  # of the best one, in intervals whose differences are too large to be noise
 
 
 def unexplained(campaign: Campaign, fit: Fit) -> float:
-    """Squared sigmas of a fit that lie in stretches whose differences are too large to be noise."""
+    """Squared sigmas of a fit in intervals whose differences are too large to be noise."""
     return sum(run_by_run(campaign, fit))
 
 
@@ -80,13 +81,13 @@ def beyond_noise(row: Floats, shaped: tuple[int, ...]) -> float:
 
 
 def _gently(squares: Floats) -> Floats:
-    """Sums of squares as the robust cost counts them, roughly: large ones with their root."""
+    """Approximate robust cost of sums of squares: large ones count with their root."""
     knee = 25.0 * BLOCK
     return np.where(squares > knee, 2 * np.sqrt(np.maximum(squares, 0) * knee) - knee, squares)
 
 
 def judge(campaign: Campaign, null: Fit, contestants: Sequence[Contestant]) -> Judgement:
-    """Probabilities over the base alone, all contestants, and a cause nobody has thought of."""
+    """Probabilities over the base alone, all contestants, and an unknown cause."""
     fits = {"complete": null, **{c.name: c.fit for c in contestants}}
     best = min(fits.values(), key=lambda fit: fit.cost)
     left_over = max(0.0, unexplained(campaign, best) - NOISE_LEAVES)
@@ -101,8 +102,8 @@ def weighed(
     """Probabilities, largest first, of hypotheses that leave ``excess`` and have so many ``constants``, of "complete"
     (in ``excess``) and "unknown".
 
-    Prior times likelihood, normalised, mixed with an even distribution for what the search missed. Likelihoods are
-    ratios: how much more probable it is that a right hypothesis leaves this than that a wrong one does.
+    Prior times likelihood, normalised, mixed with a uniform distribution for causes that the search missed. Likelihoods
+    are ratios: of the probability of this misfit under a right hypothesis to that under a wrong one.
     """
     base = excess["complete"]
     log_p = {"complete": -base / (2 * by.scale), "unknown": -by.unknown}
@@ -123,9 +124,9 @@ def weighed(
 
 
 def decisive(by: Calibration = CALIBRATION) -> float:
-    """Squared sigmas that the base, or a first cause of nature's own form, must leave for a cause of one constant that
+    """Squared sigmas that the base, or a first cause of the true form, must leave for a cause of one constant that
     leaves nothing to be as probable."""
-    from scipy.optimize import brentq  # takes its time
+    from scipy.optimize import brentq  # slow to import
 
     def odds(left: float) -> float:
         return _log_ratio(0.0, left, by.chance, by) - by.cause + left / (2 * by.scale)
@@ -134,16 +135,16 @@ def decisive(by: Calibration = CALIBRATION) -> float:
 
 
 def _log_ratio(excess: float, before: float, chance: float, by: Calibration) -> float:
-    """Of a hypothesis that leaves ``excess`` of what was there ``before``: a mixture of right laws of nature's own form,
-    which leave noise, and of right laws of another form."""
+    """Log likelihood ratio of a hypothesis that leaves ``excess`` of a misfit ``before``: a mixture of laws of the true
+    form, which leave noise, and of laws of another form."""
     noise = -excess / (2 * by.scale) - np.log(chance + (1 - chance) * _noise_share(before, by))
     form = _log_ratio_of_form(excess, before, chance, by)
     return float(np.logaddexp(np.log1p(-by.other) + noise, np.log(by.other) + form))
 
 
 def _log_ratio_of_form(excess: float, before: float, chance: float, by: Calibration) -> float:
-    """Of laws of another form: they leave a part that stands to what they explain in any ratio, small ones being the
-    more typical of right laws by a power law. Wrong ones leave any share of what was there, or by ``chance`` none."""
+    """Of laws of another form: they leave a part in some ratio to what they explain, with a power law that makes small
+    ratios typical of right laws. Wrong laws leave any share of the misfit, or, by ``chance``, nothing."""
     width = max(by.form, _noise_share(before, by))
     explained = max(before - excess, 1e-9 * before, 1e-9)
     typical = -by.power * np.log1p(excess / (by.form * explained))
@@ -151,7 +152,7 @@ def _log_ratio_of_form(excess: float, before: float, chance: float, by: Calibrat
 
 
 def _noise_share(before: float, by: Calibration) -> float:
-    """The share of what was there that is no more than noise."""
+    """The share of a misfit that is no more than noise."""
     return 2 * by.scale / (2 * by.scale + before)
 
 
@@ -166,6 +167,6 @@ def by_cause(probability: Mapping[str, float]) -> dict[str, float]:
 
 
 def surviving(probability: Mapping[str, float], covers: float = COVERED) -> list[str]:
-    """The fewest hypotheses that together are as probable as ``covers``, what the search missed being any of them."""
+    """The smallest set of hypotheses with probability ``covers``; what the search missed may be any of them."""
     total = list(itertools.accumulate(probability.values()))
     return list(probability)[: int(np.searchsorted(total, covers * (1 - CALIBRATION.missed))) + 1]

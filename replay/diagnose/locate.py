@@ -1,4 +1,4 @@
-"""Where simulation and recordings differ: run, stretch between events, channel, part, and what would wander."""
+"""Where simulation and recordings differ: run, interval between events, channel, part, and constants that vary."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Located:
-    """One stretch of one channel of one run that differs; shares are of the whole campaign's misfit."""
+    """One interval of one channel of one run that differs; shares are of the whole campaign's misfit."""
 
     run: str
     channel: str  # as findings name it
@@ -33,7 +33,7 @@ class Located:
 
 @dataclass(frozen=True)
 class Wandering:
-    """A base constant that runs want to differ in: each run's wish (share of its value), and what it goes with."""
+    """A base constant that would vary between runs: each run's deviation (share of its value), and its correlate."""
 
     constant: str
     equation: str
@@ -43,7 +43,7 @@ class Wandering:
 
 
 def locate(campaign: Campaign, fit: Fit, most: int = 12) -> list[Located]:
-    """The stretches that make most of a fit's misfit, largest first."""
+    """The intervals with most of a fit's misfit, largest first."""
     rows = campaign.misfits(fit.unknowns, [fit.u])[0]
     found: list[Located] = []
     for observed, one in zip(campaign.observations, rows, strict=True):
@@ -73,7 +73,7 @@ def locate(campaign: Campaign, fit: Fit, most: int = 12) -> list[Located]:
 
 
 def kind_of(observed: Recording, one: Misfit, channel: int, here: NDArray[np.bool_]) -> str:
-    """Whether a difference is mostly of time (goes with the rate), of amplitude (with the signal) or of shape."""
+    """Whether a difference is mostly of time (like the rate), of amplitude (like the signal) or of shape."""
     t, y, e = observed.time_s[here], observed.seen[channel, here], one.plain[channel, here]
     if len(t) < 8:
         return "shape"
@@ -91,7 +91,7 @@ def kind_of(observed: Recording, one: Misfit, channel: int, here: NDArray[np.boo
 
 
 def wandering(campaign: Campaign, fit: Fit) -> list[Wandering]:
-    """Base constants that would have to differ from run to run, to first order, the most telling first."""
+    """Base constants that would have to vary from run to run, to first order, the most significant first."""
     wishes: dict[str, list[float]] = {}
     precision: dict[str, list[float]] = {}
     said: dict[str, tuple[str, str]] = {}
@@ -118,7 +118,7 @@ def wandering(campaign: Campaign, fit: Fit) -> list[Wandering]:
 
 
 def _goes_with(runs: Sequence[Recording], wish: Floats, weight: Floats) -> str:
-    """Which of the runs' conditions a wish from run to run goes with; else nothing."""
+    """The run condition with which a constant's variation correlates; else empty."""
     made = [o.conditions() for o in runs]
     candidates = {name: np.array([one[name] for one in made]) for name in made[0]}
     centred = wish - np.average(wish, weights=weight)

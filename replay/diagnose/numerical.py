@@ -1,4 +1,4 @@
-"""Derivatives for systems that bring none: central differences in u, one-sided at a bound."""
+"""Derivatives for systems without their own: central differences in u, one-sided at a bound."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ def jacobian(
     *,
     central: bool = True,
 ) -> Floats:
-    """Derivatives (m, unknowns) of ``of``, which is ``at`` (m,) at u; a side that cannot be worked out is left out.
+    """Derivatives (m, unknowns) of ``of``, which is ``at`` (m,) at u; a side that cannot be computed is left out.
 
-    Not ``central``, one side is enough where it can be: off by half a step times the curvature, which a search does not
-    feel, at half of the cost.
+    Without ``central`` one side is used where possible: its error, half a step times the curvature, does not matter to
+    a search, at half of the cost.
     """
     columns = []
     for k, unknown in enumerate(unknowns):

@@ -17,12 +17,12 @@ from straw.replay.diagnose.tournament import fitted_contestant, tournament
 
 
 def telling(found: Inquiry) -> Campaign:
-    """The runs that tell most, compared coarsely."""
+    """The most informative runs, compared coarsely."""
     return found.campaign.only(found.campaign.system.telling(found.campaign, found.null)).coarse()
 
 
 def find_pairs(found: Inquiry, names: Sequence[str], first: Sequence[str], proposed: Sequence[Start]) -> None:
-    """Second causes beside the best: fitted coarsely where it is far off (those among ``first``), and by first order
+    """Second causes beside the best: fitted coarsely where its fit is poor (those among ``first``), to first order
     where more than noise is left."""
     beside_best(found, first)
     if not found.campaign.stop() and unexplained(found.campaign, found.best) > NOISE_LEAVES:
@@ -48,7 +48,7 @@ def beside_best(found: Inquiry, names: Sequence[str]) -> None:
 
 
 def screened_pairs(found: Inquiry, names: Sequence[str], proposed: Sequence[Start]) -> None:
-    """Second causes that first order promises most beside the best two, and the ``proposed`` pairs."""
+    """Second causes that gain most to first order beside the best two, and the ``proposed`` pairs."""
     campaign, wide = found.campaign, telling(found)
     for first in [c for c in found.contestants if len(c.hypothesis.causes) == 1][:2]:
         others = [campaign.hypothesis([name]) for name in names if name not in first.hypothesis.causes]
@@ -62,8 +62,8 @@ def screened_pairs(found: Inquiry, names: Sequence[str], proposed: Sequence[Star
 
 
 def seconds(found: Inquiry, names: Sequence[str]) -> None:
-    """Second causes that stay within the noise of a sample, yet gain over all of them what makes a cause as probable as
-    none: promised to first order beside the best single causes, then fitted."""
+    """Second causes below the noise of a sample that over all samples gain enough to make a cause as probable as none:
+    selected to first order beside the best single causes, then fitted."""
     campaign, before, least = found.campaign, len(found.pairs), decisive()
     singles = [c for c in found.contestants if len(c.hypothesis.causes) == 1]
     for first in singles[:2]:
@@ -78,8 +78,8 @@ def seconds(found: Inquiry, names: Sequence[str]) -> None:
 
 
 def nested(found: Inquiry) -> None:
-    """Each cause of the best pair alone, from the pair's constants: where the other of the two does nothing, the
-    search for the one alone had only ended in another local minimum."""
+    """Each cause of the best pair alone, from the pair's constants: if the other cause has no effect, the search for
+    the single one had ended in another local minimum."""
     best = found.contestants[0] if found.contestants else None
     if best is None or len(best.hypothesis.causes) == 1:
         return

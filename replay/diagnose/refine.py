@@ -1,8 +1,8 @@
 """From a coarse fit to all samples: multi-start over the coarse posterior.
 
-Point by point, a tip that rings agrees only with one that rings in phase, so the fit to all samples has a minimum for
-every swing that may be missed. All of them lie where the coarse comparison, which has no phase, is nearly as good as at
-its best: there starts are drawn, and the best are followed.
+Sample by sample, a ringing tip agrees only with one that rings in phase, so the fit to all samples has a minimum for
+every missed cycle. All of them lie where the coarse comparison, which ignores phase, is nearly as good as at its best:
+starts are drawn there, and the best are followed.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ def refined(campaign: Campaign, coarse: Fit, rounds: int) -> Fit:
 
 
 def drawn(fit: Fit, known: int) -> list[Floats]:
-    """Points u about a fit: the first ``known`` unknowns, which say how fast it rings, drawn evenly from their
-    posterior, ``WIDENED`` times as wide; the others at their mean given those."""
+    """Points u about a fit: the first ``known`` unknowns, which determine the frequency, drawn evenly from their
+    posterior, ``WIDENED`` times as wide; the others at their conditional mean."""
     if not known:
         return []
     w, sd = weights(fit.residual), np.array([k.sd for k in fit.unknowns])
@@ -54,8 +54,8 @@ def drawn(fit: Fit, known: int) -> list[Floats]:
 
 
 def refine(found: Inquiry, coarse: Sequence[Contestant]) -> None:
-    """What was fitted coarsely, fitted to all samples: with draws what costs no more above the best than that leaves,
-    beyond which hypotheses are not carried on either (`reach`)."""
+    """Coarse fits continued to all samples: with draws where their excess over the best is below the best's own misfit,
+    beyond which hypotheses are not continued either (`reach`)."""
     for one in coarse:
         if one.cost < 2 * coarse[0].cost:
             found.keep(Contestant(one.hypothesis, refined(found.campaign, one.fit, FIRST_ROUNDS)))
@@ -64,7 +64,7 @@ def refine(found: Inquiry, coarse: Sequence[Contestant]) -> None:
 
 
 def finish(found: Inquiry) -> None:
-    """Carry the best few to their end, until no other is close."""
+    """Finish the best few fits, until no other is close."""
     done: set[str] = set()
     while not found.campaign.stop() and len(done) < FOLLOWED:
         waiting = [c for c in found.contestants if c.name not in done]
@@ -79,6 +79,6 @@ def _best_cost(found: Inquiry, done: set[str]) -> float:
 
 
 def reach(found: Inquiry) -> float:
-    """How much more than the best a hypothesis may cost that is still carried on: as much as the best itself leaves,
+    """The largest excess cost over the best with which a hypothesis is still continued: the misfit of the best itself,
     since a search that ended that far from noise may have ended in a local minimum for any of them."""
     return max(NOISE_LEAVES, unexplained(found.campaign, found.best))

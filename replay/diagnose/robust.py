@@ -1,4 +1,4 @@
-"""Differences far off count with their size, not their square: soft L1."""
+"""Robust loss: large differences count linearly, not squared (soft L1)."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ Floats = NDArray[np.float64]
 
 
 def robust_cost(residual: Floats) -> float:
-    """Sum of squares in which what is far off counts with its size (soft L1)."""
+    """Sum of squares in which large differences count linearly (soft L1)."""
     c2 = ROBUST_SIGMAS**2
     return float(np.sum(2 * c2 * (np.sqrt(1 + residual**2 / c2) - 1)))
 
 
 def weights(residual: Floats) -> Floats:
-    """Weights of squares that stand for the robust cost."""
+    """Weights of squares equivalent to the robust cost."""
     return np.asarray(1 / np.sqrt(1 + (residual / ROBUST_SIGMAS) ** 2))

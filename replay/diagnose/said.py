@@ -1,4 +1,4 @@
-"""Findings in plain sentences: the verdict, why a cause is not named, and what a reader should know of the search."""
+"""Findings in sentences: the verdict, why a cause is not named, and remarks on the search."""
 
 from __future__ import annotations
 
@@ -7,16 +7,14 @@ from dataclasses import dataclass
 
 from straw.replay.diagnose.heldout import Held
 from straw.replay.diagnose.inquiry import Inquiry
+from straw.replay.diagnose.names import NO_CAUSE, words
 from straw.replay.diagnose.settings import COVERED
 from straw.replay.diagnose.system import Channel
-
-#: What is no cause, in words.
-OTHERS = {"complete": "nothing missing", "unknown": "something no hypothesis holds"}
 
 
 @dataclass(frozen=True)
 class Refuted:
-    """A hypothesis that predicts runs held out worse than the base does, and by how much."""
+    """A hypothesis that predicts held-out runs worse than the base does, and by how much."""
 
     name: str
     worse: str
@@ -43,7 +41,7 @@ def says(
 ) -> str:
     """The verdict in one sentence; ``experiment``: whether one is proposed that would tell more."""
     runs = len(found.campaign.observations)
-    named = " and ".join(_words(c) for c in causes)
+    named = " and ".join(words(c) for c in causes)
     if not found.whole:
         so_far = f"; so far {named} would explain these runs best" if named else ""
         return f"Stopped before every cause was looked at: nothing is named and nothing excluded{so_far}."
@@ -57,7 +55,7 @@ def says(
         tail = "; the next experiment below would tell more" if experiment else ""
         if refuted:
             return (
-                f"Nothing is named: {_words(refuted.name)} explains all runs together best (probability "
+                f"Nothing is named: {words(refuted.name)} explains all runs together best (probability "
                 f"{probability[refuted.name]:.2f}), but fitted without the runs held out it predicts them worse than "
                 f"the base ({refuted.worse}){tail}."
             )
@@ -70,7 +68,7 @@ def says(
 
 
 def doubts(found: Inquiry) -> list[str]:
-    """What a reader should know about how this was found."""
+    """Remarks on how this was found."""
     runs = found.campaign.observations
     out = []
     if not found.whole:
@@ -82,7 +80,7 @@ def doubts(found: Inquiry) -> list[str]:
             f"{len(runs)} run{'s' if len(runs) > 1 else ''}: nothing could be held out, and repeats are not known"
         )
     if chance := found.chance.get(next(iter(found.judgement().probability))):
-        first = _words(chance.first)
+        first = words(chance.first)
         out.append(
             f"the second cause gains {chance.gain:.0f} squared standard deviations beside {first}; in 98 % of "
             f"{chance.simulated} simulated campaigns with {first} alone, any second gains less than {chance.most:.0f}"
@@ -93,19 +91,15 @@ def doubts(found: Inquiry) -> list[str]:
     return out
 
 
-def _words(name: str) -> str:
-    return name.replace("_", " ").replace("+", " and ")
-
-
 def _sure(causes: Sequence[str], probability: Mapping[str, float]) -> float:
     """Probability that at least one of these causes takes part."""
     return sum(p for name, p in probability.items() if set(causes) & set(name.split("+")))
 
 
 def _not_told(causes: Sequence[str], probability: Mapping[str, float]) -> str:
-    """What cannot be told apart, each with its own probability; a single cause may be too improbable to be named."""
-    sure = {_words(c): _sure([c], probability) for c in causes}
-    sure |= {text: probability[name] for name, text in OTHERS.items() if probability[name] > 1 - COVERED}
+    """Hypotheses that cannot be distinguished, with probabilities; a single cause may be too improbable to be named."""
+    sure = {words(c): _sure([c], probability) for c in causes}
+    sure |= {text: probability[name] for name, text in NO_CAUSE.items() if probability[name] > 1 - COVERED}
     among = [f"{name} ({p:.2f})" for name, p in sure.items()]
     if len(among) < 2:
         return f"These runs do not settle it: {''.join(among) or 'nothing'} is the most probable, and not enough so"

@@ -19,18 +19,18 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Start:
-    """A hypothesis and a point u (of the base's unknowns and its own) to look from; what it promises to gain there."""
+    """A hypothesis with a start u (of the base's unknowns and its own) and its predicted gain there."""
 
     hypothesis: Hypothesis
     u: Floats
-    gain: float = np.inf  # squared sigmas, to first order; not known where nothing says so
+    gain: float = np.inf  # squared sigmas, to first order; NaN if unknown
 
 
 def screen(
     campaign: Campaign, known: Fit, hypotheses: Sequence[Hypothesis], beside: Hypothesis | None = None
 ) -> list[Start]:
-    """Where each hypothesis would be added to a fit, to first order in its strengths, the most promising first
-    (a score test, profiled over the known unknowns: Rao 1948)."""
+    """First-order fits of each hypothesis beside a given fit, the most promising first (a score test, profiled over the
+    known unknowns: Rao 1948)."""
     promised: list[Start] = []
     for h, shape, slopes, columns in linearised_beside(campaign, known, hypotheses):
         u, gain = _added(replace(known, slopes=slopes), h, shape, columns)
@@ -71,7 +71,7 @@ def _shapes(h: Hypothesis) -> list[Floats]:
 
 
 def _added(known: Fit, h: Hypothesis, shape: Floats, columns: Floats) -> tuple[Floats, float]:
-    """u with the hypothesis added as linear least squares wants it, and what that gains; strengths keep their sign."""
+    """u with the hypothesis added by linear least squares, and its gain; strengths keep their sign."""
     w = np.sqrt(weights(known.residual))
     n = len(known.u)
     unknowns = (*known.unknowns, *h.unknowns)

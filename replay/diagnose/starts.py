@@ -1,4 +1,4 @@
-"""Where a system that has no way of its own starts: multi-start over the priors of the base's constants."""
+"""Default starts of a system: multi-start over the priors of the base's constants."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ Floats = NDArray[np.float64]
 
 
 def fit_from_priors(campaign: Campaign, proposed: Sequence[Floats] = ()) -> tuple[Fit, Fit]:
-    """The base fitted to all samples and to the coarse comparison, from what was given and from across the priors."""
+    """The base fitted to all samples and to the coarse comparison, from the given constants and from points of the
+    priors."""
     unknowns = campaign.system.base
     points = [np.zeros(len(unknowns)), *proposed, *scattered(unknowns)]
     costs = logarithmic(campaign, points)
@@ -28,7 +29,7 @@ def fit_from_priors(campaign: Campaign, proposed: Sequence[Floats] = ()) -> tupl
 
 
 def logarithmic(campaign: Campaign, points: Sequence[Floats]) -> list[float]:
-    """Misfit of each point as a sum of logarithms, which hardly minds how far off what is far off is."""
+    """Misfit of each point as a sum of logarithms, which is insensitive to the size of large differences."""
     unknowns = campaign.system.base
     return [
         float(np.sum(np.log1p((r / 10) ** 2))) + cost_at(unknowns, u, np.zeros(0))
@@ -46,7 +47,7 @@ def scattered(unknowns: Sequence[Unknown]) -> list[Floats]:
 
 def normal(dimensions: int) -> Floats:
     """Points of a standard normal distribution, evenly: (DRAWN, dimensions)."""
-    from scipy.stats import norm, qmc  # takes its time
+    from scipy.stats import norm, qmc  # slow to import
 
     even = qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng(0)).random(DRAWN)
     return np.asarray(norm.ppf(even))

@@ -1,4 +1,4 @@
-"""What the diagnosis asks of a system: anything that can be simulated, with derivatives or differences.
+"""The interface of a system for the diagnosis: anything that can be simulated, with derivatives or differences.
 
 The straw is one (`systems/straw`), an oscillator another (`systems/oscillator`), a function written by a user a third
 (`systems/function`). A system and its recordings travel to workers, so they can be pickled.
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
 
-if TYPE_CHECKING:  # what a system may bring of its own is asked for with the engine's own words
+if TYPE_CHECKING:  # imported for types only, as these modules import this one
     from straw.replay.diagnose.campaign import Campaign
     from straw.replay.diagnose.fit import Contestant, Fit
     from straw.replay.diagnose.page.shown import Shown
@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 
 
 class Level(Enum):
-    """What is compared: what changes smoothly from afar (slow parts, envelopes, events), or all samples."""
+    """What is compared: smooth features (slow parts, envelopes, events), or all samples."""
 
     COARSE = "coarse"
     FINE = "fine"
@@ -34,7 +34,7 @@ class Level(Enum):
 
 @dataclass(frozen=True)
 class Channel:
-    """One measured signal: its name in files with the unit, and how a person reads it."""
+    """One measured signal: its name in files with the unit, and its display name and unit."""
 
     name: str  # x_m
     symbol: str  # X
@@ -43,7 +43,7 @@ class Channel:
 
     @property
     def label(self) -> str:
-        """As an axis says it."""
+        """Label of an axis."""
         return f"{self.symbol} / {self.shown_unit}"
 
     @property
@@ -54,17 +54,17 @@ class Channel:
 
 @dataclass(frozen=True)
 class Stretch:
-    """A part of a recording that differs from others in what happens: its name, times (s), and the event it is of."""
+    """A part of a recording with its own events: its name, times (s), and the event it belongs to."""
 
     phase: str
     from_s: float
     to_s: float
     event: int = 0  # numbered from 1; 0 where nothing happens
-    during: bool = False  # whether it is up to the event's end, so that the event's place says something
+    during: bool = False  # whether it lasts up to the event's end, so that the event's place is informative
 
 
 class Recording(Protocol):
-    """What one run shows: ``seen`` (channels, n), SI, at stamped times ``time_s`` (n,)."""
+    """One run: ``seen`` (channels, n), SI, at stamped times ``time_s`` (n,)."""
 
     @property
     def name(self) -> str:
@@ -76,18 +76,18 @@ class Recording(Protocol):
 
     @property
     def seen(self) -> Floats:
-        """What the channels show, SI, (channels, n)."""
+        """Values of the channels, SI, (channels, n)."""
 
     @property
     def events_s(self) -> Floats:
-        """When something begins, ends, the next begins, ... (k,), s; empty where nothing does."""
+        """Times at which events begin and end in turn, (k,), s; empty without events."""
 
     @property
     def kind(self) -> Hashable:
         """Recordings of one kind may stand for each other when some are held out."""
 
     def sigma(self) -> Floats:
-        """Noise and what is not repeatable, SI, (channels, n)."""
+        """Noise and lack of repeatability, SI, (channels, n)."""
 
     def floor(self) -> Floats:
         """Noise to compare a fit with, SI, (channels, n)."""
@@ -96,15 +96,15 @@ class Recording(Protocol):
         """Its parts, in order."""
 
     def conditions(self) -> Mapping[str, float]:
-        """What it was made under, by words: what constants may go with from run to run."""
+        """Conditions of the run by name, with which constants may correlate from run to run."""
 
 
 class Misfit(Protocol):
     """A recording against a simulation.
 
-    ``vector`` (m,), in sigmas, white for a right model: all samples channel by channel, then what concerns events;
-    ``jacobian`` (m, unknowns), no columns where none were asked for; ``plain`` (channels, n), SI, as a person
-    subtracts; ``steps``: what it cost.
+    ``vector`` (m,), in sigmas, white for a right model: all samples channel by channel, then events;
+    ``jacobian`` (m, unknowns), no columns where none were asked for; ``plain`` (channels, n), SI, by plain
+    subtraction; ``steps``: its cost.
     """
 
     @property
@@ -135,12 +135,12 @@ class Differences:
 
 
 class System(ABC):
-    """A model of what was recorded; unknowns are searched as u, and u = 0 of the base's is what was given."""
+    """A model of what was recorded; unknowns are searched as u, and u = 0 of the base's is the given model."""
 
     @property
     @abstractmethod
     def channels(self) -> tuple[Channel, ...]:
-        """What is measured."""
+        """The measured channels."""
 
     @property
     @abstractmethod
@@ -154,7 +154,8 @@ class System(ABC):
 
     @property
     def most_work(self) -> float:
-        """Steps of plain simulations after which a search ends with what it has found; by default it goes on."""
+        """Work, in steps of plain simulations, after which a search ends with its result so far; unlimited by
+        default."""
         return float("inf")
 
     @property
@@ -187,7 +188,7 @@ class System(ABC):
         return
 
     def propose(self, recordings: Sequence[Any], names: Sequence[str]) -> Any:
-        """A proposal of where to start; None where none is known."""
+        """A proposal of starts, or None."""
         return None
 
     def fit_base(self, campaign: Campaign, proposed: Sequence[Floats]) -> tuple[Fit, Fit]:
@@ -201,11 +202,11 @@ class System(ABC):
         return [one.name for one in campaign.observations]
 
     def repeats(self, campaign: Campaign, fit: Fit) -> Floats | None:
-        """What one standard deviation of each kind of difference between repeats does to the vector, (m, kinds)."""
+        """Effect of one standard deviation of each kind of difference between repeats on the vector, (m, kinds)."""
         return None
 
     def cannot_follow(self, recording: Any) -> str:
-        """What to tell a user whose recording cannot be simulated with the base's fit."""
+        """Message for a user whose recording cannot be simulated with the base's fit."""
         return f"run {recording.name}: cannot be simulated, neither with the constants given nor with those that fit"
 
     def named(self, unknown: Unknown) -> tuple[str, str, str]:
@@ -226,15 +227,15 @@ class System(ABC):
         return []
 
     def experiment(self, campaign: Campaign, among: Sequence[Contestant], *, explain: bool) -> Any:
-        """The next experiment that tells hypotheses apart; None where none is known."""
+        """The next experiment that distinguishes hypotheses, or None."""
         return None
 
     def missing(self, campaign: Campaign, null: Fit, told: Any) -> Any:
-        """What no cause explains, as a law over a state; None where that is not looked for."""
+        """The unexplained part as a law over a state; None where the system has no such search."""
         return None
 
     def shown(self) -> Shown:
-        """What the page shows of it beside its channels; by default nothing."""
+        """What the page shows beside its channels; by default nothing."""
         from straw.replay.diagnose.page.shown import Shown
 
         return Shown()
@@ -244,7 +245,7 @@ class System(ABC):
         return {unknown.target: unknown.value(float(x)) for unknown, x in zip(unknowns, u, strict=True)}
 
     def simulated(self, recording: Any, unknowns: Sequence[Unknown], u: Floats) -> Floats:
-        """What the channels would show at the recording's times, (channels, n)."""
+        """Predicted values of the channels at the recording's times, (channels, n)."""
         one = self.misfit(recording, unknowns, u)
         return np.full_like(recording.seen, np.nan) if one is None else recording.seen + one.plain
 

@@ -1,4 +1,4 @@
-"""What is good enough: a tolerance by channel, as a person writes it, and whether a remainder is within it."""
+"""A tolerance by channel as a user writes it, and whether a remainder is within it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from straw.replay.diagnose.system import Channel
 from straw.replay.errors import ReplayError
 
-#: Factors to SI of what may be written behind a number.
+#: Factors to SI of units that may follow a number.
 UNITS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "rad": 1.0, "mrad": 1e-3, "deg": 0.017453292519943295, "Pa": 1.0, "kPa": 1e3}
 
 
@@ -21,7 +21,7 @@ class Tolerance:
     share: float | None = None
 
     def limit(self, name: str, moves: float) -> float:
-        """What may remain in a channel that moves so far; infinite where nothing is said of it."""
+        """What may remain in a channel with this range of motion; infinite without a tolerance."""
         if self.share is not None:
             return self.share * moves
         return self.si.get(name, float("inf"))

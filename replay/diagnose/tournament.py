@@ -43,7 +43,7 @@ def tournament(
 
 
 def look(wide: Campaign, known: Fit, h: Hypothesis) -> list[Start]:
-    """A hypothesis' starts beside what is known, which makes room for it; those that look best first."""
+    """A hypothesis' starts, profiled over the known unknowns; the best first."""
     unknowns = (*known.unknowns, *h.unknowns)
     points = [clipped(unknowns, np.concatenate([known.u, start])) for start in h.starts]
     residuals = wide.residuals(unknowns, points)
@@ -59,7 +59,7 @@ def look(wide: Campaign, known: Fit, h: Hypothesis) -> list[Start]:
 
 
 def _room(known: Fit, unknowns: Sequence[Unknown], u: Floats, residual: Floats) -> Floats:
-    """The point with the known unknowns moved as their Jacobian says is best, the new ones held."""
+    """The point after a Gauss-Newton step of the known unknowns, with the new ones held."""
     n, w = len(known.u), weights(residual)
     sd, mean = np.array([k.sd for k in known.unknowns]), np.array([k.mean for k in known.unknowns])
     H = (known.slopes * w[:, None]).T @ known.slopes + np.diag(1 / sd**2)
@@ -78,5 +78,5 @@ def fitted_contestant(
 
 
 def finished(campaign: Campaign, one: Contestant, rounds: int) -> Contestant:
-    """A contestant's fit carried on, perhaps in another campaign of the same runs."""
+    """A contestant's fit continued, perhaps in another campaign of the same runs."""
     return Contestant(one.hypothesis, fitted(campaign, one.fit.unknowns, one.fit.u, rounds=rounds))

@@ -9,13 +9,13 @@ from straw.replay.guide import api, commands
 
 
 def generated() -> dict[Path, str]:
-    """What each generated file must hold."""
+    """The text of each generated file."""
     here = Path(__file__).parent
     return {here / "COMMANDS.md": commands.reference(parser()), here / "API.md": api.reference()}
 
 
 def main() -> None:
-    """Write them where they are."""
+    """Write the files in place."""
     for path, text in generated().items():
         path.write_text(text, encoding="utf-8", newline="\n")
         print(path)

@@ -1,1 +1,1 @@
-"""The closed loop: diagnose, choose the experiment that tells most, run it, again, until a reason to stop."""
+"""The closed loop: diagnose, choose the most informative experiment, run it, and repeat until a reason to stop."""

@@ -33,15 +33,15 @@ from straw.rig.protocol_toml import protocol_from_toml
 from straw.rig.rig_file import RigFile
 from straw.rig.run_read import read_run
 
-#: With fewer runs than this nothing can be diagnosed: one is fitted whatever the cause is.
+#: Least number of runs for a diagnosis: a single run can be fitted whatever the cause.
 FEWEST = 2
 #: Runs another command of straw: words as on the command line, its exit code.
 Command = Callable[[Sequence[str]], int]
 
 
 class Bench:
-    """`Steps` of one specimen on one rig. ``place`` is the folder for protocols and findings of the rounds; ``asks`` is
-    asked for a yes, ``told`` is told how far it is."""
+    """`Steps` of one specimen on one rig. ``place`` is the folder for protocols and findings of the rounds; ``asks``
+    gives approval, ``told`` receives progress."""
 
     def __init__(
         self,
@@ -99,7 +99,7 @@ class Bench:
     def unknown(self, found: Found) -> str:
         """As `straw diagnose` ends: a curve of what is missing, over the state it depends on, and a formula if any."""
         assert self._inquiry is not None
-        say("look for what no hypothesis explains: some minutes")
+        say("search for an unknown law: some minutes")
         with progress_bar("look for a law", "step") as update:
             findings = conclude(
                 self._inquiry,
@@ -123,7 +123,7 @@ class Bench:
         self.told(what, done, total)
 
     def _keep(self, findings: Findings) -> Path:
-        """Write what a diagnosis found beside the log; the name without its ending."""
+        """Write a diagnosis beside the log; return its path without suffix."""
         assert self._inquiry is not None
         name = self.place / f"after-{len(self._inquiry.campaign.observations):02d}-runs"
         write_json(name.with_suffix(".json"), findings.as_json())
@@ -131,7 +131,7 @@ class Bench:
         return name
 
     def propose(self, found: Found) -> Sequence[Proposal]:
-        """The menu, free designs and repeats, as the hypotheses of the last diagnosis see them."""
+        """The menu, free designs and repeats, judged by the hypotheses of the last diagnosis."""
         if found.verdict == "too_few":
             return openings(self.straw.cells, self.limits, self._known)
         assert self._inquiry is not None
@@ -148,17 +148,17 @@ class Bench:
         return planned(protocol, self.model, self.limits, by_hand=not set_before)
 
     def ask(self, proposal: Proposal, plan: Plan, ahead: Ahead) -> str:
-        """Whoever is to be asked."""
+        """The approval of a person, or of --yes."""
         return self.asks(proposal, plan, ahead)
 
     def recording_of(self, proposal: Proposal, number: int) -> str:
-        """A name that no file has yet."""
+        """An unused file name."""
         name = protocol_from_toml(proposal.protocol, "the proposed protocol").name
         plain = "".join(c if c.isalnum() or c in "-_.+" else "-" for c in name)
         return self.folder.new(f"{self.place.name}-{number:02d}-{plain}")
 
     def run(self, proposal: Proposal, recording: str) -> None:
-        """`straw rig run`: limits, guardian, vent in every way out and all."""
+        """As `straw rig run`, with its limits, guardian and vents."""
         path, args = self.folder.path / recording, self.args
         protocol = self.place / f"{path.stem}.toml"
         write_text(protocol, proposal.protocol)
@@ -180,7 +180,7 @@ class Bench:
         self.command(words)
 
     def after(self, recording: str) -> Ran:
-        """What the files say of a run."""
+        """The outcome of a run by its files."""
         path = self.folder.path / recording
         part = path.with_name(path.name + ".part")
         if not path.exists() and not part.exists():
@@ -201,14 +201,14 @@ class Bench:
         return Ran(status, recording, run.sha256, minutes, snaps, "" if status == "success" else reason)
 
     def track(self, recording: str) -> bool:
-        """Whether there is a track; a film that saw the LED's code is tracked here, as `straw track` does."""
+        """Whether there is a track; a video that shows the LED's code is tracked here, as `straw track` does."""
         if self.folder.tracked(recording):
             return True
         films, tip = self.folder.films(recording), self.folder.tip_of(recording)
         run = self.folder.path / recording
         lens = self.rig.camera.lens if self.rig and self.rig.camera else None
         if not films or lens is None or not (self.rig and self.rig.led):
-            what = f"the film {films[0].name}" if films else "its film"
+            what = f"the video {films[0].name}" if films else "its film"
             say(f"{recording}: track {what} with: straw track FILM --run {run} --camera CAMERA.json -o {tip}")
             return False
         clock = self.place / f"{run.stem}-clock.json"

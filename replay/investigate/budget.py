@@ -1,16 +1,17 @@
-"""Budget: how many rounds, minutes on the rig and snaps of the straw may be spent, and what share of it a run takes."""
+"""Budget: how many rounds, minutes on the rig and snaps of the straw may be spent, and the share of it that a run
+takes."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-#: Shares are worked out from sums of minutes; this much is the machine's rounding.
+#: Rounding error of shares, which are computed from sums of minutes.
 ROUNDED = 1e-9
 
 
 @dataclass(frozen=True)
 class Spent:
-    """What runs took: rounds, minutes during which the rig was driven, snaps of cells."""
+    """Cost of runs: rounds, minutes of driving the rig, snaps of cells."""
 
     rounds: int = 0
     minutes: float = 0.0
@@ -30,9 +31,9 @@ class Budget:
     snaps: int | None = None
 
     def share(self, spent: Spent, minutes: float, snaps: int) -> float:
-        """What share of what is left an experiment takes, of that of which it takes most; above 1: more than is left.
+        """The largest share of any remaining resource that an experiment takes; above 1: more than is left.
 
-        So cost needs no exchange rate between minutes and snaps: what runs out first is what is dear.
+        This needs no exchange rate between minutes and snaps: the scarcest resource decides.
         """
         after = spent.and_also(minutes, snaps)
         parts = (
@@ -44,11 +45,11 @@ class Budget:
         return max(shares, default=1.0)
 
     def pays(self, spent: Spent, minutes: float, snaps: int) -> bool:
-        """Whether what is left pays for an experiment."""
+        """Whether the rest suffices for an experiment."""
         return self.share(spent, minutes, snaps) <= 1 + ROUNDED
 
     def affords(self, spent: Spent, minutes: float, snaps: int, most: int) -> int:
-        """For how many runs alike what is left pays, ``most`` at the most."""
+        """Number of identical runs for which the rest suffices, at most ``most``."""
         for runs in range(most):
             if not self.pays(spent, minutes, snaps):
                 return runs

@@ -14,7 +14,7 @@ FILMS = (".mp4", ".mov", ".avi", ".mkv", ".360")
 
 @dataclass(frozen=True)
 class Folder:
-    """A folder of recordings and a specimen's name; files are looked at again whenever something is asked."""
+    """A folder of recordings and a specimen's name; the files are read again at every call."""
 
     path: Path
     specimen: str
@@ -29,7 +29,7 @@ class Folder:
         return latest_tracks(catalogue(self.path))
 
     def paths(self) -> list[Path]:
-        """Files a diagnosis is given: runs with a tip, and their tracks."""
+        """Input files of a diagnosis: runs with a tip, and their tracks."""
         tracks, out = self.tracks(), []
         for run in self.runs():
             if run.sha256 in tracks:
@@ -39,7 +39,7 @@ class Folder:
         return out
 
     def sums(self) -> tuple[str, ...]:
-        """SHA-256 of runs and tracks, in order; others where anything was added."""
+        """SHA-256 of runs and tracks, in order, which change when anything is added."""
         tracks, runs = self.tracks(), self.runs()
         return tuple(
             sorted([*(r.sha256 for r in runs), *(tracks[r.sha256].sha256 for r in runs if r.sha256 in tracks)])
@@ -61,7 +61,7 @@ class Folder:
         return self.path / f"{Path(recording).stem}-tip.mcap"
 
     def films(self, recording: str) -> list[Path]:
-        """Films that lie beside a run under its name."""
+        """Videos beside a run under its name."""
         return sorted(p for p in self.path.glob(f"{Path(recording).stem}-*") if p.suffix.lower() in FILMS)
 
     def new(self, stem: str) -> str:
@@ -75,7 +75,7 @@ class Folder:
 
 
 def specimen_of(folder: Path, given: str | None, emulated: bool) -> str:
-    """The specimen that is meant: as named, else the only one there; ReplayError where that is not clear."""
+    """The specimen: as named, else the only one in the folder; ReplayError where that is not clear."""
     if given:
         return given
     entries = catalogue(folder) if folder.exists() else []

@@ -1,4 +1,4 @@
-"""Choose: of the experiments that are offered, the one that tells most for what it costs, and how many runs of it."""
+"""Choose: the proposed experiment with the most information for its cost, and how many runs of it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from straw.replay.investigate.stop import Stop, unknown_again
 
 @dataclass(frozen=True)
 class Chooser:
-    """``certainty``: as probable an answer has to become."""
+    """``certainty``: the probability at which an answer is accepted."""
 
     state: State
     budget: Budget
@@ -23,9 +23,9 @@ class Chooser:
     def choose(
         self, found: Found, offered: Sequence[Proposal], dry_run: Callable[[Proposal], Plan]
     ) -> tuple[Proposal, Plan] | Stop:
-        """The first that could tell, by what it tells for its share of the budget, and that limits and budget allow.
+        """The best by information for its share of the budget that could decide, within limits and budget.
 
-        Of an unknown cause nothing is foreseen, so what tells most is run once to see whether that changes it.
+        For an unknown cause nothing can be foreseen, so the most informative one is run once to see whether that helps.
         """
         spent = self.state.spent
         confirm = found.verdict == "unknown_physics" and not unknown_again(self.state.history)
@@ -40,7 +40,7 @@ class Chooser:
                 continue
             try:
                 plan = dry_run(one)
-            except USER_ERRORS as error:  # a limit, or a start that the model knows no rest for
+            except USER_ERRORS as error:  # a limit, or a start without a rest state of the model
                 forbidden = forbidden or str(error)
                 continue
             if not self.budget.pays(spent, plan.minutes, plan.snaps):
@@ -54,19 +54,19 @@ class Chooser:
         no = f"; the first that would is forbidden: {forbidden}" if forbidden else ""
         if found.verdict == "unknown_physics":
             return Stop("unknown", f"{found.says}{no}")
-        return Stop("nothing_left", f"no experiment is expected to tell more{no}; {found.says}")
+        return Stop("nothing_left", f"no experiment is expected to be informative{no}; {found.says}")
 
     def ahead(self, one: Proposal) -> Ahead:
-        """What a person is told of the runs behind and before."""
+        """Runs done and runs expected, for a person."""
         return Ahead(self.state.number, self._before(one), max(1, self.runs(one)))
 
     def runs(self, one: Proposal) -> int:
-        """How many runs alike are expected to be needed, of as many as the budget pays for; 0: they could not tell."""
+        """Number of identical runs expected to be needed, within the budget; 0: they could not decide."""
         return self._runs(one, self.budget.affords(self.state.spent, one.minutes, one.snaps, len(one.chances)))
 
     def _runs(self, one: Proposal, most: int) -> int:
-        """A chance to tell that is no larger than the doubt that is allowed is none; of more, the fewest runs that have
-        as large a share of the best chance as is asked of certainty."""
+        """A chance no larger than the allowed doubt counts as none; otherwise the fewest runs that reach the share
+        ``certainty`` of the best chance."""
         if one.opening:
             return 1
         best = max(one.chances[:most], default=0.0)
@@ -78,7 +78,7 @@ class Chooser:
         return max(one.run_before, self.state.run_before.get(one.key, 0))
 
     def _worth(self, one: Proposal) -> float:
-        """Expected nats for the share of the budget that it takes. What n runs alike have not told, one more tells the
-        less: it adds 1 / (n + 1) of the precision of their mean."""
+        """Expected nats per share of the budget. After n identical runs one more is worth less: it adds 1 / (n + 1) of
+        the precision of their mean."""
         share = self.budget.share(self.state.spent, one.minutes, one.snaps)
         return one.information_nats / (1 + self._before(one)) / max(share, 1e-9)

@@ -1,4 +1,4 @@
-"""Dry run: what a proposed protocol asks for within its limits, and what the model says the straw will do."""
+"""Dry run: a proposed protocol checked against its limits, and the motion that the model predicts."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ DRAWN = 240
 
 
 def planned(protocol: PressureProtocol, model: StrawParameters, limits: PressureLimits, *, by_hand: bool) -> Plan:
-    """The plan of a protocol; ``by_hand``: somebody sets the cells first. ModelError where it cannot be predicted."""
+    """The plan of a protocol; ``by_hand``: the cells are set by hand first. ModelError where it cannot be predicted."""
     seen, _ = predict_protocol(model, protocol)
     ends, predicted = None, None
     if isinstance(seen, Prediction):  # one of hours leaves out what happens inside

@@ -1,4 +1,4 @@
-"""Foresee: what a diagnosis would say after an experiment, by the judge's own weighing; so how many runs alike tell."""
+"""Foresee: the expected posterior after an experiment, by the diagnosis' own weights, for 1, 2, ... identical runs."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from straw.replay.diagnose.judge import Judgement, weighed
 
 Floats = NDArray[np.float64]
 
-#: Runs alike that are looked ahead, at most: each leaves what the runs before it left.
+#: Largest number of identical runs looked ahead.
 MOST_ALIKE = 8
 
 
 @dataclass(frozen=True)
 class Foreseen:
-    """``information_nats`` of one run; ``chances`` that after 1, 2, ... runs alike something is certain enough."""
+    """``information_nats`` of one run; ``chances`` that after 1, 2, ... identical runs an answer is certain enough."""
 
     information_nats: float
     chances: tuple[float, ...]
@@ -31,13 +31,13 @@ def foreseen(
     separation: Floats,
     certainty: float,
 ) -> Foreseen:
-    """What is expected of an experiment that puts the hypotheses ``among`` so many sigmas apart, ``separation`` (k, k).
+    """Expected result of an experiment that separates the hypotheses ``among`` by ``separation`` (k, k) sigmas.
 
-    If hypothesis i holds, n runs alike add n s_ik^2 to what k leaves unexplained and nothing to what i leaves; what the
-    judge then makes of it is the posterior. So a repeat counts by what the judge gives for it, which is ever less, and
-    a cause that leaves much itself is not foreseen to be named by any experiment. A hypothesis that cannot play it is
-    left as it is, those that are not ``among`` are left out. What is expected is over the present probabilities, and
-    the information that of which of them holds: E ln (p after / p before) of the one that does.
+    If hypothesis i holds, n identical runs add n s_ik^2 to the misfit of k and nothing to that of i; the diagnosis'
+    weights then give the posterior. So a repeat has a diminishing effect, and a cause with a large misfit of its own is
+    not expected to be named after any experiment. A hypothesis that cannot simulate the experiment keeps its misfit;
+    those not ``among`` are left out. Expectations are over the present probabilities, and the information is
+    E ln (p after / p before) of the hypothesis that holds.
     """
     inside = [*among, *(name for name in ("complete",) if name not in among)]
     now = {name: judgement.excess[name] for name in inside}
@@ -63,5 +63,5 @@ def _more(now: Mapping[str, float], among: Sequence[str], added: Floats) -> dict
 
 
 def takes_part(probability: Mapping[str, float], causes: Sequence[str]) -> float:
-    """How probable it is that each of the causes takes part: that of the least probable one."""
+    """Probability that each of the causes takes part: that of the least probable one."""
     return min(sum(p for name, p in probability.items() if cause in name.split("+")) for cause in causes)

@@ -17,9 +17,9 @@ Line = dict[str, Any]
 
 
 class Log:
-    """``with Log(path) as log``: ``log.lines`` is what it says, ``log.write`` adds a line. One process at a time.
+    """``with Log(path) as log``: ``log.lines`` are its lines, ``log.write`` adds one. One process at a time.
 
-    A line that a crash cut off is left where it is and not read.
+    A line that a crash cut off stays in the file and is not read.
     """
 
     def __init__(self, path: Path) -> None:
@@ -50,7 +50,7 @@ class Log:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
         if self._stream is not None:
-            self._stream.close()  # which gives the lock back, too
+            self._stream.close()  # which releases the lock, too
             self._stream = None
 
     def write(self, kind: str, **said: Any) -> Line:
@@ -86,7 +86,7 @@ def parsed(text: bytes) -> tuple[list[Line], int]:
 
 
 def read_lines(path: Path) -> tuple[list[Line], int]:
-    """As `parsed`, of a file that somebody else may be writing; nothing where it cannot be read."""
+    """As `parsed`, for a file that another process may be writing; nothing where it cannot be read."""
     try:
         return parsed(path.read_bytes())
     except OSError:
@@ -100,7 +100,7 @@ def log_of(folder: Path, specimen: str) -> Path:
 
 
 def _lock(stream: BinaryIO, path: Path) -> None:
-    """Hold the file as long as it is open; ReplayError where somebody else does. A dead process holds nothing."""
+    """Lock the file while it is open; ReplayError where another process has locked it. A lock ends with its process."""
     try:
         if os.name == "posix":
             import fcntl
@@ -109,9 +109,9 @@ def _lock(stream: BinaryIO, path: Path) -> None:
         else:
             import msvcrt
 
-            stream.seek(2**30)  # beyond what is written, as Windows lets nobody else read what is locked
+            stream.seek(2**30)  # a byte beyond the contents, as Windows prevents others from reading what is locked
             msvcrt.locking(stream.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
     except OSError:
         raise ReplayError(
-            f"{path}: another straw investigate on {socket.gethostname()} goes on with it; wait, or give another --log"
+            f"{path}: another straw investigate on {socket.gethostname()} is using it; wait, or give another --log"
         ) from None

@@ -1,4 +1,4 @@
-"""The loop itself: diagnose, propose, dry run, a yes, run, track, again; it knows neither straw nor rig."""
+"""The loop itself: diagnose, propose, dry run, approval, run, track, repeat; independent of straw and rig."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from straw.replay.investigate.stop import IDLE_RUNS, Stop, idle, reached
 
 @dataclass
 class Loop:
-    """``yes``: so many rounds of this call need no question. ``certainty``: below it nothing counts as named."""
+    """``yes``: number of rounds approved in advance. ``certainty``: the least probability of an answer."""
 
     log: Log
     steps: Steps
@@ -27,10 +27,10 @@ class Loop:
     say: Callable[[str], None] = lambda text: None
 
     def run(self) -> Stop:
-        """Go on from wherever the log ends until there is a reason to stop, and write it down."""
+        """Continue from the end of the log until there is a reason to stop, and log it."""
         self.state = State.of(self.log.lines)
         if self.state.last is not None and not self.state.last.well:
-            self.yes = 0  # after a run that did not end well somebody looks first
+            self.yes = 0  # a person must look after a run that did not end well
         if self.state.recording:
             self.yes = 0
             self._write("ran", **asdict(self.steps.after(self.state.recording)))
@@ -41,7 +41,7 @@ class Loop:
             self._stopped(Stop("interrupted", type(error).__name__))
             raise
         except USER_ERRORS as error:
-            with suppress(ReplayError):  # it may be the log that cannot be written
+            with suppress(ReplayError):  # the log itself may be what cannot be written
                 self._stopped(Stop("error", " ".join(str(error).split())))
             raise
         self._stopped(stop)
@@ -74,7 +74,7 @@ class Loop:
         who = self._yes(proposal, plan)
         self._write("answered", yes=bool(who), who=who)
         if not who:
-            return Stop("refused", f"nobody said yes to {proposal.why}")
+            return Stop("refused", f"not approved: {proposal.why}")
         ran = self._run(proposal)
         if not ran.well:
             return Stop("aborted", f"{ran.recording}: {ran.reason or ran.status}; look at the rig, then go on")
@@ -86,7 +86,7 @@ class Loop:
         return self.state.proposal, self.state.plan
 
     def _diagnosed(self) -> Found:
-        """What is known: from the log, where it is of the recordings that there are, and still needed for nothing."""
+        """The findings: from the log if they are of the present recordings, else by a new diagnosis."""
         found = self.state.found
         fresh = found is not None and found.recordings == self.steps.recordings()
         if found is not None and fresh and (self.state.proposal is not None or reached(found, self.certainty)):
@@ -97,7 +97,7 @@ class Loop:
         return found
 
     def _choose(self, found: Found) -> tuple[Proposal, Plan] | Stop:
-        """What is run next, or why nothing is."""
+        """The next experiment, or why there is none."""
         if idle(self.state.history, self.certainty):
             reason = "unknown" if found.verdict == "unknown_physics" else "nothing_left"
             return Stop(reason, f"the last {IDLE_RUNS} runs changed nothing; {found.says}")
@@ -118,7 +118,7 @@ class Loop:
         return who
 
     def _run(self, proposal: Proposal) -> Ran:
-        """Drive it; that it starts, and that it has ended, is on the disk before anything else happens."""
+        """Drive it; start and end are written to disk before anything else happens."""
         recording, failed = self.steps.recording_of(proposal, self.state.number), ""
         self._write("started", recording=recording, key=proposal.key)
         try:
@@ -139,7 +139,7 @@ class Loop:
         return replace(ran, status="fail" if ran.well else ran.status, reason=failed)
 
     def _close(self) -> None:
-        """The line of a whole round: what was run, why, who said yes, what it was, what was thought before it."""
+        """The line of a whole round: what was run, why, who approved, the outcome, the findings before it."""
         told: dict[str, dict[str, object]] = {}
         for line in self.log.lines:
             told[line["kind"]] = line

@@ -1,4 +1,4 @@
-"""Propose: experiments that the surviving hypotheses disagree about: the menu, free designs, and repeats of runs."""
+"""Propose: experiments on which the surviving hypotheses disagree: the menu, free designs, and repeats of runs."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from straw.replay.investigate.steps import Proposal
 from straw.rig.limits import PressureLimits
 from straw.rig.protocol import PressureProtocol
 
-#: Hypotheses that an experiment is judged by, at most: each is a simulation of every candidate.
+#: Largest number of hypotheses that judge an experiment: each simulates every candidate.
 MOST_HYPOTHESES = 4
 #: Free designs that are drawn, the best that are varied, variations of each: as many simulations as the menu twice.
 DRAWN, FOLLOWED, VARIATIONS = 12, 3, 4
-#: What is run first, one in each direction, where too little is known to ask for more.
+#: The first runs, one in each direction, when nothing is known.
 OPENINGS = ("deploy-30kPa", "deploy-26kPa", "fold-22kPa", "fold-16kPa")
 
 
 def proposals(found: Inquiry, limits: PressureLimits, known: Sequence[str], certainty: float = 0.9) -> list[Proposal]:
-    """Experiments within the limits with what each is expected to tell and cost; ``known``: protocols that were run, as
-    TOML, once for each run; ``certainty``: as probable an answer has to become. Empty where fewer than two hypotheses
-    can be played."""
+    """Experiments within the limits with expected information and cost; ``known``: protocols that were run, as TOML,
+    once for each run; ``certainty``: the probability at which an answer is accepted. Empty where fewer than two
+    hypotheses can be simulated."""
     probability, among = hypotheses(found)
     if len(among) < 2:
         return []
     campaign, cells = found.campaign, straw_of(found.campaign).cells
-    rng = np.random.default_rng(len(campaign.observations))  # the same campaign is offered the same
+    rng = np.random.default_rng(len(campaign.observations))  # the same campaign gets the same proposals
     choices = [c for c in menu(cells) if allowed(c, limits)] + [drawn(rng, cells, limits) for _ in range(DRAWN)]
     first = _rated(campaign, among[:2], probability[:2], choices, limits)
     best = [choice for _, choice in sorted(first, key=lambda row: -row[0])[:FOLLOWED]]
@@ -50,13 +50,13 @@ def proposals(found: Inquiry, limits: PressureLimits, known: Sequence[str], cert
         if one is None or any(limits.why_not(float(p)) for p in one.protocol.pressure_pa):
             continue
         expected = foreseen(judgement, constants, [c.name for c in among], one.separation, certainty)
-        out.append(_proposal(text, one, expected, f"{why.get(text, 'once more')}; would tell {names}", known))
+        out.append(_proposal(text, one, expected, f"{why.get(text, 'once more')}; would distinguish {names}", known))
     return out
 
 
 def hypotheses(found: Inquiry) -> tuple[list[float], list[Contestant]]:
-    """The hypotheses that survive and can be played, most probable first, at least two where there are; "complete" is
-    the base, and what nobody has thought of can play nothing: what comes nearest to it then stands for it."""
+    """The surviving hypotheses that can be simulated, most probable first, at least two if there are; "complete" is the
+    base. "Unknown" cannot be simulated: the hypothesis nearest to it stands in."""
     probability = found.judgement().probability
     fitted = {c.name: c for c in found.contestants}
     fitted["complete"] = Contestant(Hypothesis((), (), ()), found.null)
@@ -67,7 +67,7 @@ def hypotheses(found: Inquiry) -> tuple[list[float], list[Contestant]]:
 
 
 def openings(cells: int, limits: PressureLimits, known: Sequence[str]) -> list[Proposal]:
-    """What is run before anything can be diagnosed: one run in each direction that was not run yet."""
+    """Runs before anything can be diagnosed: one in each direction that was not run yet."""
     by_name = {c.name: c for c in menu(cells) if allowed(c, limits)}
     out = []
     for direction, first in (("deploy", "a first deployment"), ("fold", "a first folding")):
@@ -88,7 +88,7 @@ def _rated(
     choices: Sequence[Choice],
     limits: PressureLimits,
 ) -> list[tuple[float, Choice]]:
-    """Choices that can be played with what they tell, nats."""
+    """Candidates that can be simulated, with their information in nats."""
     seen = zip(choices, rated(campaign, among, [written(c, limits) for c in choices]), strict=True)
     return [(one.information(probability), choice) for choice, one in seen if one is not None]
 

@@ -1,4 +1,4 @@
-"""Pulse: a file that says, twice a second, that a loop's process lives and what it does; so that a page can tell."""
+"""Pulse: a file, rewritten twice a second, that shows a page that a loop's process is alive and what it does."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from typing import Any, Self
 
 PULSE = "pulse.json"
 BEATS_S = 0.5
-#: A pulse that is older is that of a process that died, or is stopped: ten beats, as a busy machine skips some.
+#: An older pulse is that of a dead or stopped process: ten beats, as a busy machine skips some.
 DEAD_S = 5.0
 
 
 class Pulse:
-    """While entered, ``pulse.json`` in a folder says the process' id and what was told last."""
+    """While entered, ``pulse.json`` in a folder holds the process' id and its last activity."""
 
     def __init__(self, place: Path) -> None:
         self.path = place / PULSE
@@ -26,12 +26,12 @@ class Pulse:
         self._ends, self._lock = threading.Event(), threading.Lock()
 
     def tell(self, doing: str, done: int = 0, total: int = 0, **more: Any) -> None:
-        """What goes on, and how far it is; ``asked`` with it is a question that waits for an answer."""
+        """Set the activity and its progress; ``asked``: a question that waits for an answer."""
         before = self._said
         kept = {key: before[key] for key in ("pid", "since_ns")}
         self._said = {**kept, "doing": doing, "done": done, "total": total, **more}
         if self._said.get("asked") != before.get("asked"):
-            self._beat()  # at once: nobody may answer a question that is over
+            self._beat()  # at once, so that an answered question is not answered again
 
     def __enter__(self) -> Self:
         self._beat()
@@ -51,13 +51,13 @@ class Pulse:
 
     def _beat(self) -> None:
         part = self.path.with_suffix(".part")
-        with self._lock, suppress(OSError):  # a full disk is said by what has something to keep
+        with self._lock, suppress(OSError):  # a full disk is reported by whatever must write
             part.write_text(json.dumps(self._said), encoding="utf-8")
             part.replace(self.path)
 
 
 def read_pulse(place: Path) -> dict[str, Any] | None:
-    """What a loop's process said last; None where there is none that lives."""
+    """The last state of a loop's process; None where none is alive."""
     path = place / PULSE
     try:
         if time.time() - path.stat().st_mtime > DEAD_S:

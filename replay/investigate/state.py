@@ -1,4 +1,4 @@
-"""State: where a loop stands, from its log alone, so that the same command goes on after a crash."""
+"""State: where a loop stands, from its log alone, so that the same command continues after a crash."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ T = TypeVar("T", Found, Plan, Proposal, Ran)
 
 @dataclass
 class State:
-    """What the lines of a log add up to."""
+    """The state after the lines of a log."""
 
     spent: Spent = field(default_factory=Spent)
     run_before: dict[str, int] = field(default_factory=dict)  # runs that went well, by the proposal's key
@@ -30,7 +30,7 @@ class State:
 
     @classmethod
     def of(cls, lines: Sequence[Line]) -> State:
-        """The state after these lines; a line of an unknown kind says nothing."""
+        """The state after these lines; lines of an unknown kind are ignored."""
         state = cls()
         for line in lines:
             state.take(line)
@@ -38,7 +38,7 @@ class State:
 
     @property
     def number(self) -> int:
-        """Of the round that goes on or comes next, from 1."""
+        """Number of the present or next round, from 1."""
         return self.spent.rounds + 1
 
     def take(self, line: Line) -> None:
@@ -69,7 +69,7 @@ class State:
 
 
 def restored(kind: type[T], line: dict[str, Any]) -> T:
-    """One of the loop's things from what JSON left of it; what a newer version added is left out."""
+    """One of the loop's objects from JSON; fields of a newer version are ignored."""
     names = {one.name for one in fields(kind)}
     given: dict[str, Any] = {
         key: tuple(value) if isinstance(value, list) else value for key, value in line.items() if key in names

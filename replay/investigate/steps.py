@@ -1,4 +1,4 @@
-"""What the loop is told and whom it asks: findings, proposals, plans, runs, and the steps that somebody else takes."""
+"""The loop's data (findings, proposals, plans, runs) and the interface of the steps it calls."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Protocol
 
 @dataclass(frozen=True)
 class Found:
-    """What a diagnosis says. ``recordings`` are the SHA-256 of what it looked at, ``probability`` by hypothesis."""
+    """Result of a diagnosis. ``recordings`` are the SHA-256 of its recordings, ``probability`` by hypothesis."""
 
     verdict: str
     causes: tuple[str, ...] = ()
@@ -21,12 +21,11 @@ class Found:
 
 @dataclass(frozen=True)
 class Proposal:
-    """An experiment: its protocol as TOML, why, and what it is expected to tell and to cost.
+    """An experiment: its protocol as TOML, its reason, its expected information and cost.
 
     ``information_nats`` is expected over the hypotheses' probabilities; ``separation_sigma`` is that of the pair that
-    it tells apart best; ``chances`` are those that after 1, 2, ... runs of it something is as certain as was asked for.
-    ``run_before`` counts recordings of the same protocol that are there; an ``opening`` is run because nothing is known
-    yet.
+    it separates best; ``chances``: the probabilities that after 1, 2, ... runs of it an answer is certain enough.
+    ``run_before`` counts existing recordings of the same protocol; an ``opening`` is run because nothing is known yet.
     """
 
     protocol: str
@@ -58,9 +57,9 @@ class Ahead:
 
 @dataclass(frozen=True)
 class Plan:
-    """A dry run: what the protocol asks for and what the model says it will do. ``hand`` says what somebody has to do
-    first; empty where nothing has to be done by hand. ``ends`` are the cells that are deployed after it, None where
-    that is not known. ``predicted`` are columns to draw: time_s from the main part, pressure_pa, x_m, z_m, phi_rad."""
+    """A dry run: the protocol's demands and its prediction. ``hand``: what must be done by hand first, or empty.
+    ``ends`` are the cells that are deployed after it, None where that is not known. ``predicted`` are columns to draw:
+    time_s from the main part, pressure_pa, x_m, z_m, phi_rad."""
 
     minutes: float
     snaps: int
@@ -79,7 +78,7 @@ class Ran:
     recording: str
     sha256: str = ""
     minutes: float = 0.0
-    snaps: int | None = None  # where nobody counted them, as many as were expected
+    snaps: int | None = None  # where they were not counted, as many as expected
     reason: str = ""
 
     @property
@@ -89,34 +88,34 @@ class Ran:
 
 
 class Steps(Protocol):
-    """What the loop has others do. Errors of the user's (USER_ERRORS) pass through and end the command with 2."""
+    """The steps that the loop calls. User errors (USER_ERRORS) pass through and end the command with 2."""
 
     def recordings(self) -> tuple[str, ...]:
-        """SHA-256 of what a diagnosis would look at."""
+        """SHA-256 of the recordings of a diagnosis."""
 
     def diagnose(self) -> Found:
-        """What the recordings say; verdict ``too_few`` where there are not enough to say anything."""
+        """Diagnose the recordings; verdict ``too_few`` where there are not enough."""
 
     def propose(self, found: Found) -> Sequence[Proposal]:
         """Experiments that might be run after `diagnose` found this, those that were run before included."""
 
     def dry_run(self, proposal: Proposal, left: Sequence[int] | None) -> Plan:
-        """What it will do; ``left``: cells that the run before it left deployed. RigError where a limit forbids it."""
+        """The dry run; ``left``: cells that the previous run left deployed. RigError where a limit forbids it."""
 
     def ask(self, proposal: Proposal, plan: Plan, ahead: Ahead) -> str:
-        """Who says yes; empty for no."""
+        """Who approves; empty for no."""
 
     def unknown(self, found: Found) -> str:
-        """What can be said of what no hypothesis explains, in words; a search of minutes."""
+        """Search for an unknown law, for minutes; the result in words."""
 
     def run(self, proposal: Proposal, recording: str) -> None:
-        """Drive and record it; RigError where that fails. Every way out has vented."""
+        """Drive and record it; RigError where that fails. It has vented in any case."""
 
     def recording_of(self, proposal: Proposal, number: int) -> str:
         """The name that the recording will have, known before anything moves."""
 
     def after(self, recording: str) -> Ran:
-        """What the files say of a run: how it went, or what became of it where the process died meanwhile."""
+        """The outcome of a run by its files, also where the process died meanwhile."""
 
     def track(self, recording: str) -> bool:
         """Whether the run has a track, which is made where it can be."""

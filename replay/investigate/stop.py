@@ -1,4 +1,4 @@
-"""Stop: the reasons for which a loop ends, and which of them what is known amounts to."""
+"""Stop: the reasons for which a loop ends, and the one that a diagnosis amounts to."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from straw.replay.investigate.steps import Found
 REASONS = {
     "complete": "nothing is missing",
     "within_tolerance": "the model is good enough",
-    "named": "what is missing is named, as certain as was asked for",
+    "named": "what is missing is named with the required certainty",
     "unknown": "something is missing that the library does not hold, and no experiment would change that",
-    "nothing_left": "no experiment is expected to tell more",
-    "budget": "the budget is spent, or does not pay for what would tell",
-    "refused": "somebody said no, or nobody was there to say yes",
+    "nothing_left": "no experiment is expected to be informative",
+    "budget": "the budget is spent, or does not suffice for an informative experiment",
+    "refused": "the experiment was not approved, or nobody was there to approve it",
     "aborted": "a run did not end well",
-    "untracked": "a run's film is not tracked yet",
+    "untracked": "a run's video is not tracked yet",
     "interrupted": "Ctrl-C, or a signal; a run is vented and recorded first",
-    "error": "something it was given is wrong, as the line says",
+    "error": "an input is wrong, as the message says",
 }
 #: Reasons that are an answer; all others are the answer "no".
 ANSWERS = ("complete", "within_tolerance", "named")
-#: After so many runs in a row that moved no probability by more than the doubt that is allowed, nothing is expected of
-#: one more, whatever was foreseen of them. One may fail to tell by chance, three hardly do.
+#: After so many consecutive runs that changed no probability by more than the allowed doubt the loop stops, whatever
+#: was expected of them: one run may be uninformative by chance, three hardly.
 IDLE_RUNS = 3
-#: "Unknown" is believed when runs that were not known when it was first said have not changed it.
+#: "Unknown" is accepted when runs recorded after it was first found have not changed it.
 SAID_BY = 2
 
 
@@ -54,7 +54,7 @@ def reached(found: Found, certainty: float) -> Stop | None:
 
 
 def certainty_of(found: Found) -> float:
-    """How probable what a diagnosis says is: that nothing is missing, or that each named cause takes part; else 0."""
+    """Probability of a diagnosis: that nothing is missing, or that each named cause takes part; else 0."""
     probability = found.probability or {}
     if found.verdict == "complete":
         return probability.get("complete", 0.0)
@@ -65,7 +65,7 @@ def certainty_of(found: Found) -> float:
 
 
 def idle(history: Sequence[Found], certainty: float) -> bool:
-    """Whether the last `IDLE_RUNS` diagnoses changed nothing of what was known before them."""
+    """Whether the last `IDLE_RUNS` diagnoses changed nothing."""
     last = [one for one in history if one.probability][-IDLE_RUNS - 1 :]
     if len(last) <= IDLE_RUNS or len({one.verdict for one in last}) > 1:
         return False
@@ -73,12 +73,12 @@ def idle(history: Sequence[Found], certainty: float) -> bool:
 
 
 def unknown_again(history: Sequence[Found]) -> bool:
-    """Whether "unknown" was said before and after the last run."""
+    """Whether "unknown" was found before and after the last run."""
     last = history[-SAID_BY:]
     return len(last) == SAID_BY and all(one.verdict == "unknown_physics" for one in last)
 
 
 def _moved(before: Found, after: Found) -> float:
-    """How much probability went from some hypotheses to others: the total variation distance."""
+    """The total variation distance between two posteriors."""
     p, q = before.probability or {}, after.probability or {}
     return sum(abs(p.get(name, 0.0) - q.get(name, 0.0)) for name in {*p, *q}) / 2

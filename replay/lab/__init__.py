@@ -1,1 +1,1 @@
-"""The local web application: catalogue, operator's panel, and what every page of this project is served behind."""
+"""The local web application: catalogue, operator's panel, and the guard of every page that this project serves."""

@@ -1,4 +1,4 @@
-"""Actions: whatever a page of the lab may change, by name; each is a function of the lab and what was asked."""
+"""Actions: what a page of the lab may change, by name; each is a function of the lab and the request."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def _job(lab: Lab, asked: dict[str, Any]) -> Any:
     kind = str(asked["kind"])
     entries = [lab.library.entry(str(name)) for name in asked["names"]]
     latest = latest_tracks(lab.library.entries)
-    chosen = {e.parent for e in entries if e.kind == "track"}  # whoever chose a track as well means that one
+    chosen = {e.parent for e in entries if e.kind == "track"}  # a track that was selected with its run is used for it
     tracks = [latest[e.sha256] for e in entries if e.sha256 in latest and e.sha256 not in chosen]
     if not entries or kind not in JOBS:
         raise RigError(f"{kind} of {len(entries)} recordings: choose some, and one of {', '.join(JOBS)}")
@@ -91,7 +91,7 @@ def _investigate(lab: Lab, asked: dict[str, Any]) -> Any:
     raise RigError(f"a loop cannot {do}")
 
 
-#: What a job is: words of its command, its outputs, the one to look at.
+#: Kinds of job: words of the command, its outputs, the one to show.
 JOBS: dict[str, tuple[list[str], list[str], str]] = {
     "replay": (["replay"], ["--report", "{folder}/replay.html", "--json", "{folder}/replay.json"], "replay.html"),
     "diagnose": (

@@ -1,4 +1,4 @@
-"""Alone: one lab a folder; the second one finds the first."""
+"""Alone: one lab a folder; a second one finds the first."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def check_alone(folder: Path) -> str | None:
         asking = http.client.HTTPConnection(where.hostname or "", where.port, timeout=ANSWER_S)
         try:
             asking.request("GET", f"/?{where.query}")
-            return url if asking.getresponse().status == 303 else None  # its token lets one in
+            return url if asking.getresponse().status == 303 else None  # its token grants access
         finally:
             asking.close()
     except (OSError, ValueError, KeyError, TypeError, http.client.HTTPException):

@@ -34,10 +34,10 @@ from straw.replay.lab.table import view
 from straw.replay.lab.work import Jobs, Predictor
 from straw.rig.errors import RigError
 
-#: What a person's input can be wrong in: one line, status 400. (Trackers' errors come from commands, as text.)
+#: Errors of a user's input: one line, status 400. (Errors of tracking come from commands, as text.)
 COMPLAINTS = (RigError, ReplayError, ModelError, ValueError, KeyError, TypeError)
 TELL_S = 0.25
-#: For pages that hold what recordings say: they run their scripts, and are nobody to this server.
+#: For pages with contents of recordings: they run their scripts, but without any rights on this server.
 APART = {"content-security-policy": "sandbox allow-scripts"}
 #: Threads of their own: a VENT never waits behind a table.
 VENTING = ThreadPoolExecutor(4, thread_name_prefix="vent")
@@ -47,7 +47,7 @@ Answer = Callable[[Request], Coroutine[Any, Any, Response]]
 
 @dataclass
 class Lab:
-    """Everything that the pages of one lab are about."""
+    """The state of one lab."""
 
     library: Library
     bench: Bench
@@ -61,7 +61,7 @@ class Lab:
 
     @property
     def work(self) -> Path | None:
-        """Where jobs leave what they find."""
+        """The folder of the jobs' results."""
         return self.jobs.folder if self.jobs else None
 
     def application(self, door: Door) -> ASGIApp:
@@ -99,7 +99,7 @@ class Lab:
         return answer
 
     def _answer(self, of: Callable[[Any], Any]) -> Answer:
-        """JSON of what a function says of the query; its work is done in a thread, so that the loop stays free."""
+        """JSON of a function's answer to the query, computed in a thread, so that the event loop stays free."""
 
         async def answer(request: Request) -> Response:
             return await _said(of, request.query_params)
@@ -107,7 +107,7 @@ class Lab:
         return answer
 
     async def _act(self, request: Request) -> Response:
-        """Whatever changes something. VENT first: it asks for nothing but a name."""
+        """Every action that changes something. VENT comes first and needs only a name."""
         action = request.path_params["action"]
         if action not in ACTIONS:
             return JSONResponse({"error": f"no such action: {action}"}, 404)
@@ -115,7 +115,7 @@ class Lab:
         async for chunk in request.stream():
             body += chunk
             if len(body) > LARGEST:
-                return JSONResponse({"error": "that is more than any protocol is"}, 413)
+                return JSONResponse({"error": "the request is too large for a protocol"}, 413)
         try:
             asked = json.loads(body or b"{}")
         except ValueError:
@@ -127,7 +127,7 @@ class Lab:
         return await _said(lambda a: ACTIONS[action](self, a), asked, VENTING if action == "vent" else None)
 
     async def _film(self, request: Request) -> Response:
-        """A film that was dropped on a run's page."""
+        """A video that was dropped on a run's page."""
         try:
             said = await taken(self.library, request)
             track = how_to_track(request.query_params["name"], said["film"], self.bench.rig)
@@ -142,7 +142,7 @@ class Lab:
         return await _apart(found[0]) if found else JSONResponse({"error": "there is no such page"}, 404)
 
     async def _found(self, request: Request) -> Response:
-        """A page of findings that a closed loop made, likewise."""
+        """A page of findings of a closed loop, likewise."""
         try:
             return await _apart(self.loops.page(request.path_params["log"], request.path_params["page"]))
         except RigError as error:
@@ -162,7 +162,8 @@ class Lab:
         return {**answer, "id": number}
 
     async def _talk(self, asked: WebSocket) -> None:
-        """Tells a page four times a second how the rig is and that this server lives; takes its VENT and its name."""
+        """Sends a page the rig's state four times a second, which also shows that the server lives; takes VENT and
+        name."""
         await asked.accept()
         who = {"id": "", "name": "somebody"}
         listening = asyncio.create_task(self._listen(asked, who))

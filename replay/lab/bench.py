@@ -1,4 +1,4 @@
-"""Bench: the rig as the operator's panel sees it: what runs, what is armed, what waits, and how to vent."""
+"""Bench: the rig's state for the operator's panel: what runs, what is armed, what is queued, and the vent."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from straw.rig.orders import send_order
 from straw.rig.protocol_toml import protocol_from_toml
 from straw.rig.rig_file import RigFile
 
-#: A rig that was armed and not started for so long is not armed any more: somebody went for a coffee.
+#: A rig that was armed but not started within this time is disarmed.
 ARMED_S = 300.0
 #: A run that does not take a vent order within this time gets a signal as well.
 PATIENCE_S = 0.25
@@ -27,7 +27,7 @@ TICK_S = 0.2
 
 
 class Bench:
-    """One rig. Runs are processes of their own: they are started here, found again here, and need nobody here."""
+    """One rig. Runs are processes of their own, which are started and found here and do not depend on this process."""
 
     def __init__(self, library: Library, rig: RigFile | None, emulate: bool, state: Path | None, host: str) -> None:
         self.library, self.rig, self.host = library, rig, host
@@ -41,7 +41,7 @@ class Bench:
         self._process: subprocess.Popen[bytes] | None = None
         self._recording: Path | None = None
         self._item = ""
-        self._seen = False  # whether the run that was started here has given a sign of life
+        self._seen = False  # whether the run that was started here has responded
         self._run: dict[str, Any] | None = None
         self._closed = threading.Event()
 
@@ -55,7 +55,7 @@ class Bench:
 
     @property
     def ready(self) -> bool:
-        """Whether there is a rig at all."""
+        """Whether there is a rig."""
         return self.emulated or self.rig is not None
 
     @property
@@ -69,7 +69,7 @@ class Bench:
         return self._process is not None or self._run is not None or (self.queue.next is not None and self.armed)
 
     def arm(self, who: str, on: bool) -> bool:
-        """Arm, or disarm; whether it then is."""
+        """Arm or disarm; return whether it is armed."""
         name = self.control.check(who)
         if on and not self.ready:
             raise RigError("there is no rig: start the lab with --rig rig.toml, or with --emulate")
@@ -102,13 +102,13 @@ class Bench:
         return state
 
     def vent(self, name: str) -> dict[str, Any]:
-        """Vent whatever can be under pressure, by every way there is; may be asked at any time, by anybody, again."""
+        """Vent whatever can be under pressure, by every available way; anyone may call it at any time, repeatedly."""
         self._armed_s = -ARMED_S
         self.queue.hold(f"vented by {name}") if self.queue.items or self._item else None
         runs = self._all_running()
         told = [self._vent_run(run, name) for run in runs]
         process = self._process
-        if not runs and process is not None and process.poll() is None:  # between its start and its first sign of life
+        if not runs and process is not None and process.poll() is None:  # between its start and its first response
             interrupt(process.pid)
             told = [
                 "the run is being finished, and has vented"
@@ -118,7 +118,7 @@ class Bench:
         if not told:
             told = [self._vent_idle()]
         text = f"VENT by {name}: {'; '.join(told)}"
-        if not (self.said and self.said[-1][1] == text):  # one press comes by every way there is
+        if not (self.said and self.said[-1][1] == text):  # one press arrives by several ways
             self._say(text)
         return {"says": "; ".join(told)}
 
@@ -148,7 +148,7 @@ class Bench:
             self._say(f"the vent is not confirmed: {error}; vent by hand")
 
     def as_data(self, who: str) -> dict[str, Any]:
-        """What the panel shows."""
+        """The panel's state."""
         process = self._process
         starting = self._run is None and process is not None and process.poll() is None
         return {
@@ -173,7 +173,7 @@ class Bench:
             except RigError as error:
                 self.queue.hold(str(error))
                 self._say(str(error))
-            except Exception as error:  # the panel must live, whatever is wrong with one tick of it
+            except Exception as error:  # an error in one tick must not end the panel
                 self._say(f"{type(error).__name__}: {error}")
 
     def _tick(self) -> None:
@@ -224,7 +224,7 @@ class Bench:
         if not self.queue.items or process.returncode != 0:
             self._armed_s = -ARMED_S
         else:
-            self._armed_s = time.monotonic()  # a queue that goes on stays armed
+            self._armed_s = time.monotonic()  # a queue that continues stays armed
         self._say(f"{recording.name if recording else 'the run'}: {said}")
         self.library.look()
 

@@ -1,4 +1,4 @@
-"""Control: which of the people who look at a rig may move it; the others watch, and may always vent."""
+"""Control: which page may operate the rig; the others watch, and may always vent."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from typing import Any
 
 from straw.rig.errors import RigError
 
-#: Whoever is asked for control and does not answer for so long has gone home.
+#: Control passes to the requesting page if the holder does not answer within this time.
 ANSWER_S = 20.0
-#: Whose page has been closed for so long is not in control any more; a reload is quicker.
+#: A page that was closed for so long loses control; a reload is quicker.
 AWAY_S = 5.0
 
 
 @dataclass
 class Person:
-    """One page: the name its user gave, and when it was last heard."""
+    """One page: its user's name, and when it last connected."""
 
     name: str
     heard_s: float = field(default_factory=lambda: time.monotonic())
 
 
 class Control:
-    """One page is in control at most. It is taken when free, asked for when not, and given or kept."""
+    """At most one page is in control. Control is taken when free, otherwise requested, and then given or kept."""
 
     def __init__(self) -> None:
         self.people: dict[str, Person] = {}
@@ -31,7 +31,7 @@ class Control:
         self._asker, self._asked_s = "", 0.0
 
     def heard(self, who: str, name: str) -> None:
-        """A page is there, under this name."""
+        """Register a page under a name."""
         self.people[who] = Person(" ".join(name.split())[:40] or "somebody")
         for other in [w for w, p in self.people.items() if time.monotonic() - p.heard_s > AWAY_S]:
             del self.people[other]
@@ -46,7 +46,7 @@ class Control:
         return self._holder
 
     def take(self, who: str) -> None:
-        """Take control when it is free; else ask whoever has it."""
+        """Take control when it is free; otherwise request it from its holder."""
         if who not in self.people:
             raise RigError("this page is not connected; reload it")
         if self.holder in ("", who):
@@ -55,7 +55,7 @@ class Control:
             self._asker, self._asked_s = who, time.monotonic()
 
     def give(self, who: str, keep: bool = False) -> None:
-        """Whoever is in control gives it to the one who asks, or to nobody; or keeps it."""
+        """The holder gives control to the requesting page, releases it, or keeps it."""
         if self.holder != who:
             return
         if not keep:
@@ -63,20 +63,20 @@ class Control:
         self._asker = ""
 
     def check(self, who: str) -> str:
-        """The name of a page that is in control, which it is from now on if nobody was; RigError for any other."""
+        """The name of the page in control, which the given page becomes if there was none; RigError for any other."""
         if not self.holder:
             self.take(who)
         if self.holder != who:
-            raise RigError(f"{self.name(self.holder)} is in control; ask for it, or vent, which everybody may")
+            raise RigError(f"{self.name(self.holder)} is in control; request control, or vent, which everybody may")
         return self.name(who)
 
     def name(self, who: str) -> str:
-        """What a page's user is called."""
+        """The name of a page's user."""
         person = self.people.get(who)
         return person.name if person else "somebody"
 
     def as_data(self, who: str) -> dict[str, Any]:
-        """Who is in control and who asks, as seen by one page."""
+        """Who is in control and who requests it, for one page."""
         holder, asker = self.holder, self._asker
         left_s = max(0.0, ANSWER_S - (time.monotonic() - self._asked_s))
         return {

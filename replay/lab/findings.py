@@ -1,4 +1,4 @@
-"""Findings: what the lab's jobs found, from the files that they left."""
+"""Findings: the results of the lab's jobs, from their files."""
 
 from __future__ import annotations
 

@@ -1,13 +1,14 @@
-"""Guard: what stands before every page that this project serves: who may ask, from where, and in what form.
+"""Guard: checks every request to a page that this project serves: by whom, from where, and in what form.
 
 A browser lets any page send requests to a server of this machine. What each line of defence is for:
 
 * Host: a name that an attacker's DNS points at 127.0.0.1 (rebinding) comes with Origin equal to Host and nothing else
-  to tell it by; so only names of this machine are answered (jupyter_server does the same, CVE-2024-28224 is the lack).
+  to recognise it by; so only names of this machine are answered (jupyter_server does the same, CVE-2024-28224 is the
+  lack).
 * Origin: pages of other servers on this machine are the same *site*, so cookies are sent to us for them; a form of a
   public page arrives without any preflight. Origin must be ours; ``null`` is foreign.
 * Token: other users and programs of this machine. New with every start, in the address that is printed; then a cookie,
-  HttpOnly, SameSite=Strict, named with the port because cookies know none.
+  HttpOnly, SameSite=Strict, named with the port because cookies ignore ports.
 * JSON and a header of our own on whatever changes something: neither a form nor a beacon can send them.
 """
 
@@ -26,7 +27,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 OWN_HEADER = "x-straw"
-#: The one place that takes a file; its type is, like JSON, none that a form or a beacon can send.
+#: The one route that takes a file; like JSON, its type cannot be sent by a form or a beacon.
 FILM = "/api/film"
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src 'self' data: blob:; "
@@ -57,7 +58,7 @@ class Door:
 
     @property
     def url(self) -> str:
-        """The address that lets one in."""
+        """The address that grants access."""
         name = socket.gethostname() if self.host in ("0.0.0.0", "::") else self.host
         return f"http://{f'[{name}]' if ':' in name else name}:{self.port}/?token={self.token}"
 
@@ -72,7 +73,7 @@ class Door:
 
 
 class Guard:
-    """ASGI middleware: nothing reaches the application that did not come through the door."""
+    """ASGI middleware: only permitted requests reach the application."""
 
     def __init__(self, app: ASGIApp, door: Door) -> None:
         self.app, self.door = app, door

@@ -18,10 +18,10 @@ from straw.rig.errors import RigError
 from straw.rig.notes import read_notes, say
 from straw.rig.orders import running
 
-#: A look at the folder takes a share of the time, no more: this many times what it took is waited before the next.
+#: Pause between scans of the folder, in durations of the last scan, so that scans take a bounded share of the time.
 REST = 10.0
 SHORTEST_S = 1.0
-#: Entries that are new are shown after so long, not only when all are read.
+#: New entries are shown after so long, not only when all are read.
 SHOW_S = 0.5
 #: Views of the table that are kept.
 REMEMBERED = 30
@@ -58,7 +58,7 @@ class Library:
             self._pool.shutdown(cancel_futures=True)
 
     def look(self) -> None:
-        """Look soon: something happened in the folder."""
+        """Request an early scan, as something happened in the folder."""
         self._look.set()
 
     @property
@@ -71,7 +71,7 @@ class Library:
         return len(self._entries)
 
     def remembered(self, key: Hashable, made: Callable[[], T]) -> T:
-        """What was made of this version under a key; a table is asked for in many windows."""
+        """A result cached for this version under a key, as a table is requested in many windows."""
         version, answers = self._answers
         if version != self.version or len(answers) > REMEMBERED:
             version, answers = self._answers = (self.version, {})
@@ -101,7 +101,7 @@ class Library:
         return self.folder / entry.name
 
     def details(self, entry: Entry, read: Callable[[Path], dict[str, Any]]) -> dict[str, Any]:
-        """What a recording holds, read in the reading process and remembered; what cannot be read says why."""
+        """The contents of a recording, read in the reading process and cached; where unreadable, the reason."""
         if entry.kind == "running":
             return {}
         key = (entry.name, entry.size, entry.changed_ns)
@@ -131,8 +131,8 @@ class Library:
             try:
                 self._refresh()
                 self.problem = ""
-            except Exception as error:  # the lab goes on with what it knows, and says so
-                self.problem = f"{self.folder} cannot be looked at: {error}"
+            except Exception as error:  # the lab continues with its entries, and reports it
+                self.problem = f"{self.folder} cannot be scanned: {error}"
             took_s = time.monotonic() - began_s
             self._look.wait(max(SHORTEST_S, REST * took_s))
             self._look.clear()
@@ -175,12 +175,12 @@ class Library:
         return entry
 
     def _pooled(self, does: Callable[..., Any], *arguments: Any) -> Any:
-        """In a process of its own: decoding is work, and must hold up neither the page nor its VENT."""
+        """In a process of its own, as decoding must delay neither the page nor its VENT."""
         if self._pool is None:
             self._pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"), max_tasks_per_child=2000)
         try:
             return self._pool.submit(does, *arguments).result()
-        except BrokenProcessPool:  # somebody ended it, or the machine ran out of memory
+        except BrokenProcessPool:  # it was killed, or the machine ran out of memory
             self._pool = None
             raise RigError("the process that reads recordings ended; try again") from None
 

@@ -1,4 +1,4 @@
-"""Lineage: what a recording came from and what came from it, by SHA-256: run, film, calibration, track, findings."""
+"""Lineage: a recording's sources and derived files by SHA-256: run, video, calibration, track, findings."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from straw.rig.manifest import read_manifest
 
 
 def lineage(library: Library, entry: Entry, work: Path | None) -> list[dict[str, str]]:
-    """What a recording came from and what came from it, each as (relation, name, SHA-256)."""
+    """A recording's sources and derived files, each as (relation, name, SHA-256)."""
     by_sha = {e.sha256: e for e in library.entries if e.sha256}
     found = []
     above, seen = entry, {entry.sha256}

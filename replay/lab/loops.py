@@ -1,7 +1,7 @@
 """Loops: `straw investigate` as the lab's pages show, start, answer and stop it; each is a process of its own.
 
-Everything comes from the log, which only grows, and from the process' pulse: what was started at a terminal is seen
-here, what was started here can be answered at a terminal, and a lab that is started again finds both.
+Everything comes from the log, which only grows, and from the process' pulse: a loop started at a terminal is shown
+here, one started here can be answered at a terminal, and a restarted lab finds both.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from straw.replay.lab.processes import interrupt, started
 from straw.rig.errors import RigError
 
 LOGS = "investigate-*.jsonl"
-#: Hypotheses that are shown of a posterior; the rest is shown as one.
+#: Hypotheses of a posterior that are shown singly; the rest is summed up.
 SHOWN = 7
-#: Options of a start with the type of each and what is meant by leaving it out.
+#: Options of a start with the type and the default of each.
 NUMBERS: dict[str, type] = {"certainty": float, "rounds": int, "minutes": float, "snaps": int, "yes": int}
 
 
@@ -43,7 +43,7 @@ class Loops:
         return {"logs": [self._summary(path) for path in paths], "specimens": specimens}
 
     def one(self, name: str) -> dict[str, Any]:
-        """All that the page of one loop shows."""
+        """The data of one loop's page."""
         path = self._path(name)
         lines = read_lines(path)[0] if path.exists() else []
         state, pulse = State.of(lines), read_pulse(path.with_suffix(""))
@@ -74,7 +74,7 @@ class Loops:
         return path
 
     def start(self, who: str, asked: dict[str, Any]) -> dict[str, Any]:
-        """Start, or go on with, the loop of a specimen; the name of its log."""
+        """Start or continue the loop of a specimen; return the name of its log."""
         person = self.bench.control.check(who)
         if not self.bench.ready:
             raise RigError("there is no rig: start the lab with --rig rig.toml, or with --emulate")
@@ -83,7 +83,7 @@ class Loops:
             raise RigError("say which specimen is investigated")
         log = log_of(self.folder, specimen)
         if read_pulse(log.with_suffix("")):
-            raise RigError(f"{log.name} goes on already")
+            raise RigError(f"{log.name} is running already")
         rig = self.bench.rig
         command = ["investigate", str(self.folder), "--wait", f"--specimen={specimen}"]
         command += [f"--operator={person}", *_numbers(asked)]
@@ -101,18 +101,18 @@ class Loops:
         return {"log": log.name}
 
     def answer(self, who: str, name: str, yes: bool) -> dict[str, Any]:
-        """Say yes, for which one has to be in control of a rig that is free, or no, which everybody may."""
+        """Answer yes, which needs control of a free rig, or no, which everybody may."""
         if yes:
             self.bench.control.check(who)
             if self.bench.busy:
-                raise RigError("the rig is busy: something runs, or the queue goes on; hold or end it first")
+                raise RigError("the rig is busy: a run or the queue is in progress; hold or end it first")
         return {"says": answer(self._path(name).with_suffix(""), yes, self.bench.control.name(who))}
 
     def stop(self, name: str) -> dict[str, Any]:
-        """What Ctrl-C does: a run is vented and recorded first, and the same start goes on later. Everybody may."""
+        """As Ctrl-C: a run is vented and recorded first, and the same start continues later. Everybody may."""
         pulse = read_pulse(self._path(name).with_suffix(""))
         if pulse is None:
-            raise RigError(f"{name} does not go on")
+            raise RigError(f"{name} is not running")
         interrupt(int(pulse["pid"]))
         return {"says": f"{name} was told to end"}
 
@@ -130,7 +130,7 @@ class Loops:
         return {"name": path.name, "alive": alive, "reason": reason, "rounds": State.of(lines).spent.rounds}
 
     def _complaint(self, name: str) -> str:
-        """The last line of a process that was started here and has ended badly."""
+        """The last line of a process that was started here and failed."""
         process, out = self._started.get(name, (None, None))
         if process is None or out is None or process.poll() in (None, 0, 1):
             return ""
@@ -158,7 +158,7 @@ def _numbers(asked: dict[str, Any]) -> list[str]:
 
 
 def _next(lines: list[Line], state: State) -> dict[str, Any] | None:
-    """What is proposed and not run yet, with its curves as a page draws them."""
+    """The proposal that was not run yet, with its curves as a page draws them."""
     if state.proposal is None or state.plan is None or state.recording:
         return None
     runs = next((line.get("runs", 1) for line in reversed(lines) if line["kind"] == "proposed"), 1)
@@ -179,13 +179,13 @@ def _next(lines: list[Line], state: State) -> dict[str, Any] | None:
 
 
 def _rounds(lines: list[Line], place: Path) -> list[dict[str, Any]]:
-    """Each diagnosis with its posterior, and what was proposed, answered and run because of it."""
+    """Each diagnosis with its posterior, and the proposal, answer and run that followed."""
     rows: list[dict[str, Any]] = []
     for line in lines:
         kind = line["kind"]
         if kind == "diagnosed":
             if rows and "ran" not in rows[-1] and rows[-1]["recordings"] == line.get("recordings"):
-                rows.pop()  # the same again, by a process that went on
+                rows.pop()  # the same again, by a process that continued
             rows.append({**_posterior(line), "recordings": line.get("recordings")})
         elif rows and kind == "proposed":
             rows[-1]["proposed"] = {key: line["proposal"].get(key) for key in ("why", "information_nats", "run_before")}
@@ -200,7 +200,7 @@ def _rounds(lines: list[Line], place: Path) -> list[dict[str, Any]]:
 
 
 def _posterior(line: Line) -> dict[str, Any]:
-    """Verdict, words, and [hypothesis, probability], largest first, what is left as the last."""
+    """Verdict, words, and [hypothesis, probability], largest first, the sum of the rest last."""
     probability = sorted((line.get("probability") or {}).items(), key=lambda row: -row[1])
     rest = sum(p for _, p in probability[SHOWN:])
     shown = [[name, round(p, 4)] for name, p in probability[:SHOWN]]

@@ -1,4 +1,4 @@
-"""Pages: the lab's HTML: one shell, one style, the scripts a page needs, all in one answer; nothing from a network."""
+"""Pages: the lab's HTML: shell, style and the scripts a page needs, all in one answer, nothing from a network."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import re
 from functools import cache
 from importlib.resources import files
 
-#: Title and scripts of each page beyond what all of them need.
+#: Title and scripts of each page beyond the common ones.
 PAGES = {
     "catalogue": ("Runs", ("stamp", "catalogue")),
     "panel": ("Rig", ("panel",)),
     "investigate": ("Closed loop", ("curves", "investigate")),
     "run": ("Run", ("stamp", "curves", "run")),
-    "compare": ("Beside each other", ("curves", "compare")),
+    "compare": ("Side by side", ("curves", "compare")),
     "specimen": ("Specimen", ("stamp", "curves", "specimen")),
     "job": ("Work", ("job",)),
 }

@@ -40,7 +40,7 @@ def predicted(task: dict[str, Any]) -> dict[str, Any]:
             if abs(angle) > bent / 2 and cell not in seen:
                 seen.add(cell)
                 snaps.append([row[0], cell])
-    says = f"Not run yet: what the model says {protocol.name} will do, through a controller of nominal speed."
+    says = f"Not run yet: the model's prediction of {protocol.name}, through a controller of nominal speed."
     return {
         "page": assemble(protocol.name, says, [run], "live", (*SCRIPTS, "vent", "live")),
         "snaps": snaps,

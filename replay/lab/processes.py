@@ -15,7 +15,7 @@ from typing import Any, BinaryIO
 from straw.rig.orders import control_of as control_file
 from straw.rig.orders import read_control, running
 
-#: Less than this on a disk is nothing, in bytes: files take whole blocks of some kB.
+#: Free bytes below which a disk counts as full, as files take whole blocks of some kB.
 FULL = 100_000
 STRAW = (sys.executable, "-P", "-m", "straw.replay.cli")
 
@@ -33,7 +33,7 @@ def started(words: Sequence[str], stream: BinaryIO) -> subprocess.Popen[bytes]:
 
 
 def going_on(recording: Path) -> dict[str, Any] | None:
-    """A run that answers, or whose process is there and does not."""
+    """A run that answers, or whose process exists but does not answer."""
     said = running(recording)
     if said is None and os.name == "posix":
         said = read_control(control_file(recording))
@@ -51,15 +51,15 @@ def plain(name: str) -> str:
 
 
 def silent_end(code: int, log: Path) -> str:
-    """What can be said of a command that has ended and left no line: a full disk takes its last words, too."""
+    """Explanation for a command that ended without a message: a full disk loses it, too."""
     with suppress(OSError):
         if shutil.disk_usage(log.parent).free < FULL:
             return f"the run ended with code {code} and could not say why: the disk of {log.parent} is full; make room"
-    return f"the run ended with code {code} and said nothing; straw rig run in a terminal says more"
+    return f"the run ended with code {code} without a message; straw rig run in a terminal shows more"
 
 
 def interrupt(pid: int) -> None:
-    """What Ctrl-C means to the run: vent, finish the file, end."""
+    """As Ctrl-C: the run vents, finishes its file and ends."""
     number = getattr(signal, "CTRL_BREAK_EVENT", None) or signal.SIGINT
     with suppress(OSError):
         os.kill(pid, number)

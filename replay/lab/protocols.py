@@ -1,4 +1,4 @@
-"""Protocols as the panel shows them: which there are, and one drawn against its limits as it is being written."""
+"""Protocols for the panel: the list of files, and one drawn against its limits as it is being written."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from straw.rig.errors import RigError
 from straw.rig.limits import PressureLimits
 from straw.rig.protocol_toml import protocol_from_toml
 
-#: Points of a drawing; more is thinned by taking every so-manieth.
+#: Points of a drawing; longer ones are thinned evenly.
 POINTS = 2000
 LARGEST = 100_000
 
@@ -33,7 +33,7 @@ def known_protocols(folder: Path) -> list[dict[str, str]]:
 
 
 def drawn(toml: str, limits: PressureLimits | None) -> dict[str, Any]:
-    """A protocol compiled: its table in s and kPa for each channel, its limits; RigError with the line to mend."""
+    """A protocol compiled: its table in s and kPa for each channel, its limits; RigError with the line to correct."""
     protocol = protocol_from_toml(toml, "protocol")
     bound = protocol.limits.and_also(limits) if limits else protocol.limits
     beyond = ""

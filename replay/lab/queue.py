@@ -1,4 +1,4 @@
-"""Queue: protocols that wait for the rig, with repeats and pauses; in a file, so that a restart forgets nothing."""
+"""Queue: protocols that wait for the rig, with repeats and pauses; stored in a file that survives a restart."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NOT_STARTED = "not started"
 class Item:
     """One protocol, ``repeats`` times with ``pause_s`` before each but the first; ``done`` of them so far.
 
-    ``by_hand``: somebody sets the cells before each, so each waits for a start.
+    ``by_hand``: the cells are set by hand before each, so each waits for a start.
     """
 
     id: str
@@ -36,7 +36,7 @@ class Item:
 
 
 class Queue:
-    """Items in order. ``held`` says why nothing starts; only a person lifts that."""
+    """Items in order. ``held`` says why nothing starts; only a person can release it."""
 
     def __init__(self, path: Path | None) -> None:
         self.path = path
@@ -73,7 +73,7 @@ class Queue:
         self._save()
 
     def hold(self, why: str) -> None:
-        """Let nothing start until somebody releases it."""
+        """Hold the queue until a person releases it."""
         self.held = why
         self._save()
 
@@ -83,7 +83,7 @@ class Queue:
         self._save()
 
     def ended(self, item_id: str, well: bool, said: str) -> None:
-        """A run of an item ended: well, then it is counted; else the item stays and the queue is held."""
+        """A run of an item ended: if well, it is counted; otherwise the item stays and the queue is held."""
         item = next((item for item in self.items if item.id == item_id), None)
         if item is not None:
             item.said = said
@@ -103,7 +103,7 @@ class Queue:
 
     @property
     def next(self) -> Item | None:
-        """What may start now."""
+        """The next item that may start."""
         ready = self.items and not self.held and time.monotonic() >= self.not_before_s
         return self.items[0] if ready else None
 
@@ -123,7 +123,7 @@ class Queue:
         try:
             part.write_text(json.dumps([asdict(item) for item in self.items]), encoding="utf-8")
             part.replace(self.path)
-        except OSError:  # a folder that cannot be written has a queue for as long as the lab is open
+        except OSError:  # in a folder that cannot be written the queue lives as long as the lab
             with suppress(OSError):
                 part.unlink()
 

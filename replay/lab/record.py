@@ -1,4 +1,4 @@
-"""Record: one recording, several beside each other, or a specimen's history, as the lab's pages show them."""
+"""Record: the data of the lab's pages of one recording, of several side by side, and of a specimen's history."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FACTS = ("run", "start", "specimen", "protocol", "cycle", "deployed", "duration"
 
 
 def record(library: Library, name: str, work: Path | None) -> dict[str, Any]:
-    """All that the page of one recording shows."""
+    """The data of one recording's page."""
     entry = library.entry(name)
     notes = read_notes(library.path(entry))
     said = library.details(entry, details)
@@ -65,7 +65,7 @@ def compared(library: Library, names: Sequence[str]) -> dict[str, Any]:
 
 
 def specimen(library: Library, name: str, work: Path | None) -> dict[str, Any]:
-    """A specimen's runs in order, its cycles so far, constants as they were found, findings so far."""
+    """A specimen's runs in order, its cycles, the constants and findings so far."""
     mine = [e for e in library.entries if e.specimen == name]
     runs = sorted((e for e in mine if e.kind in ("run", "part", "running")), key=lambda e: e.start_ns)
     if not runs:

@@ -10,12 +10,12 @@ from typing import Any
 from straw.replay.errors import ReplayError
 from straw.replay.lab.guard import LOOPBACK, Door
 
-#: A stream that is open must not hold up the end: uvicorn would wait for it for ever.
+#: An open stream must not delay the end: uvicorn would wait for it for ever.
 GRACE_S = 1
 
 
 def bound(address: str, *, elsewhere: bool = True) -> tuple[socket.socket, str, int]:
-    """A listening socket, its host and port, for ``HOST:PORT`` (port 0: any); ReplayError where it cannot be had.
+    """A listening socket, its host and port, for ``HOST:PORT`` (port 0: any); ReplayError where it cannot be used.
 
     Other addresses than this machine's own are refused unless ``elsewhere``.
     """
@@ -80,5 +80,5 @@ class Server:
 
 
 def door_of(host: str, port: int, *, embedded: bool = False) -> Door:
-    """The door of a server that listens there."""
+    """The guard of a server on that socket."""
     return Door(host, port, embedded=embedded)

@@ -45,7 +45,7 @@ def make(task: dict[str, Any]) -> tuple[Server, Door, Lab]:
 
 
 def state_folder(folder: Path) -> Path | None:
-    """Where a lab keeps what is its own; None in a folder that cannot be written; it can be looked at."""
+    """The folder of a lab's own files; None where the recordings' folder cannot be written."""
     state = folder / STATE
     try:
         state.mkdir(mode=PRIVATE, exist_ok=True)
@@ -59,7 +59,7 @@ def state_folder(folder: Path) -> Path | None:
 
 def main() -> None:
     """Serve until stdin ends or says so; runs in progress continue."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that waits for it
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is handled by the parent process
     try:
         server, door, lab = make(json.loads(sys.stdin.readline()))
     except (*USER_ERRORS, OSError) as error:
@@ -84,7 +84,7 @@ def main() -> None:
         if lab.bench.state:
             with suppress(OSError):
                 (lab.bench.state / LAB_FILE).unlink()
-    os._exit(0)  # threads that wait for a file or a process have nothing left to save
+    os._exit(0)  # threads that wait for a file or a process have nothing to save
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Table: what the catalogue's page shows of the library for one view: filtered, sorted, grouped, in windows."""
+"""Table: the library's entries for one view of the catalogue's page: filtered, sorted, grouped, in windows."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ SHOWN = ("run", "start", "specimen", "protocol", "cycle", "duration", "status", 
 GROUPS = ("specimen", "protocol", "cycle", "day", "status", "deployed")
 #: Rows of one answer, at the most.
 WINDOW = 300
-#: Unless asked for, a table of runs shows what a person recorded, not what was derived from it.
+#: By default a table shows recorded runs, not derived files.
 RECORDED = ("run", "part", "running", "unreadable")
 
 
 def view(library: Library, asked: Mapping[str, str]) -> dict[str, Any]:
-    """Rows ``offset`` to ``offset + limit`` of a view; RigError where it means nothing.
+    """Rows ``offset`` to ``offset + limit`` of a view; RigError where the view is not valid.
 
     ``where``: a filter; ``sort``: a column, -column downwards; ``group``: a column; ``columns``: names with commas;
     ``differs``: only columns in which the rows differ; ``all``: tracks, predictions and archived recordings, too.
@@ -65,12 +65,12 @@ def selected(library: Library, where: str, sort: str, group: str, everything: bo
     return grouped(found, group) if group else (found, [])
 
 
-#: Metadata that differ between any two runs and mean nothing.
+#: Metadata that differ between any two runs and are left out.
 UNTELLING = {"run_id", "zero_time_ns", "cycles", "port", "missed_readings", "parent_sha256", "exit_reason"}
 
 
 def row(entry: Entry, names: list[str], group: str, tips: Mapping[str, Entry]) -> dict[str, Any]:
-    """One recording as the page gets it; the tip of a run is its track's."""
+    """One recording for the page; the tip of a run is its track's."""
     preview = dict(entry.preview)
     if "x" not in preview and entry.sha256 in tips:
         preview |= {key: tips[entry.sha256].preview[key] for key in ("x", "z")}

@@ -1,4 +1,4 @@
-"""Work: commands of straw that the lab's pages start: predictions, pages, findings; each in a process of its own."""
+"""Work: commands of straw that the lab's pages start (predictions, pages, findings), each in its own process."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from typing import Any
 from straw.replay.progress import TOLD_IN
 from straw.rig.errors import RigError
 
-#: Whoever drives a rig goes first, also on a small machine.
+#: Processes that drive a rig have priority.
 LAST = (found, "-n", "10") if (found := shutil.which("nice")) else ()
 STRAW = (sys.executable, "-P", "-m", "straw.replay.cli")
-#: The predicting process ends when nobody asked it for so long: it holds a compiled model.
+#: The predicting process, which holds a compiled model, ends after so long without a request.
 IDLE_S = 300.0
 MOST_JOBS = 2
 KEPT = 40
@@ -39,7 +39,7 @@ class Predictor:
         self._asked_s = 0.0
 
     def ask(self, task: dict[str, Any]) -> dict[str, Any]:
-        """Its answer to a task; RigError with the one line it complains in."""
+        """Its answer to a task; RigError with its one-line message."""
         with self._lock:
             self._asked_s = time.monotonic()
             process = self._running()
@@ -86,7 +86,7 @@ class Predictor:
 
 @dataclass
 class Job:
-    """One command: what it is called, its folder, its outputs, and how it goes."""
+    """One command: its title, its folder, its outputs, and its progress."""
 
     id: str
     title: str
@@ -114,7 +114,7 @@ class Job:
 
 
 def progress_in(folder: Path) -> dict[str, Any] | None:
-    """How far a job's command says that it is: what it does, done, of how much in all."""
+    """A job's progress as its command reports it: activity, done, total."""
     try:
         said: dict[str, Any] = json.loads((folder / PROGRESS).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -131,7 +131,7 @@ def said_in(folder: Path) -> str:
 
 
 def alive_in(folder: Path) -> bool:
-    """Whether the command of a job that an earlier lab started goes on; not known on Windows."""
+    """Whether the command of a job that an earlier lab started is running; not known on Windows."""
     with suppress(OSError, ValueError):
         if os.name == "posix" and not (folder / ENDED).exists():
             os.kill(int((folder / PID).read_text(encoding="utf-8")), 0)
@@ -140,7 +140,7 @@ def alive_in(folder: Path) -> bool:
 
 
 class Jobs:
-    """Jobs by id, a few at a time; each in a folder of its own below ``folder``. What is begun outlives the lab."""
+    """Jobs by id, a few at a time; each in a folder of its own below ``folder``. Started jobs outlive the lab."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -166,7 +166,7 @@ class Jobs:
         return job
 
     def as_data(self, job_id: str) -> dict[str, Any]:
-        """How a job goes, or what one of an earlier day left; RigError when there is none."""
+        """The state of a job, or the result of an earlier one; RigError when there is none."""
         if job_id in self.jobs:
             return self.jobs[job_id].as_data()
         folder = self.folder / Path(job_id).name

@@ -1,1 +1,1 @@
-"""The page of a run while it goes on: a feed in the rig's process, model and page in a process of their own."""
+"""The page of a run in progress: a feed in the rig's process, model and page in a process of their own."""

@@ -1,4 +1,4 @@
-"""Feeds a running page: one datagram a cycle, never waiting, so that the rig's loop does not know who is looking."""
+"""Feeds the page of a run: one datagram a cycle, without waiting, so that viewers never delay the rig's loop."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class Live(Operator):
     """A page server beside a run, and the operator of that run; use as a context manager.
 
     Model and server live in a process of their own: nothing they do can hold this one's interpreter lock. ``url`` is
-    where to look. ``recording`` is where the run will be, hence where its orders are taken; ``watched``: another page
-    has the orders but for VENT. ReplayError where the address cannot be had.
+    the page's address. ``recording`` is the run's path, beside which its orders are taken; ``watched``: another page
+    has the orders but for VENT. ReplayError where the address cannot be used.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class Live(Operator):
         assert self._server.stdout is not None
         self._server.stdin.write(json.dumps(self._task) + "\n")
         self._server.stdin.flush()
-        answer = self._server.stdout.readline()  # comes when the model is compiled and the page can be had
+        answer = self._server.stdout.readline()  # arrives when the model is compiled and the page is served
         try:
             said = json.loads(answer or '{"error": "the page\'s process ended at once"}')
             if "error" in said:
@@ -78,7 +78,7 @@ class Live(Operator):
         return self
 
     def heard(self, now_s: float, readings: Sequence[Reading], told_pa: Mapping[int, float]) -> None:
-        """Tell the page of a cycle; what the page cannot take is lost to it, and to nobody else."""
+        """Send a cycle to the page; what the page cannot take is lost only there."""
         self._send(
             {
                 "t": now_s,
@@ -90,13 +90,13 @@ class Live(Operator):
         )
 
     def happened(self, now_s: float, kind: str, text: str) -> None:
-        """Tell the page of an event."""
+        """Send an event to the page."""
         self._send({"t": now_s, "event": kind, "text": text})
 
     def _send(self, message: Mapping[str, Any]) -> None:
         try:
             self._socket.send(json.dumps(message).encode())
-        except OSError:  # the page has gone, or is busy
+        except OSError:  # the page was closed, or is busy
             return
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
@@ -107,7 +107,7 @@ class Live(Operator):
     def _stop(self) -> None:
         assert self._server.stdin is not None
         assert self._server.stdout is not None
-        self._server.stdin.close()  # its end is the server's, too, also when this process is killed
+        self._server.stdin.close()  # closing it ends the server, also when this process is killed
         try:
             self._server.wait(timeout=5)
         except subprocess.TimeoutExpired:

@@ -1,4 +1,4 @@
-"""The model beside a running rig: moved on by every reading, remembered for the page."""
+"""The model beside a running rig: advanced by every reading, with a history for the page."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ STEP_S = 0.05
 
 
 class Follower:
-    """Predicts a run as it goes on. Rows are what the page shows, see ``COLUMNS``; safe to read from other threads."""
+    """Predicts a run in progress. Its rows are the page's, see ``COLUMNS``; safe to read from other threads."""
 
     COLUMNS = ("time", "measured", "command", "inside", "x_m", "z_m", "phi_rad", "zeta", "phi", "others")
 
@@ -54,7 +54,7 @@ class Follower:
     def reading(
         self, time_s: float, measured_pa: float, told_pa: float, others: dict[str, float] | None = None
     ) -> None:
-        """Move the model on to a reading, seconds since the protocol's start."""
+        """Advance the model to a reading, seconds since the protocol's start."""
         start_s = self.stepper.time_s
         if time_s > start_s:
             pieces = max(1, math.ceil((time_s - start_s) / STEP_S))

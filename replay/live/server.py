@@ -36,15 +36,15 @@ from straw.rig.protocol import PressureProtocol
 from straw.rig.protocol_toml import protocol_from_toml
 
 UPDATES_HZ = 30.0
-#: After the run's end the page is served for so long, for what is on its way to get there.
+#: The page is served for so long after the run's end, so that the last data arrive.
 LINGER_S = 0.5
 LARGEST = 65536
-#: How often the page is told that this server is alive, when there is nothing else to tell, s.
+#: Period of heartbeats to the page when there are no data, s.
 BEAT_S = 0.5
 
 
 def run_of(straw: StrawParameters, protocol: PressureProtocol, orders: bool) -> dict[str, Any]:
-    """An empty run for the report's page, which fills as the run goes on; ``orders``: with hold and stop."""
+    """An empty run for the report's page, which fills during the run; ``orders``: with hold and stop."""
     signals = {
         name: {"title": title, "unit": unit, "factor": factor, "known": False, "metrics": None}
         for name, (title, unit, factor) in SHOWN.items()
@@ -66,7 +66,7 @@ def page_of(straw: StrawParameters, protocol: PressureProtocol, orders: bool) ->
 
 
 class Page:
-    """The page at / and its feed at /feed, which takes orders: VENT from anyone let in, others if ``orders``."""
+    """The page at / and its feed at /feed, which takes orders: VENT from everyone with access, others if ``orders``."""
 
     def __init__(self, follower: Follower, page: str, control: Path | None, orders: bool) -> None:
         self.follower, self.page, self.control, self.orders = follower, page, control, orders
@@ -84,13 +84,13 @@ class Page:
         """Every row from the run's start, new ones 30 times a second, then the end; meanwhile orders are taken."""
         await asked.accept()
         listening = asyncio.create_task(self._listen(asked))
-        with suppress(WebSocketDisconnect, RuntimeError):  # who went away while being answered is no error
+        with suppress(WebSocketDisconnect, RuntimeError):  # a client that disconnects meanwhile is no error
             await self._tell(asked)
         listening.cancel()
 
     async def _tell(self, asked: WebSocket) -> None:
         follower, rows_sent, events_sent, beat_s = self.follower, 0, 0, 0.0
-        shown = asked.query_params.get("rows") != "0"  # a page that only wants to be able to vent needs no curves
+        shown = asked.query_params.get("rows") != "0"  # a page that only vents needs no curves
         while True:
             ended = follower.ended.is_set()
             rows, events = follower.rows[rows_sent:], follower.events[events_sent:]
@@ -146,10 +146,10 @@ def serve(task: dict[str, Any]) -> tuple[Server, Door, socket.socket, Follower]:
 
 
 def main() -> None:
-    """Serve until stdin ends, which is when the run's process has done with it or is no more."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the run's to answer; this ends with it
+    """Serve until stdin ends, that is, until the run's process closes it or has ended."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the run handles Ctrl-C; this process ends with it
     if hasattr(os, "nice"):
-        os.nice(5)  # whoever drives a rig goes first
+        os.nice(5)  # the process that drives the rig has priority
     try:
         server, door, feed, follower = serve(json.loads(sys.stdin.readline()))
     except USER_ERRORS as error:
@@ -167,7 +167,7 @@ def _take(feed: socket.socket, take: Callable[[dict[str, Any]], None], follower:
     while not follower.ended.is_set():
         try:
             take(json.loads(feed.recv(LARGEST)))
-        except USER_ERRORS:  # the model cannot follow: the page stands still, the rig goes on
+        except USER_ERRORS:  # the model cannot follow: the page stops, the rig continues
             follower.ended.set()
 
 

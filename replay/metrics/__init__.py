@@ -1,4 +1,4 @@
-"""How far a prediction is from a measurement, as several figures, since no single one is enough."""
+"""Distance of a prediction from a measurement, by several figures, since no single one is sufficient."""
 
 from straw.replay.metrics.signal import Metrics, metrics_of
 

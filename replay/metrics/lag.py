@@ -22,7 +22,7 @@ GRID = 121
 class Lag:
     """``value_s`` > 0 where the prediction is late. NaN where the motion is too small for an estimate.
 
-    ``at_bound``: the best match lies at or beyond the limit of the search, so the value means nothing but "not here".
+    ``at_bound``: the best match lies at or beyond the limit of the search, so the value is not an estimate.
     """
 
     value_s: float

@@ -1,4 +1,4 @@
-"""A figure of merit of somebody's own: one number of a motion, asked of measurement and prediction alike."""
+"""A user's own figure of merit: one number of a motion, computed for measurement and prediction alike."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-#: Noisy copies of the measurement that a figure is asked of: its standard uncertainty, known to 1 / sqrt(2 * 15).
+#: Noisy copies of the measurement for a figure's standard uncertainty, which is known to 1 / sqrt(2 * 15).
 DRAWS = 16
 
 
@@ -28,10 +28,10 @@ DRAWS = 16
 class FigureOfMerit:
     """One number to compare: ``FIGURE = straw.FigureOfMerit(name="settling time", unit="s", about="...", value=f)``.
 
-    ``value(motion)`` is asked of the measured motion and of the predicted one. A motion has ``time_s``, ``x_m``,
+    ``value(motion)`` is called with the measured and with the predicted motion. A motion has ``time_s``, ``x_m``,
     ``z_m``, ``phi_rad`` and the gauge ``pressure_pa`` that drove it, each (n,), at the tip's valid samples, ``snaps``
     (``start_s``, ``end_s``, ``turn_rad``, ``cell``, ...) and ``ring`` (``frequency_hz``, ``decay_per_s``; None where
-    nothing rings). NaN says that there is no such thing in this motion.
+    nothing rings). NaN means that the figure does not exist in this motion.
     """
 
     name: str
@@ -62,8 +62,8 @@ def add_figures(*paths: str | Path) -> None:
 
 
 def own_figures(measured: Motion, predicted: Motion, taken: Mapping[str, Any]) -> dict[str, tuple[str, float, float]]:
-    """Unit, measured and predicted of every figure of merit from outside, by name; ReplayError, one line, for one that
-    cannot be used."""
+    """Unit, measured and predicted of every user's figure of merit, by name; ReplayError, one line, for an unusable
+    one."""
     out: dict[str, tuple[str, float, float]] = {}
     for part in parts.parts(FIGURES):
         one: FigureOfMerit = part.what
@@ -81,7 +81,7 @@ def asked(part: parts.Part, motion: Motion, which: str) -> float:
     where = f"{part.where}: figure of merit {one.name!r} of the {which} motion"
     try:
         given = one.value(motion)
-    except Exception as error:  # it is somebody's code
+    except Exception as error:  # the user's code may raise anything
         path = Path(part.where) if part.sha256 else None
         raise ReplayError(f"{where}: value raises {said(error, path)}; give NaN where there is none") from None
     if isinstance(given, bool) or np.ndim(given) != 0:
@@ -99,9 +99,9 @@ def asked(part: parts.Part, motion: Motion, which: str) -> float:
 def uncertainties(measured: Motion, again: Callable[[Motion], Motion]) -> dict[str, float]:
     """Standard uncertainty of each figure, by name, from the measurement's own sigma; NaN where that is unknown.
 
-    The figure is asked of noisy copies, once with noise of its own for each sample and once with all samples of a
-    channel moved by one sigma, as noise that lasts would; the larger counts (Monte Carlo, JCGM 101:2008). ``again``
-    looks for snaps and ring-down in a copy.
+    The figure is computed for noisy copies, once with independent noise of each sample and once with all samples of a
+    channel shifted by one sigma, as for correlated noise; the larger counts (Monte Carlo, JCGM 101:2008). ``again``
+    finds snaps and ring-down in a copy.
     """
     if not parts.parts(FIGURES):
         return {}

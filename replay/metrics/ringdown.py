@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 
 Floats = NDArray[np.float64]
 
-#: A ring-down must stand out of what is left by this much, and be this many samples, to have a frequency.
+#: Least amplitude over the residual, and least number of samples, of a ring-down with a frequency.
 LEAST_SIGMA, LEAST_SAMPLES = 4.0, 24
 LONGEST_S = 1.0
 
@@ -27,7 +27,7 @@ class RingDown:
 
 
 def ring_down(time_s: Floats, values: Floats) -> RingDown | None:
-    """Least-squares fit to samples (n,) of a free motion; None where none stands out of the rest."""
+    """Least-squares fit to samples (n,) of a free motion; None where no oscillation exceeds the residual."""
     if len(time_s) < LEAST_SAMPLES:
         return None
     t = time_s - time_s[0]
@@ -36,7 +36,8 @@ def ring_down(time_s: Floats, values: Floats) -> RingDown | None:
     if not scale > 1e-12 * np.abs(values).max():
         return None
     nyquist = 0.5 * (len(t) - 1) / t[-1]
-    bounds = ([2.0 / t[-1], 0.0], [nyquist, 0.5 * nyquist])  # two turns at least: slower is the parabola's
+    # at least two periods: slower motion belongs to the parabola
+    bounds = ([2.0 / t[-1], 0.0], [nyquist, 0.5 * nyquist])
 
     def columns(x: Floats) -> Floats:
         fading = np.exp(-x[1] * t)
@@ -45,7 +46,7 @@ def ring_down(time_s: Floats, values: Floats) -> RingDown | None:
 
     def misfit(x: Floats) -> Floats:
         a = columns(x)
-        linear, *_ = np.linalg.lstsq(a, values, rcond=None)  # amplitudes follow from the two that matter
+        linear, *_ = np.linalg.lstsq(a, values, rcond=None)  # amplitudes are linear, given frequency and decay
         return np.asarray((a @ linear - values) / scale)
 
     tries = [
@@ -56,7 +57,7 @@ def ring_down(time_s: Floats, values: Floats) -> RingDown | None:
     linear, *_ = np.linalg.lstsq(columns(found.x), values, rcond=None)
     amplitude, left = float(np.hypot(*linear[:2])), scale * float(np.sqrt(np.mean(found.fun**2)))
     if not amplitude > LEAST_SIGMA * left or found.x[1] > np.pi * found.x[0]:
-        return None  # noise, or a motion that dies before it swings twice
+        return None  # noise, or a motion that decays within two swings
     jacobian = np.asarray(found.jac, dtype=np.float64)
     covariance = np.linalg.pinv(jacobian.T @ jacobian) * np.sum(found.fun**2) / (len(t) - 7)
     f_sigma, decay_sigma = np.sqrt(np.diag(covariance))
@@ -64,7 +65,7 @@ def ring_down(time_s: Floats, values: Floats) -> RingDown | None:
 
 
 def _starts(t: Floats, flat: Floats, slowest_hz: float) -> list[list[float]]:
-    """Frequency and decay to begin with: the peak of the spectrum over all of the record and over its beginnings."""
+    """Starting values of frequency and decay: spectral peaks of the whole record and of its beginnings."""
     starts = []
     for share in (1.0, 0.4, 0.15):
         n = max(LEAST_SAMPLES, round(share * len(t)))

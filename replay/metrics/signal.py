@@ -1,4 +1,4 @@
-"""Metrics of one signal: size, shape and timing of a misfit, and what of it the noise explains."""
+"""Metrics of one signal: size, shape and timing of a misfit, and the share that noise explains."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class Metrics:
 
     ``overlap_s``: seconds in which both have samples. ``nrmse_of_range``: RMSE over max - min of the measurement.
     ``sprague_geers_*``: magnitude M, phase P, comprehensive C. ``lag_s`` > 0: the prediction is late; ``lag_at_bound``:
-    it means nothing but "beyond". ``reduced_chi2_sigma``: scatter that mere noise of the residual's correlation gives
-    the reduced chi-square about 1.
+    the lag is beyond the search range. ``reduced_chi2_sigma``: standard deviation of the reduced chi-square about 1
+    for noise with the residual's correlation.
     """
 
     n: int

@@ -1,6 +1,6 @@
 """Snaps of cells as the tip shows them: a cell that bends turns the tip until it is straight again.
 
-Measurement and prediction go through the same eyes, so that what the eyes miss is missed in both.
+Measurement and prediction are evaluated in the same way, so that what is missed is missed in both.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-#: A tip that stays this long within the limit has come back: several periods of a straw's ring-down would be longer.
+#: A tip that stays within the limit for this time has returned; it is less than several periods of a ring-down.
 QUIET_S = 0.12
-#: Turn (in standard deviations of the noise) below which nothing is called a snap.
+#: Least turn of a snap, in standard deviations of the noise.
 LEAST_SIGMA = 8.0
-#: After a snap the tip rings; where it turns the other way it does so within this time.
+#: After a snap the tip rings; an overshoot occurs within this time.
 RING_S = 0.3
-#: A measured snap is put down to a cell if its hinge is this near, relative, to where that cell's snap has it.
+#: Relative tolerance of a measured hinge against that of a cell's predicted snap.
 HINGE = 0.15
 #: Snaps of measurement and prediction further apart than this are not the same snap.
 SAME_S = 0.5
@@ -29,8 +29,8 @@ SAME_S = 0.5
 class Snap:
     """One passage through a bent state: start and end (s; NaN if it lasts), standard uncertainty, largest turn (rad).
 
-    ``hinge_m``: distance from the tip to the cell that bent, by how far the tip swung for its turn. ``overshoot``: how
-    far it turns the other way when it comes back, over ``turn_rad``. ``cell``: which one, 0 where nothing tells.
+    ``hinge_m``: distance from the tip to the cell that bent, from swing over turn. ``overshoot``: how
+    far it turns the other way when it comes back, over ``turn_rad``. ``cell``: which one, 0 if unknown.
     """
 
     start_s: float
@@ -70,7 +70,7 @@ def snaps_of(time_s: Floats, x_m: Floats, z_m: Floats, phi_rad: Floats, limit_ra
     found = []
     for i, j in zip(first.tolist(), last.tolist(), strict=True):
         if i == 0:
-            continue  # it was under way already
+            continue  # it had begun before the record
         start_s, sigma_s = _crossing(time_s, np.abs(turned), i - 1, limit_rad, noise_rad)
         seen_to_end = j < len(time_s) - 1
         end_s = _crossing(time_s, np.abs(turned), j, limit_rad, noise_rad)[0] if seen_to_end else float("nan")
@@ -104,7 +104,7 @@ def _hinge(x_m: Floats, z_m: Floats, phi_rad: Floats) -> float:
 def named(measured: list[Snap], predicted: list[Snap]) -> list[Snap]:
     """Measured snaps with the cell, among those that the prediction snaps, whose hinge is nearest; 0 if none is near.
 
-    Hinges are compared with hinges, not with where cells lie: all of the straw gives way while one cell bends.
+    Hinges are compared with hinges, not with the cells' places, as the whole straw deforms while one cell bends.
     """
     out = []
     for snap in measured:

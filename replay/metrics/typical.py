@@ -1,4 +1,4 @@
-"""Motions that a figure of merit is tried on before a run is there: a fold that rings, and a tip at rest."""
+"""Motions for checking a figure of merit without a recording: a fold that rings, and a tip at rest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an error says of a model: E against the validation uncertainty, in the manner of ASME V&V 20-2009."""
+"""Assessment of a model's error: E against the validation uncertainty, following ASME V&V 20-2009."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ UNKNOWN = "no statement"
 
 @dataclass(frozen=True)
 class Quantity:
-    """One figure of merit in measurement and prediction (unit in ``unit``), and what is uncertain about comparing it.
+    """One figure of merit in measurement and prediction (unit in ``unit``), and the uncertainties of the comparison.
 
-    ``u_data``: the measurement's standard uncertainty; ``u_num``: what the integration leaves; ``u_input``: what the
-    inputs' uncertainties (pressure, constants) make of the prediction.
+    ``u_data``: the measurement's standard uncertainty; ``u_num``: the integration's error; ``u_input``: the effect of
+    the inputs' uncertainties (pressure, constants) on the prediction.
     """
 
     name: str
@@ -48,14 +48,14 @@ class Quantity:
 
     @property
     def verdict(self) -> str:
-        """An error within K u_val says nothing of the model: "cannot be resolved", which is not "validated"."""
+        """An error within K u_val does not assess the model: "cannot be resolved", which is not "validated"."""
         if not (math.isfinite(self.error) and math.isfinite(self.u_val)):
             return UNKNOWN
         return UNRESOLVED if abs(self.error) <= K * self.u_val else RESOLVED
 
     @property
     def words(self) -> str:
-        """The verdict as a person says it."""
+        """The verdict in words."""
         if self.verdict == RESOLVED:
             return f"the model is off by {self.error:.3g} ± {K * self.u_val:.2g} {self.unit}"
         if self.verdict == UNRESOLVED:

@@ -1,4 +1,4 @@
-"""Figs. 4 and 5: one active frustum's energy, its equilibria, and what pressure does to them."""
+"""Figs. 4 and 5: one active frustum's energy, its equilibria, and the effect of pressure on them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from straw.replay.paper.style import STABLE, UNSTABLE, figure, label
 
 Floats = NDArray[np.float64]
 
-#: What the panels show, m and rad.
+#: Ranges of the panels, m and rad.
 ZETA_M, PHI_RAD = (-3.4e-3, 3.2e-3), (-0.34, 0.34)
 ZETA_LABEL, PHI_LABEL = r"$\zeta_{n,2}$ / mm", r"$\varphi_{n,2}$ / rad"
 

@@ -1,4 +1,4 @@
-"""Every number of the paper that the model can give, beside the paper's, and how the model's was got."""
+"""Every number of the paper that the model can give, beside the paper's, and how the model's was obtained."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ READINGS = Readings(1.5e-3, 5.8e-3, -13.5e3, 22.5e3)
 
 @dataclass(frozen=True)
 class Number:
-    """One number: the paper's, the model's, and how far the paper's may be off by rounding or the step it was read in.
+    """One number: the paper's, the model's, and the paper's rounding error, or the step of its reading.
 
-    ``source`` is the place in the paper, ``how`` says how the model's number was got.
+    ``source`` is the place in the paper, ``how`` says how the model's number was obtained.
     """
 
     name: str
@@ -76,7 +76,7 @@ def _snaps() -> Iterator[Number]:
     """Where cell 1 loses stability; the paper's may be off by half of the 0.5 kPa in which it raised the pressure."""
     singular = "where the static stiffness turns singular, under gravity, odd frusta rigid: "
     ways = (
-        (True, "alone", singular + "that of the cell alone, its neighbours as they rest without pressure"),
+        (True, "alone", singular + "that of the cell alone, its neighbours fixed as at rest without pressure"),
         (False, "in the straw", singular + "that of the whole straw, which follows the pressure"),
     )
     for held, which, how in ways:

@@ -1,4 +1,4 @@
-"""The paper's finite elements repeated: Fig. 4 b, c and S2 by a director shell, and what its energy changes."""
+"""The paper's finite elements repeated: Fig. 4 b, c and S2 by a director shell, and the effects of its energy."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 
 #: The delay that brings the model's first snap of Fig. 7 to the measured one, s (section 3.3).
 DELAY_S = 0.77
-#: What of the paper's set-up is not stated, and what was inferred.
+#: What the paper does not state about the set-up, and what is assumed here.
 INFERRED = (
     "the cuts' places are not in the text: here along phi = 0 and along the bent state's zeta = -0.27 mm",
     "radial freedom of the bases is not stated: free (held, the barrier is 60 to 320 mJ against 22)",
@@ -235,7 +235,7 @@ def _run(run: ValidationRun, changes: dict[str, Any]) -> Prediction:
 
 
 def verdict(runs: list[Elastic]) -> list[str]:
-    """What finite elements change of what the paper left open: delay, run-to-run constants, bent states."""
+    """The effect of finite elements on the paper's open questions: delay, run-to-run constants, bent states."""
     base, _, fitted = runs
     lines = []
     for one in runs:

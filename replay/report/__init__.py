@@ -1,1 +1,1 @@
-"""The page people look at: one offline HTML file."""
+"""The page of a comparison: one offline HTML file."""

@@ -1,4 +1,4 @@
-"""A comparison as the data of its page: units people read, arrays packed small."""
+"""A comparison as the data of its page: display units, packed arrays."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ BOARD_M = 8.8e-3
 
 
 def data_of(c: Comparison, role: str = "") -> dict[str, Any]:
-    """All that the page needs of one run."""
+    """The page's data of one run."""
     run = c.run
     assert run.pressure is not None
     signals = {}
@@ -123,7 +123,7 @@ def pressure(log: PressureLog, command: PressureLog | None) -> dict[str, Any]:
 
 
 def straw_data(straw: StrawParameters) -> dict[str, Any]:
-    """What the page draws a straw and its energy with, SI."""
+    """The constants with which the page draws a straw and its energy, SI."""
     frusta = [Frustum.of(straw, cell, sealed=True) for cell in range(1, straw.cells + 1)]
     bent = [e.phi_rad for e in frusta[0].equilibria() if e.stable and e.phi_rad > 0]
     return {
@@ -159,5 +159,5 @@ def rows_packed(rows: Floats) -> dict[str, Any]:
 
 
 def small(values: Floats) -> Floats:
-    """A signal (n,) in SMALL samples, for a picture the size of a stamp."""
+    """A signal (n,) in SMALL samples, for a thumbnail."""
     return np.asarray(values[np.linspace(0, len(values) - 1, min(SMALL, len(values))).astype(int)])

@@ -14,7 +14,7 @@ from straw.replay.output import finite
 from straw.replay.report.data import data_of
 from straw.replay.report.words import sentence
 
-#: Parts of the script, in the order in which they need each other.
+#: Parts of the script, in the order of their dependencies.
 SCRIPTS = ("base", "straw", "plane", "charts", "film", "player", "table", "main")
 
 
@@ -47,7 +47,7 @@ def assemble(
 ) -> str:
     """Template, styles and scripts round the data of some runs; ``kind`` is the body's class.
 
-    ``above`` and ``below`` the player stands what else a page tells, as HTML.
+    ``above`` and ``below``: HTML around the player.
     """
     here = files("straw.replay.report")
 

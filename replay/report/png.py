@@ -1,4 +1,4 @@
-"""The overlay as a picture for a paper: measured with its band, prediction, residual in sigmas, pressure, snaps."""
+"""The comparison as a picture for a paper: measured with its band, prediction, residual in sigmas, pressure, snaps."""
 
 from __future__ import annotations
 
@@ -26,9 +26,7 @@ def overlay(c: Comparison) -> Figure:
     for k, (name, (title, unit, factor)) in enumerate(SHOWN.items()):
         s, main, below = c.signals[name], panels[2 * k], panels[2 * k + 1]
         known = bool(np.all(np.isfinite(s.sigma)))
-        gap = np.diff(s.time_s, prepend=s.time_s[0]) > 2.5 * np.median(
-            np.diff(s.time_s)
-        )  # no line across what is missing
+        gap = np.diff(s.time_s, prepend=s.time_s[0]) > 2.5 * np.median(np.diff(s.time_s))  # no line across gaps
         seen, said = (np.where(gap, np.nan, values * factor) for values in (s.measured, s.predicted))
         if known:
             band = 2 * s.sigma * factor
@@ -41,7 +39,8 @@ def overlay(c: Comparison) -> Figure:
         below.axhline(0, color=SOFT, lw=0.5)
         below.set_ylabel("residual / sigma" if known else f"residual / {unit}")
         if known:
-            most = max(4.0, 1.1 * float(np.abs(below.get_lines()[0].get_ydata()).max()))  # noise looks like noise
+            # points, so that noise is recognised as noise
+            most = max(4.0, 1.1 * float(np.abs(below.get_lines()[0].get_ydata()).max()))
             below.set_ylim(-most, most)
     last, run, p = panels[-1], c.run, c.prediction
     assert run.pressure is not None

@@ -1,4 +1,4 @@
-"""The film of a run as a small proxy for its page: one frame for each of the camera's, with both tips' places on it."""
+"""A small proxy of a run's video for its page: one frame for each of the camera's, with the places of both tips."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ WIDTH_PX = 480
 ROOM = 0.12
 #: Frames a second of the proxy's own time: browsers play slow motion from it between 1/16 and 16 times.
 RATE = 60
-#: Bytes that a proxy may have, and bits a second that are enough for a board.
+#: Largest size of a proxy, bytes, and bits a second that suffice for a board.
 MOST_BYTES, ENOUGH_BPS = 6e6, 0.7e6
 
 

@@ -1,4 +1,4 @@
-"""What a comparison says, in sentences."""
+"""A comparison in sentences."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from straw.replay.compare import CHANNELS, Comparison
 
 
 def sentence(comparisons: list[Comparison]) -> str:
-    """The whole of it, in one sentence or two."""
+    """The result in one or two sentences."""
     worst = max(comparisons, key=_misfit)
     x, z, phi = (worst.signals[name].metrics.rmse for name in CHANNELS)
     which = "the model" if len(comparisons) == 1 else f"the worst run, {worst.run.run_id},"
@@ -33,8 +33,8 @@ def order(c: Comparison) -> str:
     if len(both) < len(c.pairs):
         return f"{len(c.measured.snaps)} snaps were measured, {len(c.predicted.snaps)} predicted."
     if not both:
-        return "No cell snaps, in neither."
+        return "No cell snaps, in measurement or prediction."
     seen, said = zip(*both, strict=True)
     if 0 in seen:
-        return "At least one measured snap hinges where the model has none: the order of cells cannot be told."
+        return "At least one measured snap hinges where the model has none: the order of cells cannot be determined."
     return f"Cells snap in the order {', '.join(map(str, seen))}; predicted: {', '.join(map(str, said))}."

@@ -26,7 +26,7 @@ NAMES = {
 
 
 def design_map(wish: Wish, designs: Sequence[Design], best: Sequence[Design]) -> Figure:
-    """Snap pressures of all designs, and how near each is to the wish over the two constants that matter most."""
+    """Snap pressures of all designs, and the distance of each from the wish over the two most influential constants."""
     fig = figure(10, 4.3)
     left, right = fig.subplots(1, 2)
     cost = np.log10([d.cost + 1e-2 for d in designs])
@@ -57,7 +57,8 @@ def design_map(wish: Wish, designs: Sequence[Design], best: Sequence[Design]) ->
 
 
 def _most_telling(wish: Wish, designs: Sequence[Design], best: Sequence[Design]) -> list[str]:
-    """The varied constant in which the tenth of best designs is narrowest, and that in which the chosen differ most."""
+    """The varied constant in which the best tenth of designs is narrowest, and the one in which the chosen differ
+    most."""
     names = list(wish.vary)
     if len(names) == 1:
         return names * 2
@@ -71,7 +72,7 @@ def _most_telling(wish: Wish, designs: Sequence[Design], best: Sequence[Design])
 
 
 def order_figure(wish: Wish, straw: StrawParameters, seen: Sequence[tuple[int, float]]) -> Figure:
-    """When each cell snaps as pressure goes slowly, and how thick its even frustum is."""
+    """The pressure at which each cell snaps quasi-statically, and the thickness of its even frustum."""
     fig = figure(8, 3.6)
     left, right = fig.subplots(1, 2)
     cells, pressures = [c for c, _ in seen], [p / 1e3 for _, p in seen]

@@ -29,7 +29,7 @@ def energy_map(land: Landscape, flat: Frustum | None, found: list[Balance]) -> F
     most = MOST_MJ if flat is None else 5.0 * np.ceil(1.8 * _barrier_mj(flat) / 5)
     z, f = np.concatenate([zeta, zeta]), np.concatenate([phi, -phi])
     mesh = Triangulation(z, f)
-    # triangles much longer than rows are apart bridge what was not solved
+    # triangles much longer than the rows' distance bridge unsolved points
     longest = 2.0 / min(len(np.unique(zeta)), 12)
     keep = np.hypot(*(np.ptp(x[mesh.triangles], axis=1) / np.ptp(x) for x in (z, f))) < longest
     mesh.set_mask(~keep)

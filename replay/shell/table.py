@@ -1,4 +1,4 @@
-"""What finite elements say of a frustum beside equation 7: equilibria, barriers, forces, pressures, one row each."""
+"""A frustum by finite elements beside equation 7: equilibria, barriers, forces, pressures, one row each."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ _MINE = ("zero_time_ns", "imported_from", "imported_sha256", "imported_by", "imp
 
 
 def told(args: argparse.Namespace) -> tuple[list[Table], Mapping]:
-    """The tables as read, and all that flags and mapping file say of them; an error names the flag."""
+    """The tables as read, and the mapping by flags and mapping file; an error names the flag."""
     mapping = load_mapping(args.map) if args.map else Mapping()
     maps = [_entry(path, args.tables, mapping) for path in args.tables]
     named = {one.file for one in mapping.tables if one.file} - {name for p in args.tables for name in (str(p), p.name)}
@@ -42,7 +42,7 @@ def told(args: argparse.Namespace) -> tuple[list[Table], Mapping]:
 
 
 def _entry(path: Path, paths: Sequence[Path], mapping: Mapping) -> TableMap:
-    """What the mapping file says of a table: by its name, or because both are alone."""
+    """The mapping file's entry of a table: by its name, or because both are single."""
     for one in mapping.tables:
         if one.file in (str(path), path.name) or (not one.file and len(paths) == len(mapping.tables) == 1):
             return replace(one, file=str(path))
@@ -137,13 +137,13 @@ def place(role: str, text: str, tables: list[Table], maps: list[TableMap]) -> li
 
 
 def metadata_of(args: argparse.Namespace) -> dict[str, str]:
-    """What the flags say of the run itself; ReplayError for what it may not be."""
+    """The run's metadata by the flags; ReplayError for invalid ones."""
     found: dict[str, str] = {}
     for text in args.meta:
         key, equals, value = text.partition("=")
         if not equals or not key.replace("-", "_").isidentifier() or key in (*TAKEN, *_MINE):
             raise ReplayError(
-                f"--meta {text}: expected KEY=VALUE, as fluid=water; what has a flag of its own goes there"
+                f"--meta {text}: expected KEY=VALUE, as fluid=water; use the flag of its own for other keys"
             )
         found[key] = value
     if args.deployed is not None:

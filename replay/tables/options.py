@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-#: By role: what its flag says in the help. A test holds it against ``straw.rig.tables.roles.ROLES``.
+#: Help of each role's flag. A test compares it with ``straw.rig.tables.roles.ROLES``.
 COLUMNS = {
     "time": "time: numbers, dates, times of day, Kinovea's time code",
     "command": "commanded gauge pressure; repeated: channels 1, 2, ...",
@@ -26,14 +26,14 @@ COLUMNS = {
 IMPORT = """Each column is named as its heading says, or by its number from 1; with its unit, as "P1 in mbar", where the
 heading has none; with its file where several have it, as "tip.csv:Time in s"; "none" leaves a role out.
 
-What nobody states is guessed from headings, units in them and sizes. A guess is never written unasked: the command
-prints what it understood, draws it (RUN.import.png), lists each guess with the flag that would state it, and ends
-with 1. State them, or take them all with --yes. What a heading says of its unit, what a format says (ESI is in mbar,
-DeepLabCut in px), a flag or the mapping is no guess. --dry-run shows the same and never writes.
+What is not stated is guessed from headings, their units and magnitudes. A guess is not written without confirmation:
+the command prints its interpretation, draws it (RUN.import.png), lists each guess with the flag that would state it,
+and ends with 1. State the guesses, or accept all with --yes. A unit in a heading or of a format (ESI is in mbar,
+DeepLabCut in px), a flag and the mapping are no guesses. --dry-run shows the same and never writes.
 
-Several tables make one run, each with its own clock: dates are laid over each other, clocks that count from 0 by
---offset (seconds after the run's 0 at which that table's 0 was). What straw export wrote comes back bit for bit and
-needs no flag. A mapping file says the same; --save-map writes one:
+Several tables make one run, each with its own clock: dates are aligned by themselves, clocks that count from 0 by
+--offset (seconds after the run's 0 at which that table's 0 was). Tables of straw export are restored exactly and need
+no flags. A mapping file says the same; --save-map writes one:
 
   specimen = "straw-7"
   initial_deployed = [1, 4]

@@ -1,4 +1,4 @@
-"""The picture of a plan: what would be written, a panel a quantity, and what was guessed in words."""
+"""The picture of a plan: what would be written, one panel for each quantity, and the guesses in words."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _COLOURS = {
     "phi": "#b0472f",
     "flow": "#6a4c93",
 }
-DRAWN = 4000  # points of a curve that are told apart on the picture
+DRAWN = 4000  # points of a curve that can be distinguished on the picture
 
 
 def draw(plan: Plan, path: Path) -> None:
@@ -41,7 +41,7 @@ def draw(plan: Plan, path: Path) -> None:
 
 def figure(plan: Plan) -> Figure:
     """The picture."""
-    from matplotlib.figure import Figure  # takes its time
+    from matplotlib.figure import Figure  # slow to import
 
     panels = [(title, found) for title, roles in _PANELS if (found := _of(plan, roles))]
     events = [(part, signal) for part in plan.parts for signal in part.signals if signal.role == "event"]
@@ -76,7 +76,7 @@ def _line(plan: Plan, ax: object, part: Part, signal: Signal) -> None:
     factor, _ = shown(signal)
     at = (plan.ns(part) - plan.zero_ns) * 1e-9
     values = signal.values * factor
-    if len(at) > 2 * DRAWN:  # the lowest and the highest of each stretch look the same
+    if len(at) > 2 * DRAWN:  # the lowest and highest value of each interval draw the same curve
         edges = np.linspace(0, len(at), DRAWN, endpoint=False).astype(np.int64)
         low, high = np.fmin.reduceat(values, edges), np.fmax.reduceat(values, edges)
         at, values = np.repeat(at[edges], 2), np.stack([low, high], axis=1).ravel()

@@ -1,4 +1,4 @@
-"""What straw import understood, in words for people and as data for machines."""
+"""The interpretation by straw import, in words and as data."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _SHOWN = {"pressure": (1e-3, "kPa"), "length": (1e3, "mm"), "angle": (180 / np.p
 
 
 def shown(signal: Signal) -> tuple[float, str]:
-    """Factor and unit in which people read a signal."""
+    """Factor and display unit of a signal."""
     from straw.rig.tables.roles import ROLES
 
     return _SHOWN.get(ROLES[signal.role].quantity, (1.0, ""))

@@ -1,1 +1,1 @@
-"""Cameras under remote control: started, stopped, and the film of a run fetched."""
+"""Cameras under remote control: start, stop, and fetch the video of a run."""

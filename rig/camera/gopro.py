@@ -1,10 +1,10 @@
-"""GoPro over USB or Wi-Fi: started, stopped, and its film fetched, by the Open GoPro HTTP API 2.0.
+"""GoPro over USB or Wi-Fi: start, stop, and fetch the video, by the Open GoPro HTTP API 2.0.
 
 Source: the public specification, gopro.github.io/OpenGoPro/http (HERO9 Black and later; a HERO6 has no such API). Over
 USB the camera is 172.2X.1YZ.51:8080, XYZ the last digits of its serial number, and wired control has to be switched on
 first. A command is answered at once and carried out later: "system busy" (status 8) and "encoding" (status 10) of the
-state tell when. Downloads over a tired cable end early without an error, so a file counts when it has the size that
-the camera's list gives.
+state show when. Downloads over a worn cable end early without an error, so a file is complete only when it has the
+size in the camera's list.
 """
 
 from __future__ import annotations
@@ -85,11 +85,11 @@ class GoPro:
             raise RigError(f"the camera {self.address} lists its card in an unknown way: {listed!r:.120}") from None
 
     def fetch(self, clip: Clip, path: Path) -> Path:
-        """Copy a clip to a path, whole or not at all: broken off, it is taken up where it ended."""
+        """Copy a clip to a path, whole or not at all; an interrupted download resumes where it ended."""
         if path.exists():
             raise RigError(f"{path} exists and is not overwritten; move it away, or fetch to another name")
         part = path.with_name(path.name + ".part")
-        with suppress(RigError):  # only quicker
+        with suppress(RigError):  # only makes the download faster
             self._ask("/gopro/media/turbo_transfer?p=1")
         try:
             for _ in range(TRIES):
@@ -108,8 +108,8 @@ class GoPro:
             with suppress(RigError):
                 self._ask("/gopro/media/turbo_transfer?p=0")
         raise LinkLostError(
-            f"the camera {self.address} broke off {clip.name} {TRIES} times; what came is in {part}, the film is safe "
-            "on its card: check the cable and fetch again"
+            f"the camera {self.address} interrupted {clip.name} {TRIES} times; what arrived is in {part}, the video is "
+            "safe on its card: check the cable and fetch again"
         )
 
     def state(self) -> dict[str, Any]:
@@ -124,7 +124,7 @@ class GoPro:
             request.add_header("Range", f"bytes={have}-")
         try:
             with urllib.request.urlopen(request, timeout=self.timeout_s) as answer:
-                if have and answer.status != 206:  # it begins again from the start
+                if have and answer.status != 206:  # the camera ignored the range and sends the file from its start
                     have = 0
                 with part.open("ab" if have else "wb") as stream:
                     while piece := answer.read(CHUNK):
@@ -134,18 +134,19 @@ class GoPro:
                 return
             raise LinkLostError(f"{clip.name} is refused: {error.code}") from None
         except (urllib.error.URLError, TimeoutError, ConnectionError, EOFError):
-            raise LinkLostError(f"{clip.name} broke off") from None
+            raise LinkLostError(f"{clip.name} was interrupted") from None
         except OSError as error:
-            if isinstance(error, PermissionError) or error.errno in (28, 30):  # disk full, read only: ours, not its
+            # disk full, read-only: our side, not the camera's
+            if isinstance(error, PermissionError) or error.errno in (28, 30):
                 raise
-            raise LinkLostError(f"{clip.name} broke off") from None
+            raise LinkLostError(f"{clip.name} was interrupted") from None
 
     def _flag(self, number: str) -> bool:
         try:
             return bool(int(self.state()["status"][number]))
         except (KeyError, TypeError, ValueError):
             raise RigError(
-                f"the camera {self.address} does not say its status {number}; is it an Open GoPro?"
+                f"the camera {self.address} does not report its status {number}; is it an Open GoPro?"
             ) from None
 
     def _wait(self, number: str, value: bool) -> None:
@@ -159,7 +160,7 @@ class GoPro:
 
     def _keep_alive(self) -> None:
         while not self._ended.wait(KEEP_ALIVE_S):
-            with suppress(RigError):  # whoever needs it next will hear of it
+            with suppress(RigError):  # the next request reports it
                 self._ask("/gopro/camera/keep_alive")
 
     def _ask(self, path: str) -> Any:
@@ -177,5 +178,5 @@ class GoPro:
 
 
 def _chapter(clip: Clip) -> tuple[str, str, str]:
-    """GX010042, GX020042, ... are the chapters of film 0042."""
+    """GX010042, GX020042, ... are the chapters of video 0042."""
     return clip.folder, clip.name[4:8], clip.name[:4]

@@ -1,9 +1,9 @@
-"""An Open GoPro as its HTTP port shows it, written from the public specification.
+"""An emulated Open GoPro behind HTTP, written from the public specification.
 
 ``python -m straw.rig.camera.gopro_emulator`` serves one. Commands are answered at once and carried out after
 ``delay_s``.
-``film`` makes the bytes of a clip from the seconds it lasted; chapters end at ``chapter_bytes``. Faults are planted by
-``break_off_at``: the next downloads end there.
+``film`` makes the bytes of a clip from its duration in seconds; chapters end at ``chapter_bytes``. Faults are injected
+by ``break_off_at``: the next downloads end there.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ FOLDER = "100GOPRO"
 
 
 def grey(seconds: float) -> bytes:
-    """Bytes in place of a film: a megabyte a second that differ from place to place."""
+    """Bytes in place of a video: a megabyte a second that differ from place to place."""
     return bytes(k % 251 for k in range(4096)) * max(1, round(256 * seconds))
 
 
@@ -66,7 +66,7 @@ class GoProEmulator:
         self._server.server_close()
 
     def answer(self, request: BaseHTTPRequestHandler) -> None:
-        """One GET: a status for what is not known, 409 for what cannot be now, JSON else."""
+        """One GET: 404 for unknown paths, 409 for what the state does not allow, JSON otherwise."""
         path = request.path
         self.asked.append(path)
         if path.startswith("/gopro/camera/control/wired_usb?p="):
@@ -114,7 +114,7 @@ class GoProEmulator:
         rest = data[start:]
         request.send_response(206 if match else 200)
         request.send_header("Content-Type", "video/mp4")
-        if not self.break_off_at:  # a tired cable: no length, then nothing
+        if not self.break_off_at:  # a worn cable: no length, then nothing
             request.send_header("Content-Length", str(len(rest)))
         request.end_headers()
         request.wfile.write(rest[: self.break_off_at.pop(0)] if self.break_off_at else rest)

@@ -3,8 +3,8 @@
 Source: Alicat's serial primer. A request is the unit's letter, a command and a carriage return; the answer to a poll
 (``A``) and to a setpoint (``AS5.44``) is a frame: the letter, the values, then status words. A pressure controller's
 frame is pressure and setpoint; a mass controller's that regulates pressure is pressure, temperature, volume flow, mass
-flow, setpoint, gas. ``?`` is a refusal. Which unit the pressures are in, and that they are gauge, is a setting of the
-instrument which no frame repeats: tell it in ``unit_pa``.
+flow, setpoint, gas. ``?`` is a refusal. The unit of the pressures, and that they are gauge, is a setting of the
+instrument that no frame repeats: give it as ``unit_pa``.
 """
 
 from __future__ import annotations
@@ -23,11 +23,12 @@ CR = b"\r"
 NUMBER = re.compile(r"[+-]?\d{1,5}\.\d{1,4}")
 STATUS = frozenset(["TOV", "MOV", "VOV", "POV", "OVR", "HLD", "VTM", "LCK"])
 DISTRUSTED = {"POV": "the pressure is beyond its sensor", "OVR": "a value is beyond its sensor"}
-SETPOINT_AT = {2: 1, 4: 3, 6: 4, 7: 4}  # among the values, by how many there are; pressure is always the first
+# position of the setpoint, by the number of values; pressure is always the first
+SETPOINT_AT = {2: 1, 4: 3, 6: 4, 7: 4}
 MODEL = re.compile(rb"[A-Z] M00 [ -~]*\r")
 ROW = re.compile(rb"[A-Z] [MD]\d\d [ -~]*\r")  # of the tables that describe it
 REFUSED = b"?\r"
-QUIET_S = 0.03  # between two lines of a table there is no such pause: 57 bytes on the slowest common line
+QUIET_S = 0.03  # longer than any pause between two lines of a table: 57 bytes on the slowest common line
 #: Registers that the PyPI package alicat reads from all controllers: what is controlled, and the gains of its loop.
 REGISTERS = (122, 21, 22, 23)
 
@@ -46,7 +47,7 @@ def encode_set(unit: str, setpoint: float, decimals: int) -> bytes:
 
 
 class Frame(NamedTuple):
-    """What one answer says: pressure and setpoint in the instrument's unit, status words, and the bytes themselves."""
+    """One answer: pressure and setpoint in the instrument's unit, status words, and the raw bytes."""
 
     pressure: float
     setpoint: float
@@ -72,7 +73,7 @@ class Alicat(LineController):
     """Driver of one Alicat on ``port`` (name, by-id path or ``socket://host:port``); one channel.
 
     ``unit`` is its letter on the line, ``unit_pa`` what one of its pressure units is in Pa (kPa by default),
-    ``span_pa`` its range (Pa gauge), ``decimals`` how finely it can be told.
+    ``span_pa`` its range (Pa gauge), ``decimals`` the digits of a setpoint.
     """
 
     name = "alicat"
@@ -103,7 +104,7 @@ class Alicat(LineController):
         self.model = ""
 
     def _identify(self) -> None:
-        """Ask for the table of what it is; its other lines follow, and nothing may be asked while they do."""
+        """Request the table that identifies it; nothing may be sent while the table's lines arrive."""
         self._line.drain()
         self._line.write(self.unit.encode() + b"??M*" + CR)
         deadline_s = time.monotonic() + self.timeout_s
@@ -127,9 +128,9 @@ class Alicat(LineController):
     def _exchange(self, request: bytes) -> bytes:
         deadline_s = time.monotonic() + self.timeout_s
         reply = self._line.exchange(request, CR, self.timeout_s)
-        while ROW.fullmatch(reply):  # the rest of a table that was a mark
+        while ROW.fullmatch(reply):  # the rest of a table that served as a mark
             reply = self._line.read_until(CR, deadline_s - time.monotonic())
-        decode_frame(reply, self.unit)  # a damaged one may be the beginning of another
+        decode_frame(reply, self.unit)  # a damaged line may be the beginning of another
         return reply
 
     def _send(self, channel: int, pressure_pa: float) -> bytes:

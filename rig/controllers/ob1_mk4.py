@@ -2,8 +2,9 @@
 
 Source: micro-manager/mmCoreAndDevices ``DeviceAdapters/Elveflow/ob1_mk4.cpp`` and micro-manager.org/Elveflow, the only
 public description. A request is ``<`` + keyword of five letters + ``?`` or ``!`` + parameters + newline, the answer one
-line that starts with ``>``. Not shown in public, so settable in ``Dialect``: the words between keyword and values, how
-a refusal looks, the units of the readings. There is no checksum, no vent command and no watchdog: venting is setting 0.
+line that starts with ``>``. Not public, so settable in ``Dialect``: the words between keyword and values, the
+form of a refusal, the units of the readings. There is no checksum, no vent command and no watchdog: venting is setting
+0.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ def encode_set(channel: int, pressure_pa: float, dialect: Dialect = Dialect()) -
 
 
 def is_answer_to(request: bytes, reply: bytes) -> bool:
-    """Whether the reply carries the keyword of the request; a late one does not."""
+    """Whether the reply carries the keyword of the request; a late reply does not."""
     return reply[:1] == b">" and reply[1:7] == request[1:7]
 
 
@@ -92,8 +93,8 @@ def decode_readings(reply: bytes, dialect: Dialect = Dialect()) -> Answer:
 class Ob1Mk4(LineController):
     """Driver of an OB1 MK4 on ``port`` (name, by-id path or ``socket://host:port``); pressures in whole mbar.
 
-    ``range_mbar`` is the regulators', which the instrument does not tell; ``limits`` default to what the straw stands,
-    and are never more than that. ``sigma_pa`` is the standard uncertainty of one reading, NaN when nobody measured it.
+    ``range_mbar`` is the regulators', which the instrument does not report; ``limits`` default to what the straw
+    withstands and are never wider. ``sigma_pa`` is the standard uncertainty of one reading, NaN when unknown.
     """
 
     name = "ob1-mk4"
@@ -142,9 +143,9 @@ class Ob1Mk4(LineController):
 
     def _confirm(self, request: bytes, reply: bytes) -> None:
         echo, told = decode_payload(reply, self.dialect), request.decode().strip().partition(":")[2]
-        # That it echoes what it was told is inferred; where it does, a set that was garbled on its way there shows.
+        # That it echoes the command is inferred; where it does, a command that was garbled on the way shows.
         if ECHO.fullmatch(echo) and echo != told:
-            raise RigError(f"OB1 MK4 understood {echo} when it was told {told}; check the cable")
+            raise RigError(f"OB1 MK4 understood {echo} when {told} was sent; check the cable")
 
     def _read(self) -> Answer:
         return decode_readings(self._ask(READ_ALL), self.dialect)

@@ -4,7 +4,7 @@ Source: the SDK's own Python examples (``Elveflow64.py``) and user guide. Up to 
 doubles goes with every set and reading; since 3.10 the library keeps it, and one call brings regulator and sensor. The
 instrument is no serial port: its name is what NI MAX calls it (``01F64B3B``), given here as the port. While this runs
 the Elveflow Smart Interface must not. A lost link can read as a valid-looking 0, which ``Controller.read`` refuses
-where it cannot be true. Whether an MK3's sensor readings are wanted is not asked of it: flow is not read.
+where it cannot be true. Flow sensors of an MK3 are not read.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Ob1Sdk(Controller):
     """
 
     name = "ob1-sdk"
-    resolution_pa = 10.0  # told as a double; a tenth of a mbar is finer than any of its regulators
+    resolution_pa = 10.0  # sent as a double; a tenth of a mbar is finer than any of its regulators
 
     def __init__(
         self,
@@ -117,7 +117,8 @@ class Ob1Sdk(Controller):
         for channel in self.channels:
             value, sensor = ctypes.c_double(), ctypes.c_double()
             if self._per_call:
-                acquire = int(channel == self.channels[0])  # the first call samples all channels, the others look
+                # the first call samples all channels, the others return the sample
+                acquire = int(channel == self.channels[0])
                 table, size = self._table, CALIBRATION
                 self._call("OB1_Get_Press", self._id, channel, acquire, table, ctypes.byref(value), size)
             else:

@@ -1,4 +1,4 @@
-"""Alicat pressure controller as its port shows it (source: rig/controllers/alicat.py), no pressure physics."""
+"""Alicat pressure controller as seen at its port (source: rig/controllers/alicat.py), no pressure physics."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from straw.rig.emulator import Emulator
 from straw.rig.errors import RigError
 from straw.rig.plant import Plant
 
-GAUGE_PRESSURE = 38  # register 122 says what is controlled
+GAUGE_PRESSURE = 38  # register 122 is the controlled variable
 MODEL = ("M00 www.alicat.com", "M01 Alicat Scientific", "M02 Ph  emulated", "M03 PCD-100KPAG-D", "M04 Serial 000000")
 UNIT_PA, FULL_SCALE = 1000.0, 100.0
 FRAMES = {"pressure": "", "mass": "Air"}  # with the gas that the frame names

@@ -1,4 +1,4 @@
-"""ELVEFLOW OB1 MK4 as its port shows it: the wire grammar (source: rig/controllers/ob1_mk4.py), no pressure physics."""
+"""ELVEFLOW OB1 MK4 as seen at its port: the wire grammar (source: rig/controllers/ob1_mk4.py), no pressure physics."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ TRIGGER_SET = re.compile(r"<TRIGO!([01])")
 
 
 class Ob1Mk4Emulator(Emulator):
-    """A refusal is spelt ``>KEYWD?|KO|``: how the real one spells it is not public. Flow sensors are of type 1."""
+    """A refusal is ``>KEYWD?|KO|``, as the real form is not public. Flow sensors are of type 1."""
 
     terminator = b"\n"
     baud = 115200
@@ -24,7 +24,8 @@ class Ob1Mk4Emulator(Emulator):
         self.trigger_out = 0
 
     def answer(self, line: bytes, time_s: float) -> bytes:
-        """The reply line to one request line, given the plant's time in seconds; silence to what is no request."""
+        """The reply line to one request line, given the plant's time in seconds; no reply to anything that is no
+        request."""
         request = line.decode("ascii", errors="replace").strip()
         if not re.fullmatch(r"<[A-Z]{5}[?!].*", request):
             return b""

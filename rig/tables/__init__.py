@@ -67,8 +67,8 @@ def import_tables(
 ) -> Plan:
     """Write tables as one recording; the plan that was followed.
 
-    What ``mapping`` does not say is guessed; with a guess among it nothing is written and a RigError says how to state
-    it, unless ``accept_guesses``. Entries of ``mapping.tables`` hold for the table of the same ``file``.
+    What ``mapping`` does not state is guessed; with a guess nothing is written, and a RigError says how to state it,
+    unless ``accept_guesses``. Entries of ``mapping.tables`` hold for the table of the same ``file``.
     """
     mapping = mapping or Mapping()
     maps = {one.file: one for one in mapping.tables}
@@ -83,7 +83,7 @@ def import_tables(
 
 
 def import_own(path: str | Path, output: str | Path, metadata: dict[str, str] | None = None) -> tuple[int, bool]:
-    """Write a table that ``export_table`` made as the recording it was: (messages, whether its side was there)."""
+    """Write a table that ``export_table`` made as the recording it was: (messages, whether its side file was there)."""
     path = Path(path)
     rows, side = read_own(path, table_bytes(path))
     return recording_of(rows, side, Path(output), path.name, metadata or {}), side is not None
@@ -92,7 +92,7 @@ def import_own(path: str | Path, output: str | Path, metadata: dict[str, str] | 
 def export_table(
     recording: str | Path, *, csv: Path | None = None, parquet: Path | None = None, topics: Sequence[str] = ()
 ) -> tuple[int, int]:
-    """Write a recording as a table: (rows, messages that only the side holds)."""
+    """Write a recording as a table: (rows, messages that only the side file holds)."""
     rows = rows_of(Path(recording), topics)
     if csv:
         write_csv(rows, csv)

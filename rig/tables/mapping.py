@@ -1,4 +1,4 @@
-"""Mapping: what somebody says of tables: which column is what in which unit, clocks, and what the run was."""
+"""Mapping: what the user states about tables: the columns' roles and units, clocks, and the run's metadata."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _READING = tuple(one.name for one in fields(Reading))
 
 @dataclass(frozen=True)
 class Use:
-    """One column in a role: the run gets (value - zero) * factor, in SI of the unit ("" is what the heading says)."""
+    """One column in a role: the run gets (value - zero) * factor, in SI of the unit ("" is the heading's)."""
 
     column: str
     unit: str = ""
@@ -32,7 +32,7 @@ class Use:
 
 @dataclass(frozen=True)
 class TableMap:
-    """What is said of one table; ``uses`` holds () for a role that is to be left out. See ``straw import --help``."""
+    """What is stated about one table; ``uses`` holds () for a role to be left out. See ``straw import --help``."""
 
     file: str = ""
     reading: Reading = field(default_factory=Reading)
@@ -51,7 +51,7 @@ class TableMap:
 
 @dataclass(frozen=True)
 class Mapping:
-    """What is said of all tables; ``metadata`` goes to straw.run as it is."""
+    """What is stated about all tables; ``metadata`` goes to straw.run as it is."""
 
     tables: tuple[TableMap, ...] = ()
     start: str = ""
@@ -76,7 +76,7 @@ _TABLE = (
 
 
 def load_mapping(path: Path) -> Mapping:
-    """A mapping file; RigError, with the place, for what it cannot be."""
+    """A mapping file; RigError, with the place, where it is not valid."""
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -185,7 +185,7 @@ def split_unit(text: str, table: Table) -> Use | None:
 
 
 def to_toml(mapping: Mapping) -> str:
-    """The mapping as a file that says the same."""
+    """The mapping as the text of an equivalent file."""
     run = dict(mapping.metadata)
     lines = [f"{key} = {_text(run.pop(key))}" for key in _RUN if key in run]
     lines += [f"{key} = {_text(value)}" for key in ("start", "time_zone") if (value := getattr(mapping, key))]

@@ -1,4 +1,4 @@
-"""Moments: dates, times of day and time codes as integer nanoseconds, exactly as they are written."""
+"""Dates, times of day and time codes as integer nanoseconds, exactly as they are written."""
 
 from __future__ import annotations
 
@@ -65,10 +65,10 @@ def is_moment(text: str) -> bool:
 
 
 def moments(cells: Sequence[str], zone: tzinfo | None, order: str | None, where: str) -> Moments:
-    """Read a column of moments; RigError, with the row, where one is none.
+    """Read a column of dates or times; RigError, with the row, where a cell is neither.
 
-    ``zone`` holds for those that do not say theirs; None takes UTC and says so. ``order`` is "dmy" or "mdy" for
-    3/4/2024; None takes what one of them proves, else day first.
+    ``zone`` applies to those without one; None takes UTC and reports it. ``order`` is "dmy" or "mdy" for 3/4/2024; None
+    takes the order that some row proves, else day first.
     """
     first = cells[0].strip()
     if _CODE.match(first):
@@ -90,7 +90,7 @@ def moments(cells: Sequence[str], zone: tzinfo | None, order: str | None, where:
         told = "" if proof else order
     out = []
     no_zone = False
-    known: dict[tuple[str, ...], int] = {}  # one look at the zone for each minute is enough
+    known: dict[tuple[str, ...], int] = {}  # one lookup of the zone for each minute is enough
     for k, one in enumerate(found):
         assert one is not None
         part = one.groupdict()

@@ -1,9 +1,9 @@
 """straw's own table of a recording: one row per message, one column a field.
 
 A table holds every message of plain fields (numbers, truth values, words, bytes). ``Side`` is what it cannot hold:
-metadata, attachments, how each topic is encoded, and messages with fields inside fields. Where a message's bytes are
-not those that its fields give (other writers order them otherwise), the column ``payload`` keeps them; a cell that
-somebody edited counts more than the payload.
+metadata, attachments, how each topic is encoded, and messages with fields inside fields. Where encoding the
+fields does not give a message's bytes back (other writers order them otherwise), the column ``payload`` keeps them; an
+edited cell takes precedence over the payload.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ VERSION = 1
 
 @dataclass
 class Side:
-    """What of a recording a table cannot hold, as JSON beside a CSV, or inside a Parquet file."""
+    """The parts of a recording that a table cannot hold, as JSON beside a CSV, or inside a Parquet file."""
 
     channels: list[dict[str, Any]] = field(default_factory=list)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
@@ -40,7 +40,7 @@ class Side:
 
     @staticmethod
     def from_json(text: str, where: str) -> Side:
-        """Out of JSON; RigError where it is none of ours."""
+        """From JSON; RigError where straw did not write it."""
         try:
             data = json.loads(text)
             if data["straw_table"] != VERSION:

@@ -18,7 +18,7 @@ from straw.rig.tables.own_codec import ABSENT, FIRST, PAYLOAD, Codec, Row
 def recording_of(rows: list[Row], side: Side | None, output: Path, where: str, extra: dict[str, str]) -> int:
     """Write rows of such a table as a recording; how many messages. RigError, with the row, for what does not fit.
 
-    ``side`` None: only the contract's topics, in straw's own encoding. ``extra`` goes over what straw.run said.
+    ``side`` None: only the contract's topics, in straw's own encoding. ``extra`` overrides entries of straw.run.
     """
     channels = side.channels if side else _contract(rows, where)
     codecs, first_of = _codecs(channels, rows)

@@ -12,14 +12,14 @@ PAYLOAD = "payload"
 Row = dict[str, Any]
 _KINDS = {"double": float, "float": float, "int32": int, "int64": int, "uint32": int, "uint64": int, "bool": bool}
 _KINDS |= {"string": str, "bytes": bytes, "sint64": int, "sint32": int}
-#: Fields that are whole numbers where JSON does not say so.
+#: Fields that are integers, which JSON does not distinguish.
 _WHOLE = {name for schema in TOPICS.values() for name, kind, _ in schema.fields if kind.startswith("int")}
-#: What each kind is when nobody says: protobuf does not tell an absent field from one of this value.
+#: Default of each kind: protobuf does not distinguish an absent field from one of this value.
 ABSENT: dict[type, Any] = {float: 0.0, int: 0, bool: False, str: "", bytes: b""}
 
 
 class Codec:
-    """How one channel's bytes become fields and back; ``kinds`` is None where they are no plain fields."""
+    """Converts one channel's bytes to fields and back; ``kinds`` is None where they are no plain fields."""
 
     def __init__(self, encoding: str, schema_name: str, schema_data: bytes, first: bytes | None) -> None:
         self.json = encoding == "json"

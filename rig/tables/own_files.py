@@ -1,4 +1,4 @@
-"""straw's own table as CSV with a side file, and as Parquet with the side inside: written whole or not at all; read."""
+"""Reads straw's own table, and writes it whole or not at all: CSV with a side file, Parquet with the side inside."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def is_own(path: Path, data: bytes) -> bool:
 
 
 def write_csv(rows: Rows, path: Path) -> None:
-    """Text that a spreadsheet opens: floats with all digits, bytes and line ends as escapes, nothing as nothing."""
+    """Text that a spreadsheet opens: floats with all digits, bytes and line ends as escapes, empty for absent."""
     buffer = io.StringIO()
     names = list(rows.kinds)
     writer = csv.writer(buffer, lineterminator="\n")
@@ -72,7 +72,7 @@ def read_own(path: Path, data: bytes) -> tuple[list[Row], Side | None]:
     names = next(reader)
     unknown = [name for name in names if name not in kinds]
     if unknown:
-        raise RigError(f"{path.name}: column {unknown[0]!r} is none that straw export wrote; take it out")
+        raise RigError(f"{path.name}: column {unknown[0]!r} was not written by straw export; remove it")
     rows = []
     for n, cells in enumerate(reader, 1):
         if not cells:

@@ -1,4 +1,4 @@
-"""Reader: a format of somebody's own, from a file or a package; what it reads is checked before anybody uses it."""
+"""Reader: a user's own format, from a file or a package; its tables are checked before they are used."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class Reader:
 
     ``read(path)`` gives columns by their names, each (n,): numbers, words, or moments (``datetime64``, UTC); NaN where
     there is no value. ``roles`` says which column is what ("time", "pressure", "command", "flow", "x", "z", "phi",
-    ...), ``units`` in which unit it is (as "mbar"; else what stands behind its name, as in "P [mbar]"): what is said
-    there is no guess. ``suffixes`` of the files that it reads, or ``recognises(path, first_bytes) -> bool``.
+    ...), ``units`` in which unit it is (as "mbar"; else the one behind its name, as in "P [mbar]"); neither counts as a
+    guess. ``suffixes`` of the files that it reads, or ``recognises(path, first_bytes) -> bool``.
     """
 
     name: str
@@ -65,7 +65,7 @@ READERS = parts.Kind("reader", ("READER", "READERS"), Reader)
 
 
 def add_readers(*paths: str | Path) -> None:
-    """Know the readers in these files; RigError, one line, for a file that gives none."""
+    """Register the readers in these files; RigError, one line, for a file that gives none."""
     parts.add(READERS, paths)
 
 
@@ -75,7 +75,7 @@ def reader_in(path: Path) -> Format:
 
 
 def reader_formats() -> dict[str, Format]:
-    """Readers from outside as formats, by name."""
+    """External readers as formats, by name."""
     found: dict[str, Format] = {}
     for part in parts.parts(READERS):
         if part.what.name in found or part.what.name in formats():
@@ -85,9 +85,9 @@ def reader_formats() -> dict[str, Format]:
 
 
 def tried(form: Format, path: Path) -> int:
-    """Read copies of a file that are cut, or spoiled in the middle: each is a table or a RigError; how many they were.
+    """Read truncated and corrupted copies of a file: each gives a table or a RigError; return how many there were.
 
-    Whatever else the function raises is a RigError already; this finds what does not end, or ends Python.
+    Other exceptions of the function are RigErrors already; this finds readers that never end, or end Python.
     """
     data = path.read_bytes()
     middle = len(data) // 2
@@ -125,12 +125,12 @@ def _file(part: parts.Part) -> Path | None:
 
 
 def _read(part: parts.Part, path: Path, _data: bytes, _reading: Reading) -> Table:
-    """The table that somebody's function gives; RigError, one line, where it raises or gives none."""
+    """The table that a reader's function returns; RigError, one line, where it raises or returns no table."""
     one: Reader = part.what
     where = f"{part.where}: reader {one.name}: read({path.name})"
     try:
         found = one.read(path)
-    except Exception as error:  # it is somebody's code
+    except Exception as error:  # the user's code may raise anything
         raise RigError(f"{where} raises {said(error, _file(part))}; is {path.name} whole?") from None
     if not isinstance(found, Mapping) or not found:
         raise RigError(f"{where} gives {_short(found)}; expected columns by their names, as {{'t': ..., 'p': ...}}")

@@ -11,7 +11,7 @@ from straw.rig.tables.units import UNITS, bare
 
 @dataclass(frozen=True)
 class Role:
-    """One role: its quantity, the topic and field it goes to, words that give it away, what the help says of it."""
+    """One role: its quantity, the topic and field it goes to, words that indicate it, its help text."""
 
     name: str
     quantity: str
@@ -51,7 +51,7 @@ SIGNALS = ("command", "pressure", *TIP, "event")
 
 
 def guess(table: Table, wanted: tuple[str, ...], taken: set[str]) -> dict[str, str]:
-    """Column by role, for roles that nobody stated, from the words of the headings; only what is not taken."""
+    """Column by role, for roles that were not stated, from the words of the headings; only unused columns."""
     found: dict[str, str] = {}
     for role in wanted:
         for name, column in table.columns.items():

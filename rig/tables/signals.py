@@ -1,4 +1,4 @@
-"""Signals: a column in SI, with the checks that its size, its length and its words are what its role wants."""
+"""Signals: a column in SI, after checks of magnitude, length and type against its role."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def signal_of(
 
 
 def _check_gauge(values: Floats, where: str, name: str, unit: str, si: float) -> None:
-    """A gauge reads near 0 somewhere; what never leaves the air's own pressure far below is absolute."""
+    """A gauge pressure is near 0 somewhere; one that stays near atmospheric pressure is absolute."""
     good = values[np.isfinite(values)]
     if len(good) and 85e3 <= good[0] <= 108e3 and np.min(good) > 40e3:
         raise RigError(
@@ -144,7 +144,7 @@ def from_points(table: Table, said: TableMap, clock: Times) -> list[Signal]:
 
 
 def check_tip(table: Table, signals: list[Signal]) -> None:
-    """RigError where a tip lacks a part, or a video's points are there and nobody said which are the tip."""
+    """RigError where a tip lacks a part, or where it is not stated which points of a video are the tip."""
     there = {signal.role for signal in signals}
     missing = [role for role in TIP if role not in there]
     if set(TIP) & there and missing:

@@ -1,4 +1,4 @@
-"""Table: what a file of another logger holds, before anybody said what its columns mean."""
+"""Table: what a file of another logger holds, before its columns have a meaning."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Column:
 
     @property
     def is_text(self) -> bool:
-        """Whether there are words where numbers are usual: dates, states, remarks."""
+        """Whether the cells are text: dates, states, remarks."""
         return self.text is not None and len(self.text) > 0 and bool(np.all(np.isnan(self.values)))
 
     def __len__(self) -> int:
@@ -48,7 +48,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Doubt:
-    """Something that was read in one of several possible ways, and the flag that says which is right."""
+    """Something that was read in one of several possible ways, and the flag that settles it."""
 
     what: str
     say: str
@@ -58,8 +58,8 @@ class Doubt:
 class Table:
     """One file. ``lines`` (n,) is where each row stands in it, from 1; columns of MAT files may differ in length.
 
-    ``roles`` is what the format itself says of its columns, which is no guess. ``notes`` says in sentences what was
-    left out, ``doubts`` what could have been read otherwise, ``reader`` whose reader of one's own read it.
+    ``roles`` are those that the format itself defines, which count as no guess. ``notes``: sentences on what was left
+    out; ``doubts``: what could have been read otherwise; ``reader``: the user's own reader that read it, if any.
     """
 
     path: Path
@@ -108,7 +108,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Reading:
-    """How a text file is to be read, where somebody said so; None is found out from the file."""
+    """How a text file is to be read, as stated by the user; None is determined from the file."""
 
     format: str | None = None
     separator: str | None = None

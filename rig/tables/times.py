@@ -1,4 +1,4 @@
-"""Times of a table: in which unit they count, where they start, and what is done where they run back."""
+"""Times of a table: their unit, their zero, and what is done where they run backwards."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _UNIT_NS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1, "min": 60 * 10**9, "h
 _UNIT_NS |= {"labview": 10**9, "excel": 86400 * 10**9}
 LABVIEW_S = 2_082_844_800  # from LabVIEW's zero, 1904, to 1970
 EXCEL_DAYS = 25_569  # from a spreadsheet's zero, 1899-12-30, to 1970
-_ABSOLUTE_S = 5e8  # no clock that has counted 16 years was started for this run
+_ABSOLUTE_S = 5e8  # no clock started for this run has counted 16 years
 _LATER_S = 3e9  # seconds since 1970 reach this in 2065; since 1904, in 1999
 DAY_NS = 86400 * 10**9
 
@@ -91,7 +91,7 @@ def times(table: Table, use: Use | None, said: TableMap, zone: tzinfo | None) ->
 
 
 def _exact(column: Column, keep: Whole, unit: str, use: Use) -> Whole:
-    """Nanoseconds as written, not as floats round them."""
+    """Nanoseconds as written, without the rounding of floats."""
     unit_ns = _UNIT_NS[unit]
     plain = use.zero == 0.0 and use.factor == 1.0
     try:
@@ -100,7 +100,7 @@ def _exact(column: Column, keep: Whole, unit: str, use: Use) -> Whole:
         if plain and column.text is not None:
             return np.array([nanoseconds(column.text[k], unit_ns) for k in keep], dtype=np.int64)
     except (ValueError, OverflowError):
-        pass  # written in a way that only a float could be made of
+        pass  # in a notation that only float() parses
     return np.round((column.values[keep] - use.zero) * use.factor * unit_ns).astype(np.int64)
 
 
@@ -129,7 +129,7 @@ def _local(ns: Whole, zone: tzinfo | None) -> Whole:
 def _forward(
     table: Table, ns: Whole, keep: Whole, said: TableMap, unit: str, where: str
 ) -> tuple[Whole, Whole, tuple[str, ...]]:
-    """Times that do not run back, by what was said of it; RigError with what it looks like where nothing was."""
+    """Times that increase, by the stated remedy; without one, a RigError that says what it looks like."""
     back = np.flatnonzero(np.diff(ns) < 0)
     if not len(back):
         return ns, keep, ()

@@ -1,4 +1,4 @@
-"""From tables and what is said of them to a plan: which column becomes what, what was guessed, what is left out."""
+"""From tables and a mapping to a plan: which column becomes what, what was guessed, what is left out."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from straw.rig.tables.times import Times, times
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """What comes out of one table: its times (since 1970 once in a plan), its signals, and what was decided."""
+    """The result of one table: its times (since 1970 once in a plan), its signals, and what was decided."""
 
     table: Table
     said: TableMap
@@ -38,7 +38,7 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """A run as it would be written. ``doubts`` is all that was guessed; an import with any wants to be confirmed."""
+    """A run as it would be written. ``doubts`` is all that was guessed; an import with any must be confirmed."""
 
     parts: tuple[Part, ...]
     zero_ns: int
@@ -160,7 +160,7 @@ def _uses(table: Table, said: TableMap) -> tuple[dict[str, tuple[Use, ...]], dic
         if role in uses or role in left_out or (said.points and role in (*TIP, "likelihood")):
             continue
         if stated_signal and role in SIGNALS and not ({role} | set(uses)) <= set(TIP) | {"time"}:
-            continue  # who names one signal means that one
+            continue  # naming one signal of a role excludes the others
         uses[role], how[role] = (Use(name),), table.format
     taken = {table.column(use.column).name for of in uses.values() for use in of}
     wanted = [role for role in ROLES if role not in uses and role not in left_out]
@@ -175,7 +175,7 @@ def _uses(table: Table, said: TableMap) -> tuple[dict[str, tuple[Use, ...]], dic
     if said.rate_hz and "time" not in said.uses:
         uses.pop("time", None)
     if set(TIP) & set(uses) and not set(TIP) <= set(uses) and all(how[r] == "guessed" for r in TIP if r in uses):
-        for role in (*TIP, "sigma_x", "sigma_z", "sigma_phi", "valid", "likelihood"):  # a lone x is no tip
+        for role in (*TIP, "sigma_x", "sigma_z", "sigma_phi", "valid", "likelihood"):  # x alone is no tip
             if how.get(role) == "guessed" and set(uses) - set(TIP) & {"pressure", "command"}:
                 uses.pop(role, None)
     order = [role for role in ROLES if role in uses]

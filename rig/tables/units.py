@@ -65,14 +65,14 @@ def bare(heading: str) -> str:
 
 
 def factor(unit: str, quantity: str, where: str) -> float:
-    """What one of a unit is in SI; RigError where it is none of the quantity."""
+    """A unit in SI; RigError where it is no unit of the quantity."""
     if known := unit_of(unit, quantity):
         return UNITS[quantity][known]
     raise RigError(f"{where}: {unit!r} is not a unit of {quantity}; known: {', '.join(UNITS[quantity])}")
 
 
 def largest(values: NDArray[np.float64]) -> float:
-    """The size of a column: the largest of its numbers, one glitch in a hundred aside; 0 where there is none."""
+    """The magnitude of a column: the largest of its numbers without 1 % of glitches; 0 where there is none."""
     size = np.abs(values[np.isfinite(values)])
     return float(np.quantile(size, 0.99)) if len(size) else 0.0
 
@@ -85,13 +85,13 @@ def looks_like(values: NDArray[np.float64], quantity: str) -> list[str]:
         return [unit for unit, _ in units]
     low, high = PLAUSIBLE[quantity]
     fits = [(abs(math.log(si / TYPICAL[quantity])), unit) for unit, si in units if low <= si <= high]
-    order = ["kPa", "mbar", "Pa", "bar", "mm", "m", "deg", "rad"]  # of two that are as likely the more usual
+    order = ["kPa", "mbar", "Pa", "bar", "mm", "m", "deg", "rad"]  # of two equally likely ones the more usual
     usual = [unit for _, unit in sorted(fits) if unit in order]
     return usual + [unit for _, unit in sorted(fits) if unit not in order]
 
 
 def check_size(values: NDArray[np.float64], unit: str, quantity: str, where: str, flag: str) -> None:
-    """RigError where a column in this unit would be of no plausible size, which says what it looks like."""
+    """RigError where a column in this unit would be implausibly large, with units that would fit."""
     si = UNITS[quantity].get(unit, math.nan)
     size = largest(values)
     if quantity not in PLAUSIBLE or not math.isfinite(si) or size == 0.0:

@@ -53,7 +53,7 @@ def _of(plan: Plan, part: Part) -> Iterator[Message]:
 
 
 def _tip(part: Part, ns: list[int]) -> Iterator[Message]:
-    """Pose, its sigmas (NaN where unknown), whether to trust it, and which frame (-1 where unknown)."""
+    """Pose, its sigmas (NaN where unknown), whether it is valid, and which frame (-1 where unknown)."""
     values = {role: np.array(part.signal(role).values) for role in TIP if part.signal(role)}  # type: ignore[union-attr]
     if part.said.tip_offset_mm:
         values["x"] = values["x"] - part.said.tip_offset_mm * 1e-3 * np.sin(values["phi"])
@@ -101,7 +101,7 @@ def write(plan: Plan, output: Path, progress: Progress | None = None) -> int:
 
 
 def metadata(plan: Plan, output: Path) -> dict[str, str]:
-    """What goes into straw.run."""
+    """The metadata of straw.run."""
     tables = [part.table for part in plan.parts]
     readers = [table.reader for table in tables if table.reader]
     notes = [f"{part.table.name}: {note}" for part in plan.parts for note in part.notes]

@@ -93,7 +93,7 @@ def test_energy_that_pressure_puts_in_is_moved_stored_or_damped():
     assert np.abs(energy - energy[0] - work).max() < 0.005 * damped
 
 
-def test_the_open_complete_specimen_is_met_to_its_noise(shared):
+def test_the_open_complete_specimen_is_reproduced_to_its_noise(shared):
     for plan in PLANS:
         run = read_run(shared / "recordings" / "open-a" / f"{plan.run_id}.mcap")
         fine = np.arange(0.0, plan.seconds + 0.1, 5e-4)
@@ -126,7 +126,7 @@ def test_a_cause_of_no_strength_is_the_base():
         assert np.abs(instrument.gauge(drive) - drive).max() < 1e-3, name
 
 
-def test_every_law_is_seen_at_its_strongest_and_less_at_its_weakest():
+def test_every_law_has_a_large_effect_at_its_strongest_and_a_smaller_one_at_its_weakest():
     steps = ("fold-25kPa", "deploy-35kPa-1")
     plain = make((), 0, steps, NONE)
     stamp = np.arange(0.0, 4.0, 1 / 240)
@@ -141,7 +141,7 @@ def test_every_law_is_seen_at_its_strongest_and_less_at_its_weakest():
             assert seen[0] < seen[1], (name, form, seen)
 
 
-def test_walls_by_finite_elements_are_the_solvers_between_the_points_of_the_table_and_for_other_cones():
+def test_the_table_of_finite_elements_agrees_with_the_solver_between_its_points_and_for_other_cones():
     """States a run goes through, in N and N m of a wall of 0.92 GPa; the table's third order leaves a thousandth."""
     pytest.importorskip("skfem")
     from straw.model.shell.problem import Problem
@@ -211,7 +211,7 @@ def test_repeats_of_a_specimen_differ_a_little_and_the_same_seed_gives_the_same(
     assert specimen(3) == specimen(3)
 
 
-def test_tracking_noise_has_the_stated_sigma_and_a_memory():
+def test_tracking_noise_has_the_stated_sigma_and_correlation():
     noise = tracking_noise(40_000, np.random.default_rng(0)) / SIGMA
     np.testing.assert_allclose(np.std(noise, axis=0), 1.0, atol=0.03)
     for lag, kept in ((1, 0.45 * np.exp(-1 / 15)), (10, 0.45 * np.exp(-10 / 15))):

@@ -32,7 +32,7 @@ def drive(rig: ApparatusRig, folder: Folder, protocol: str, name: str) -> None:
 
 
 @pytest.mark.parametrize("plan", PLANS, ids=[plan.run_id for plan in PLANS])
-def test_a_plan_as_a_protocol_and_back_is_the_same_plan(plan: object) -> None:
+def test_a_plan_survives_the_conversion_to_a_protocol_and_back(plan: object) -> None:
     assert isinstance(plan, type(PLANS[0]))
     again = as_plan(protocol_from_toml(as_toml(plan), "plan"), plan.run_id, plan.cycle)
     assert replace(again, commands=()) == replace(plan, commands=())
@@ -54,7 +54,7 @@ def test_its_recordings_are_those_of_the_campaign_also_after_an_interruption(tmp
         assert run.attachments["protocol.toml"].decode() == as_toml(next(p for p in quick if p.run_id == run.run_id))
 
 
-def test_what_the_apparatus_cannot_play_is_a_fault_of_the_rig_and_leaves_no_file(
+def test_a_protocol_that_the_apparatus_cannot_run_is_an_error_of_the_rig_and_leaves_no_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def lost(*_: object, **__: object) -> None:

@@ -10,6 +10,7 @@ same with hysteresis taken out of the library.
 
 from __future__ import annotations
 
+import argparse
 import time
 from concurrent.futures import ThreadPoolExecutor
 
@@ -30,6 +31,7 @@ from straw.replay.diagnose.systems.oscillator.system import (
     OscillatorSystem,
     Record,
 )
+from tests.benchmarks.figures import publish, write_option
 
 #: The benchmark's constants: N s/m, N/m, N/m, 1/m, -, -; nu = 1.
 C, K, ALPHA, BETA, GAMMA, DELTA = 10.0, 5e4, 5e4, 1e3, 0.8, -1.1
@@ -115,6 +117,10 @@ def held_out(campaign: Campaign, fits: tuple[Fit, ...], name: str) -> str:
 
 def main() -> None:
     """Make the data, locate, name, show; the same without the true cause; and an oscillator that is linear."""
+    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    write_option(options)
+    args = options.parse_args()
+    figures = {}
     start = time.perf_counter()
     forces = campaign_forces()
     hysteretic, linear = recorded(forces), recorded(forces, K + ALPHA, 0.0)
@@ -132,15 +138,20 @@ def main() -> None:
             probability = found.judgement().probability
             verdict, causes = verdict_of(probability, campaign.system.faults)
             print(f"  verdict: {verdict} {', '.join(causes)}")
+            said = ", ".join(causes) or verdict
+            key = "concealed" if title == "hysteresis concealed" else "absent" if "not in" in title else "nothing"
+            figures[key] = f"{said}, {max(probability.values()):.2f}"
             print(f"  {', '.join(f'{n} {p:.3f}' for n, p in list(probability.items())[:4])}")
             if title == "hysteresis concealed":
                 print(located(campaign, null))
-                print(f"  held out sweep-40N, sigmas RMS: {held_out(campaign, (null, best.fit), 'sweep-40N')}")
+                figures["held-out"] = held_out(campaign, (null, best.fit), "sweep-40N").replace(" -> ", " to ")
+                print(f"  held out sweep-40N, sigmas RMS: {figures['held-out']}")
                 print("  " + ", ".join(f"{k} = {v:.4g}" for k, v in best.fit.values.items()))
         off = [np.sqrt(np.mean(fit.residual**2)) for fit in (null, best.fit)]
         print(f"  off by, sigmas RMS: linear {off[0]:.2f}, with {best.name.replace('_', ' ')} {off[1]:.2f}")
         tally, took_s = campaign.tally, time.perf_counter() - start
         print(f"  {tally['played']} plays, {tally['failed']} failed, {took_s:.0f} s")
+    publish("bouc_wen", figures, args.write)
 
 
 if __name__ == "__main__":

@@ -35,10 +35,20 @@ GUESS = Calibration(
     second_chance=0.003, missed=0.05,
 )  # fmt: skip
 OFF = Calibration(
-    scale=1, cause=3, second=3, constant=1, unknown=3, other=1, form=1.5, power=0.5, chance=1, second_chance=1, missed=1.5
+    scale=1,
+    cause=3,
+    second=3,
+    constant=1,
+    unknown=3,
+    other=1,
+    form=1.5,
+    power=0.5,
+    chance=1,
+    second_chance=1,
+    missed=1.5,
 )
 LOGARITHMIC = ("scale", "other", "form", "power", "chance", "second_chance", "missed")
-#: What one cause alone must leave of two for both to be the only truth, sigmas squared: what noise may leave of the base.
+#: What one of two causes alone must leave for both to be the only truth, sigmas squared: what noise may leave of a base.
 ALONE = 150.0
 #: Probabilities are at most this: a guess may be off by factors that lead beyond one.
 MOST = {"missed": 0.5, "other": 0.9, "chance": 0.5, "second_chance": 0.5}

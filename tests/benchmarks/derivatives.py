@@ -24,6 +24,7 @@ from straw.model.parameters import StrawParameters
 from straw.model.simulate import simulate
 from straw.replay.paper.runs import DEPLOYMENT, FOLDING, ValidationRun
 from tests.benchmarks.accuracy import TIME_S
+from tests.benchmarks.figures import publish, write_option
 
 Floats = NDArray[np.float64]
 
@@ -73,19 +74,22 @@ def ratios(plain: Callable[[], object], work: Callable[[], object]) -> Floats:
     return np.array(out)
 
 
-def cost(run: ValidationRun) -> None:
-    """Print what columns cost beside the plain run."""
+def cost(run: ValidationRun) -> dict[str, str]:
+    """Print the cost of columns beside the plain run; the medians of 16 and 128 by name."""
 
     def plain() -> object:
         return simulate(run.straw, run.pressure_pa, TIME_S, run.deployed)
 
     print(f"\n{run.name}, in plain runs of some {min(taken_s(plain) for _ in range(5)) * 1e3:.0f} ms")
     print(f"{'columns':>8}{'median':>10}{'least':>8}{'most':>8}{'differences':>13}")
+    medians = {}
     for many in (0, 1, 16, 128):
         directions = columns(run, many)
         assert len(directions) == many
         found = ratios(plain, lambda d=directions: differentiate(run.straw, run.pressure_pa, TIME_S, run.deployed, d))
         print(f"{many:>8}{np.median(found):>10.2f}{found.min():>8.2f}{found.max():>8.2f}{2 * many:>13}", flush=True)
+        medians[f"{run.name}-{many}"] = f"{np.median(found):.1f}"
+    return {name: text for name, text in medians.items() if name.endswith(("-16", "-128"))}
 
 
 @contextmanager
@@ -104,8 +108,9 @@ def only(module: Any, name: str) -> Iterator[list[float]]:
         yield taken
 
 
-def growth() -> None:
-    """Print the cost of a step by the number of cells: plain, and with 16 columns."""
+def growth() -> dict[str, str]:
+    """Print the cost of a step by the number of cells: plain, and with 16 columns; return it, us, by name."""
+    figures = {}
     print(f"\n{'':<8}{'folding (cell 1 deployed)':^44}{'deployment (all folded)':^44}")
     head = f"{'steps':>8}{'us a step':>11}{'a cell':>9}{'16 columns':>16}"
     print(f"{'cells':<8}{head}{head}")
@@ -126,22 +131,24 @@ def growth() -> None:
                     simulate(*given, near=near)
                     differentiate(*given, along, near=near)
             each_us, by_us = (min(taken) / first.steps * 1e6 for taken in (plain, both))
+            figures |= {f"{run.name}-{cells}": f"{each_us:.0f}", f"{run.name}-16-columns-{cells}": f"{by_us:.0f}"}
             line += (
                 f"{first.steps:>8}{each_us:>11.1f}{each_us / cells:>9.2f}{by_us:>9.0f}{f'x {by_us / each_us:.1f}':>7}"
             )
         print(line, flush=True)
     print("without gravity beyond 30 cells: a longer horizontal straw does not carry itself")
+    return {name: text for name, text in figures.items() if not name.endswith("-3")}
 
 
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cells", action="store_true", help="also how cost grows with the number of cells")
+    write_option(parser)
     asked = parser.parse_args()
-    for run in (FOLDING, DEPLOYMENT):
-        cost(run)
+    publish("derivatives", cost(FOLDING) | cost(DEPLOYMENT), asked.write)
     if asked.cells:
-        growth()
+        publish("derivatives_cells", growth(), asked.write)
 
 
 if __name__ == "__main__":

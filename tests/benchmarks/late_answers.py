@@ -21,6 +21,7 @@ from straw.rig.plant import PressurePlant
 from straw.rig.protocol_toml import protocol_from_toml
 from straw.rig.reading import Reading
 from straw.rig.session import run_protocol
+from tests.benchmarks.figures import missed, publish, write_option
 from tests.benchmarks.soak import NoStraw, misread
 
 KINDS = ("garble", "truncate", "merge", "silence", "late")
@@ -91,7 +92,9 @@ def main() -> None:
     options.add_argument("--bauds", type=int, nargs="+", default=[9600, 19200, 38400, 115200])
     options.add_argument("--kinds", nargs="+", default=KINDS)
     options.add_argument("--at-once", type=int, default=10, help="runs mostly wait")
+    write_option(options)
     args = options.parse_args()
+    every: list[Ended] = []
     for baud in args.bauds:
         with ProcessPoolExecutor(args.at_once) as pool:
             jobs = [
@@ -99,6 +102,7 @@ def main() -> None:
                 for seed in range(args.runs)
             ]
             ended = [job.result() for job in jobs]
+        every += ended
         faults = sum((run.faults for run in ended), Counter[str]())
         print(
             f"{baud} baud: {sum(run.well for run in ended)} of {len(ended)} ended well; {sum(r.cycles for r in ended)} "
@@ -109,6 +113,13 @@ def main() -> None:
         for run in ended:
             for text in (*run.wrong[:3], *([run.why] if run.why else [])):
                 print("  ", text)
+    well, wrong = sum(run.well for run in every), sum(len(run.wrong) for run in every)
+    figures = {
+        "well": missed(f"{well} of {len(every)}", well == len(every)),
+        "wrong": missed(f"{wrong}", wrong == 0),
+        "cycles": f"{sum(run.cycles for run in every):,}",
+    }
+    publish("late_answers", figures, args.write)
 
 
 if __name__ == "__main__":

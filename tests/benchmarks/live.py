@@ -22,6 +22,7 @@ from straw.rig.guarded import GuardedController
 from straw.rig.protocol_toml import protocol_from_toml
 from straw.rig.reading import Reading
 from straw.rig.run_read import read_run
+from tests.benchmarks.figures import publish, write_option
 
 TURN_S, RATE_HZ = 2.0, 100.0
 PROTOCOL = """
@@ -58,7 +59,9 @@ def main() -> None:
     """Print median, 99 % and largest deviation of the period, with and without, and the updates a second."""
     asked = argparse.ArgumentParser(description=__doc__)
     asked.add_argument("--seconds", type=float, default=40.0)
-    seconds = asked.parse_args().seconds
+    write_option(asked)
+    args = asked.parse_args()
+    seconds, figures = args.seconds, {}
     straw, protocol = StrawParameters(), protocol_from_toml(PROTOCOL.format(duration=seconds), "live")
     with tempfile.TemporaryDirectory() as folder, ByTurns(straw, protocol) as live:
         client = subprocess.Popen([sys.executable, "-c", CLIENT, live.url], stdout=subprocess.PIPE, text=True)
@@ -75,8 +78,10 @@ def main() -> None:
     for name, which in (("with", turn % 2 == 0), ("without", turn % 2 == 1)):
         off_ms = 1e3 * np.abs(period_s[which & inside] - 1 / RATE_HZ)
         shown = ", ".join(f"{value:.3f}" for value in (np.median(off_ms), np.quantile(off_ms, 0.99), off_ms.max()))
+        figures |= {f"{name}-median": f"{np.median(off_ms):.1f}", f"{name}-99": f"{np.quantile(off_ms, 0.99):.1f}"}
         print(f"{name:<8} {len(off_ms)} periods of 10 ms; off by (median, 99 %, largest) {shown} ms")
     print(f"{float(updates) / (float(over_s) / 2):.1f} updates a second while fed")
+    publish("live", figures, args.write)
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ import numpy as np
 
 from straw.rig.run_read import read_run
 from straw.rig.run_write import RunWriter
+from tests.benchmarks.figures import missed, publish, write_option
 
 NAMED = {"run_id": "benchmark", "specimen": "none", "initial_deployed": "", "cycle": "0", "cells": "9"}
 RAW = b">PINGA?|OK|-250:0:1:0:0:0:0:0:0:0:0:0\n"
@@ -31,7 +32,9 @@ def main() -> None:
     """Print the share of a core, and what is in the file."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--seconds", type=float, default=60.0)
-    seconds = options.parse_args().seconds
+    write_option(options)
+    args = options.parse_args()
+    seconds = args.seconds
     with TemporaryDirectory() as folder:
         path = Path(folder) / "run.mcap"
         # The loop alone, half of it before and half after: what else the machine does changes slowly.
@@ -45,13 +48,16 @@ def main() -> None:
     assert run.pressure is not None
     assert run.tip is not None
     print(f"{seconds:g} s: {pressures} pressures and {tips} poses written, {len(run.pressure)} and {len(run.tip)} read")
-    print(f"dropped {pressures - len(run.pressure) + tips - len(run.tip)}; lost: {run.lost or 'nothing'}")
+    dropped = pressures - len(run.pressure) + tips - len(run.tip)
+    print(f"dropped {dropped}; lost: {run.lost or 'nothing'}")
     print(
         f"{(all_s - loop_s) / seconds:.2%} of a core: the process took {all_s / seconds:.2%}, "
         f"the same loop without a recording {loop_s / seconds:.2%}"
     )
     print(f"the loop that keeps the pace was at most {behind_s * 1e3:.1f} ms behind; nothing waits for the disk")
     print(f"{size / 1e6:.2f} MB, {size / (pressures + tips):.0f} bytes a message")
+    figures = {"dropped": missed("nothing" if dropped == 0 else f"{dropped} messages", dropped == 0)}
+    publish("recording", figures | {"core": f"{100 * (all_s - loop_s) / seconds:.1f} %"}, args.write)
 
 
 def paced(seconds: float, writer: RunWriter | Nothing) -> tuple[float, float, int, int]:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import statistics
 import time
@@ -22,6 +23,7 @@ from straw.rig.run_derived import tip_columns
 from straw.rig.run_file import RunFile
 from straw.rig.run_read import read_run
 from straw.rig.schema import encode
+from tests.benchmarks.figures import publish, write_option
 from tests.replay.browser import asked
 
 SECONDS, TIP_HZ, PRESSURE_HZ = 60, 240, 1000
@@ -81,6 +83,10 @@ def write_json(path: Path) -> None:
 
 def main() -> None:
     """Print the figures."""
+    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    write_option(options)
+    args = options.parse_args()
+    figures = {}
     with TemporaryDirectory() as name:
         folder = Path(name)
         for kind, write in (("protobuf", write_protobuf), ("JSON", write_json)):
@@ -93,6 +99,7 @@ def main() -> None:
                 took_s.append(time.perf_counter() - start_s)
             assert run.pressure is not None
             assert run.tip is not None
+            figures[kind.lower()] = f"{statistics.median(took_s):.2f}"
             counts = f"{len(run.pressure)} pressures, {len(run.tip)} poses"
             print(f"{kind:<9} {SECONDS} s, {counts}: read in {statistics.median(took_s):.2f} s (median of 5)")
         start_s = time.perf_counter()
@@ -102,6 +109,8 @@ def main() -> None:
         print(f"page of it, without video: {len(text.encode()) / 1e6:.2f} MB")
         ready = [asked(text, "return 0;", folder, f"--user-data-dir={folder / str(k)}")["ready"] for k in range(5)]
         print(f"page drawn and ready {statistics.median(ready) / 1e3:.2f} s after it was asked for (median of 5)")
+        figures |= {"size": f"{len(text.encode()) / 1e6:.2f} MB", "drawn": f"{statistics.median(ready) / 1e3:.1f} s"}
+        publish("replaying", figures, args.write)
 
 
 if __name__ == "__main__":

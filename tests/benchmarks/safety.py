@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import signal
 import statistics
@@ -13,6 +14,7 @@ from pathlib import Path
 from straw.rig.emulate import Emulation
 from straw.rig.plant import PressurePlant
 from straw.rig.wire import Wire
+from tests.benchmarks.figures import publish, write_option
 from tests.benchmarks.soak import NoStraw
 from tests.rig.test_safety import READING, VENT, Script
 
@@ -56,16 +58,25 @@ def _hang_and_interrupt(one: Script) -> None:
 
 def main() -> None:
     """Print the median and the longest of a few repeats."""
+    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    write_option(options)
+    args = options.parse_args()
+    took_ms = {}
     print(f"{'the script ends by':<36}{'median / ms':>12}{'longest / ms':>14}")
     for name, (then, end) in WAYS.items():
-        show(name, [vented_after(then, end) for _ in range(REPEATS)])
+        took_ms[name] = show(name, [vented_after(then, end) for _ in range(REPEATS)])
     show("link lost, script dead, link returns", [vented_after_return() for _ in range(REPEATS)])
     print(f"all three killed, as when the computer dies: {left_after_all_died() / 1e3:+.1f} kPa after {WATCHED_S:g} s")
+    killed, frozen = took_ms["SIGKILL"], took_ms["frozen (SIGSTOP), heartbeat 1 s"]
+    figures = {"killed": f"{statistics.median(killed):.0f} ms, at most {max(killed):.0f}"}
+    figures["frozen"] = f"heartbeat + {statistics.median(frozen) - 1000:.0f} ms"
+    publish("safety", figures | {"repeats": f"{REPEATS}"}, args.write)
 
 
-def show(name: str, took_s: list[float]) -> None:
-    """One line of the table."""
+def show(name: str, took_s: list[float]) -> list[float]:
+    """Print one line of the table; the times in ms."""
     print(f"{name:<36}{statistics.median(took_s) * 1e3:12.0f}{max(took_s) * 1e3:14.0f}", flush=True)
+    return [1e3 * one for one in took_s]
 
 
 def vented_after(then: str, end: Callable[[Script], object]) -> float:

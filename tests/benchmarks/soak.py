@@ -23,6 +23,7 @@ from straw.rig.plant import PressurePlant
 from straw.rig.reading import Reading
 from straw.rig.run_read import read_run
 from straw.rig.run_write import RunWriter
+from tests.benchmarks.figures import missed, publish, write_option
 
 TIMEOUT_S = 0.06
 SET_EVERY = 25
@@ -129,7 +130,9 @@ def main() -> None:
     options.add_argument("--exchanges", type=int, default=10_000)
     options.add_argument("--rate", type=float, default=0.05)
     options.add_argument("--seed", type=int, default=1)
+    write_option(options)
     args = options.parse_args()
+    figures = {"exchanges": f"{args.exchanges:,}", "share": f"{100 * args.rate:g} %"}
     for name in ("ob1-mk4", "alicat"):
         with TemporaryDirectory() as folder:
             r = soak(name, args.exchanges, args.rate, args.seed, Path(folder))
@@ -140,6 +143,9 @@ def main() -> None:
         print(f"  longest exchange, reopening included, {r.longest_s:.2f} s")
         for line in (r.passed_untellable + r.passed_wrong)[:20]:
             print("   ", line)
+        wrong = len(r.passed_wrong)
+        figures |= {f"{name}-wrong": missed(f"{wrong}", wrong == 0), f"{name}-alike": f"{len(r.passed_untellable)}"}
+    publish("soak", figures, args.write)
 
 
 if __name__ == "__main__":

@@ -24,6 +24,7 @@ from straw.model.batch import Job, simulate_many
 from straw.model.simulate import TOLERANCE_M, Prediction, simulate
 from straw.replay.paper.runs import DEPLOYMENT, DURATION_S, FOLDING, ValidationRun
 from tests.benchmarks.accuracy import ERRORS_HEAD, TIME_S, Solution, good, reference, shown, truth
+from tests.benchmarks.figures import publish, write_option
 from tests.benchmarks.general_purpose import SOLVERS, Trial, loosest, solve
 
 RUNS = (FOLDING, DEPLOYMENT)
@@ -63,8 +64,9 @@ def against_real_time() -> dict[str, float]:
     return seconds
 
 
-def against_scipy(seconds: dict[str, float], quick: bool, limit_s: float) -> None:
-    """Print SciPy's solvers on both runs at the accuracy asked, and how many times faster ours is."""
+def against_scipy(seconds: dict[str, float], quick: bool, limit_s: float) -> dict[str, str]:
+    """Print SciPy's solvers on both runs at the accuracy asked, and how many times faster ours is, by run."""
+    times = {}
     print(f"\n{'SciPy':<12}{'solver':<8}{'setting':<28}{'calls':>9}{'CPU / s':>9}{'ours x':>8}{ERRORS_HEAD}")
     for run in RUNS:
         best: Trial | None = None
@@ -91,11 +93,13 @@ def against_scipy(seconds: dict[str, float], quick: bool, limit_s: float) -> Non
                 if good(wrong) and (best is None or trial.cpu_s < best.cpu_s):
                     best = trial
         if best is not None:
+            times[run.name] = f"{best.cpu_s / seconds[run.name]:.0f}"
             print(
                 f"{run.name}: ours is {best.cpu_s / seconds[run.name]:.0f} times faster than SciPy's fastest, "
                 f"{best.solver} at {best.setting} (asked: 10, goal: 30)\n",
                 flush=True,
             )
+    return times
 
 
 def walls() -> None:
@@ -168,6 +172,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="ours, and SciPy's fastest at a known setting only")
     parser.add_argument("--limit", type=float, default=120.0, help="CPU seconds one SciPy run may take (120)")
+    write_option(parser)
     asked = parser.parse_args()
     if reference("folding") is None:
         print("no ../shared/reference: errors are against our own solution at a hundredth of the tolerance")
@@ -177,7 +182,10 @@ def main() -> None:
     if not asked.quick:
         growth()
         on_two_cores()
-    against_scipy(seconds, asked.quick, asked.limit)
+    times = against_scipy(seconds, asked.quick, asked.limit)
+    publish("speed_quick", {name: f"{DURATION_S / cpu_s:.0f}" for name, cpu_s in seconds.items()}, asked.write)
+    if not asked.quick:
+        publish("speed", times, asked.write)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
-"""Accuracy on painted snaps, against free per-frame PnP: python -m tests.benchmarks.tracking_accuracy [SECONDS]."""
+"""Accuracy on painted snaps, against free per-frame PnP: python -m tests.benchmarks.tracking_accuracy."""
 
 from __future__ import annotations
 
+import argparse
 import sys
 import tempfile
 from pathlib import Path
@@ -12,6 +13,8 @@ from scipy.spatial.transform import Rotation
 from straw.tracking.pose import free_pose, world_from_tip
 from straw.tracking.task import Track
 from straw.tracking.track import track
+from tests.benchmarks.figures import missed as bold
+from tests.benchmarks.figures import publish, write_option
 from tests.benchmarks.tracking_clips import BOARD, LINE_S, REST, SETUPS, SI, blind, errors, painted, rms, snaps
 
 
@@ -54,12 +57,16 @@ def allowed(camera) -> np.ndarray:
 
 def main() -> int:
     """Print errors in um, um, mrad and in sigmas for each set-up."""
-    duration_s = float(sys.argv[1]) if len(sys.argv) > 1 else 4.0
+    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    options.add_argument("--seconds", type=float, default=4.0)
+    write_option(options)
+    args = options.parse_args()
+    figures = {}
     print(f"{'':<24}{'X / um':>10}{'Z / um':>10}{'Phi / mrad':>12}")
     with tempfile.TemporaryDirectory() as folder:
         for seed, (name, camera) in enumerate(SETUPS.items(), 20):
             motion = snaps(seed)
-            path = painted(Path(folder) / "clip.mp4", camera, motion, duration_s, seed=seed)
+            path = painted(Path(folder) / "clip.mp4", camera, motion, args.seconds, seed=seed)
             found = track(path, blind(camera), BOARD, rest_pose=REST, record=Path(folder) / "record")
             error, ratio = errors(found, motion)
             free = free_errors(found, camera, motion)
@@ -80,6 +87,15 @@ def main() -> int:
             for what, values in shown.items():
                 x, z, phi = values
                 print(f"  {what:<22}{x:10.2f}{z:10.2f}{phi:12.3f}")
+            key = {"end-on, 25 deg aside": "aside", "side view": "side"}.get(name, "above")
+            squared = shown["mean square in sigmas"]
+            for channel, value, square in zip(("x", "z", "phi"), rms(error), squared, strict=True):
+                figures[f"{key}-{channel}"] = f"{value:.2f} mrad" if channel == "phi" else f"{value:.1f} µm"
+                figures[f"{key}-squared-{channel}"] = bold(f"{square:.2f}", 0.7 <= square <= 1.3)
+            if key == "aside":
+                times = shown["free PnP / this"]
+                figures |= {f"free-{c}": f"{t:.2g}" for c, t in zip(("x", "z", "phi"), times, strict=True)}
+    publish("tracking_accuracy", figures, args.write)
     return 0
 
 

@@ -1,7 +1,8 @@
-"""Wrong locks in 10,000 painted frames with every hard case: python -m tests.benchmarks.tracking_locks [FRAMES]."""
+"""Wrong locks in 10,000 painted frames with every hard case: python -m tests.benchmarks.tracking_locks."""
 
 from __future__ import annotations
 
+import argparse
 import math
 import sys
 import tempfile
@@ -16,6 +17,7 @@ from straw.tracking.board import Board
 from straw.tracking.follow import NOT_DUE
 from straw.tracking.pose import world_from_tip
 from straw.tracking.track import track
+from tests.benchmarks.figures import missed, publish, write_option
 from tests.benchmarks.tracking_clips import BOARD, LENS, REST, SETUPS, blind, errors, painted, snaps
 
 WRONG = np.array((1000.0, 1000.0, 100.0))  # um, um, mrad: a square slipped is 4800 um or more
@@ -90,8 +92,11 @@ CASES = {
 
 def main() -> int:
     """Print how each case went; 1 when anything locked wrongly."""
-    frames = int(sys.argv[1]) if len(sys.argv) > 1 else 10_000
-    each = math.ceil(frames / len(CASES))
+    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    options.add_argument("--frames", type=int, default=10_000)
+    write_option(options)
+    args = options.parse_args()
+    each = math.ceil(args.frames / len(CASES))
     total = wrong = 0
     print(f"{'case':<36}{'frames':>7}{'valid':>7}{'wrong':>6}   largest error (um, um, mrad)  tracked in")
     with tempfile.TemporaryDirectory() as folder:
@@ -113,6 +118,7 @@ def main() -> int:
                     print(f"{'':<36}{count:7}  {reason}")
             path.unlink()
     print(f"{wrong} wrong locks in {total} frames")
+    publish("tracking_locks", {"wrong": missed(f"{wrong} of {total:,}", wrong == 0)}, args.write)
     return int(wrong > 0)
 
 

@@ -18,6 +18,7 @@ from straw.tracking.camera import Camera
 from straw.tracking.lens import Lens
 from straw.tracking.task import Track
 from straw.tracking.track import track
+from tests.benchmarks.figures import missed, publish, write_option
 from tests.painting.film import encode, film
 from tests.painting.motions import REST, full_turn, snaps
 from tests.painting.scene import Scene, about, looking
@@ -103,6 +104,10 @@ KINDS = {
 }
 
 
+#: Names of the kinds in README.md.
+NAMES = dict(zip(KINDS, ("side", "aside", "above", "both", "turn", "trouble", "hevc"), strict=True))
+
+
 def painted(path: Path, kind: Kind, seed: int, misprint_m: float) -> Scene:
     """Film a clip of a kind, unless it is there already; return its scene."""
     scene, rng = kind.scene(seed, misprint_m), np.random.default_rng(seed)
@@ -139,14 +144,18 @@ def main() -> int:
     ask.add_argument("--first", type=int, default=100, help="seed of the first clip")
     ask.add_argument("--kinds", nargs="+", default=list(KINDS), choices=list(KINDS))
     ask.add_argument("--keep", type=Path, help="folder to keep the painted clips in")
+    write_option(ask)
     args = ask.parse_args()
+    figures: dict[str, str] = {}
     print(
         f"{'':<44}{'frames':>7}{'valid':>7}{'> 6 s':>6}   {'error, um, um, mrad':<24}{'squared error / variance':<24}"
     )
     wrong = total = 0
+    far = {True: [0, 0], False: [0, 0]}  # frames beyond, and all: of the clips with trouble, of the others
     with tempfile.TemporaryDirectory() as made:
         folder = args.keep or Path(made)
         for name in args.kinds:
+            of_kind = []
             for misprint_m in (0.0, 2e-5):
                 every = []
                 for seed in range(args.first, args.first + args.clips):
@@ -169,8 +178,18 @@ def main() -> int:
                     np.concatenate([e[2] for e in every]),
                 )
                 _say(f"all {name}{', misprinted' if misprint_m else ''}", frames, error, ratio)
-                wrong, total = wrong + int((np.abs(ratio) > BEYOND).any(axis=1).sum()), total + len(ratio)
+                beyond = int((np.abs(ratio) > BEYOND).any(axis=1).sum())
+                wrong, total = wrong + beyond, total + len(ratio)
+                far[name.startswith("glare")][0] += beyond
+                far[name.startswith("glare")][1] += len(ratio)
+                of_kind.append(ratio)
+            squared = (np.concatenate(of_kind) ** 2).mean(axis=0)
+            for channel, value in zip(("x", "z", "phi"), squared, strict=True):
+                figures[f"{NAMES[name]}-{channel}"] = missed(f"{value:.2f}", 0.7 <= value <= 1.3)
     print(f"{wrong} of {total} valid frames beyond {BEYOND:g} sigma")
+    for name, (beyond, frames) in (("trouble", far[True]), ("others", far[False])):
+        figures[f"beyond-{name}"] = missed(f"{beyond} of {frames:,}", beyond <= frames / 10_000)
+    publish("tracking_painted", figures, args.write)
     return int(wrong > total / 10_000)
 
 

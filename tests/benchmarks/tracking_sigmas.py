@@ -22,6 +22,7 @@ from scipy.spatial.transform import Rotation
 from straw.tracking.camera import Camera
 from straw.tracking.synthetic import camera_looking_at
 from straw.tracking.track import track
+from tests.benchmarks.figures import missed, publish, write_option
 from tests.benchmarks.tracking_clips import BOARD, LENS, REST, blind, errors, painted, snaps
 
 #: Degrees of azimuth and elevation, least and most, either side of the plane of motion by chance.
@@ -31,6 +32,8 @@ STANDS = {
     "side view": ((80, 100), (-8, 8)),
     "aside and above": ((12, 30), (12, 30)),
 }
+#: Names of the stands in README.md.
+NAMES = dict(zip(STANDS, ("aside", "above", "side", "both"), strict=True))
 PRESETS = ("ultrafast", "veryfast")  # x264's: without and with the tools that cameras' encoders have
 
 
@@ -65,6 +68,7 @@ def main() -> None:
     ask.add_argument("--clips", type=int, default=16)
     ask.add_argument("--first", type=int, default=40, help="number of the first clip")
     ask.add_argument("--seconds", type=float, default=2.5)
+    write_option(ask)
     args = ask.parse_args()
     squares: dict[str, list[np.ndarray]] = {name: [] for name in (*STANDS, *PRESETS)}
     print(f"{'mean square in sigmas of':<36}{'X':>8}{'Z':>8}{'Phi':>8}")
@@ -81,9 +85,14 @@ def main() -> None:
             for name in (made["name"], preset(clip)):
                 squares[name].append((ratio**2).mean(axis=0))
             _say(f"{clip} {made['name']}, {preset(clip)}", (ratio**2).mean(axis=0))
+    figures = {}
     for name, found in squares.items():
         if found:
-            _say(f"all {name}", np.mean(found, axis=0))
+            mean = np.mean(found, axis=0)
+            _say(f"all {name}", mean)
+            for channel, value in zip(("x", "z", "phi"), mean, strict=True):
+                figures[f"{NAMES.get(name, name)}-{channel}"] = missed(f"{value:.2f}", 0.7 <= value <= 1.3)
+    publish("tracking_sigmas", figures, args.write)
 
 
 def _say(what: str, square: np.ndarray) -> None:

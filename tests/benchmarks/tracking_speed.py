@@ -1,7 +1,8 @@
-"""Wall time of straw track against decoding alone, in one run: python -m tests.benchmarks.tracking_speed [SECONDS]."""
+"""Wall time of straw track against decoding alone, in one run: python -m tests.benchmarks.tracking_speed."""
 
 from __future__ import annotations
 
+import argparse
 import resource
 import sys
 import tempfile
@@ -12,6 +13,7 @@ import numpy as np
 
 from straw.replay.track_file import track_to_file
 from straw.tracking.video import VideoReader, ahead
+from tests.benchmarks.figures import missed, publish, write_option
 from tests.benchmarks.tracking_clips import REST, SETUPS, blind, painted, snaps
 
 ROUNDS = 5
@@ -42,7 +44,11 @@ def cost(work, *args) -> np.ndarray:
 
 def main() -> int:
     """Print both times by codec, in turn, so that other work on the machine hits both; 1 when a ratio is over 1.15."""
-    seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 8.0
+    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    options.add_argument("--seconds", type=float, default=8.0)
+    write_option(options)
+    args = options.parse_args()
+    seconds, figures = args.seconds, {}
     camera = SETUPS["end-on, 25 deg aside"]
     slow = False
     with tempfile.TemporaryDirectory() as place:
@@ -64,7 +70,10 @@ def main() -> int:
                 )
             wall, cpu = np.median(ratios, axis=0)
             slow = slow or wall > 1.15
+            walls = [float(ratio[0]) for ratio in ratios]
+            figures[codec] = f"{missed(f'{wall:.2f}', wall <= 1.1)} ({min(walls):.2f} to {max(walls):.2f})"
             print(f"  median ratio {wall:.3f} (wall), {cpu:.3f} (CPU); peak memory {peak_mb():.0f} MB")
+    publish("tracking_speed", figures, args.write)
     return int(slow)
 
 

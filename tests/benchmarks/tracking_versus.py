@@ -1,4 +1,4 @@
-"""Against what exists, on the same files: python -m tests.benchmarks.tracking_versus [SECONDS].
+"""Against what exists, on the same files: python -m tests.benchmarks.tracking_versus.
 
 Painted clips: this tracker; per-frame findChessboardCornersSB + PnP; and findChessboardCorners + cornerSubPix + PnP, as
 OpenCV's samples do. Real pictures: found or not, residual of the best homography, time.
@@ -6,6 +6,7 @@ OpenCV's samples do. Real pictures: found or not, residual of the best homograph
 
 from __future__ import annotations
 
+import argparse
 import sys
 import tempfile
 import time
@@ -19,6 +20,7 @@ from straw.tracking.corners import find_boards
 from straw.tracking.lens_fit import View
 from straw.tracking.track import track
 from straw.tracking.video import VideoReader
+from tests.benchmarks.figures import publish, write_option
 from tests.benchmarks.tracking_clips import BOARD, REST, SETUPS, SI, blind, errors, painted, rms, snaps
 from tests.benchmarks.tracking_locks import glare, hand
 
@@ -109,8 +111,9 @@ def line(name: str, label: str, found: int, asked: int, error: np.ndarray, ms: f
     print(f"{name:<12}{label:<29}{found:4} of {asked:<4}{x:8.1f}{z:9.1f}{phi:12.2f}{ms:10.1f}", flush=True)
 
 
-def real_pictures() -> bool:
+def real_pictures(write: bool) -> bool:
     """Compare on every real picture; return whether no picture took this program over half a second of one core."""
+    figures = {}
     pictures = [
         (path, cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)) for path in sorted(REALDATA.glob("*_chess9x6/*.jpg"))
     ]
@@ -130,6 +133,9 @@ def real_pictures() -> bool:
         (mean, _), (cpu_ms, wall_ms) = np.mean(times, axis=0), np.max(times, axis=0)
         print(f"{label:<32}{found}{mean:10.0f}{cpu_ms:14.0f}{wall_ms:10.0f}", flush=True)
         slowest = slowest or float(cpu_ms)
+        short = label.partition(" ")[0].lower()
+        figures |= {f"{short}-found": f"{len(misses)}", f"{short}-px": f"{np.median(misses):.2f}"}
+    publish("tracking_versus", figures | {"pictures": f"{len(pictures)}"}, write)
     return slowest < 500
 
 
@@ -144,7 +150,12 @@ def misfit(corners: np.ndarray) -> float:
 
 
 if __name__ == "__main__":
-    painted_clips(float(sys.argv[1]) if len(sys.argv) > 1 else 1.0)
+    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    options.add_argument("--seconds", type=float, default=1.0, help="of each painted clip; 0: real pictures only")
+    write_option(options)
+    asked = options.parse_args()
+    if asked.seconds > 0:
+        painted_clips(asked.seconds)
     if not REALDATA.is_dir():
         sys.exit(f"the real pictures are not beside this checkout ({REALDATA})")
-    sys.exit(not real_pictures())
+    sys.exit(not real_pictures(asked.write))

@@ -103,7 +103,7 @@ class Immediately(Executor):
 
 
 @pytest.mark.usefixtures("alone")  # the process has simulated before
-def test_an_endless_batch_is_taken_only_so_far_ahead() -> None:
+def test_an_endless_batch_is_consumed_only_a_bounded_number_of_jobs_ahead() -> None:
     taken = 0
 
     def endless() -> Iterator[Job]:
@@ -162,7 +162,7 @@ def test_a_straw_that_was_pickled_is_the_same_to_the_compiled_model() -> None:
 
 
 @pytest.mark.usefixtures("alone")
-def test_arrays_nobody_may_write_do_not_compile_the_model_again() -> None:
+def test_read_only_arrays_do_not_compile_the_model_again() -> None:
     """What a cluster sends may be read-only, and so is what a constant pressure broadcasts to."""
     known = list(integrate.signatures)
     times = TIME_S.copy()

@@ -315,7 +315,7 @@ def test_it_runs_in_another_process() -> None:
         ("terms.line_lag.tau_s", {"cell": 1}, "terms.line_lag.tau_s is one number for the whole straw"),
     ],
 )
-def test_a_direction_that_is_none_is_named(name: str, where: dict, message: str) -> None:
+def test_an_invalid_direction_is_named_in_the_error(name: str, where: dict, message: str) -> None:
     with pytest.raises(ModelError, match=message):
         Direction.of(LIVELY, name, **where)
 

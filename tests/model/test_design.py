@@ -13,7 +13,7 @@ from straw.model.parameters import StrawParameters
 RANGES = {"zeta01_mm": (3.0, 5.0), "zeta02_mm": (-3.5, -1.5), "h_mm": (0.3, 0.8)}
 
 
-def test_the_papers_own_frustum_is_found_from_what_it_does() -> None:
+def test_the_papers_frustum_is_found_from_its_snap_pressures_and_lengths() -> None:
     straw = StrawParameters()
     wanted = {k: v for k, v in gives(straw).items() if k != "stable_states"}
     wish = Wish(wanted, RANGES)
@@ -45,7 +45,7 @@ def test_cells_snap_one_after_another_in_the_order_wanted() -> None:
         ("[wanted\n", "not TOML"),
     ],
 )
-def test_a_wish_that_is_none_is_named_in_one_line(tmp_path: Path, text: str, said: str) -> None:
+def test_an_invalid_wish_is_named_in_one_line(tmp_path: Path, text: str, said: str) -> None:
     path = tmp_path / "wish.toml"
     path.write_text(text)
     with pytest.raises(ModelError, match=said) as error:

@@ -43,7 +43,7 @@ def test_sums_of_a_table_are_its_integral_also_beyond_its_ends():
         assert summed_to(table, sums, end_s) == pytest.approx(mean_pa(table, -0.1, end_s) * lasts_s, abs=1e-3 * lasts_s)
 
 
-def test_a_step_is_as_long_as_its_stages_see_the_mean_of_the_pressure_and_no_longer():
+def test_a_step_is_limited_so_that_its_stages_sample_the_mean_pressure():
     rng = np.random.default_rng(2)
     shortened = 0
     for _ in range(50):

@@ -40,7 +40,7 @@ def test_force_and_stiffness_are_the_energys_slopes_within_and_beyond_its_end(at
     np.testing.assert_allclose((zf, ff), by_phi, rtol=1e-5, atol=1e-5 * abs(ff) + 1e-6)
 
 
-def test_everything_beyond_the_end_is_pushed_back_ever_harder() -> None:
+def test_beyond_the_end_the_restoring_force_grows() -> None:
     for phi in (0.0, 0.1, 0.3):
         for side in (1, -1):
             reach = side * (ROW[0] - R_I * phi + np.linspace(0, 4e-3, 200))

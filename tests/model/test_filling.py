@@ -47,7 +47,7 @@ def test_the_shipped_sample_is_what_its_header_says_and_gives_the_papers_radius(
     assert round(found.r_ch_m * 1e3, 2) == 0.52
 
 
-def test_walls_that_hold_the_flow_back_show_in_the_exponent() -> None:
+def test_wall_friction_shows_in_the_exponent() -> None:
     tests = planted(0.52e-3, 0.01, 3)
     slow = FillingTests(tests.volume_m3, tests.pressure_difference_pa, 3e6 / tests.pressure_difference_pa)
     assert channel_radius(slow).exponent == pytest.approx(1.0, abs=1e-9)
@@ -64,7 +64,7 @@ def test_walls_that_hold_the_flow_back_show_in_the_exponent() -> None:
         (f"{HEADER}\n9e-5,nan,3\n", "line 2"),
     ],
 )
-def test_a_table_that_is_none_is_refused_with_its_line(tmp_path: Path, text: str, words: str) -> None:
+def test_an_invalid_table_is_refused_with_its_line(tmp_path: Path, text: str, words: str) -> None:
     (tmp_path / "t.csv").write_text(text)
     with pytest.raises(ModelError, match=rf"t\.csv: .*{words}"):
         read_filling_tests(tmp_path / "t.csv")

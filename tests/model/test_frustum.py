@@ -49,7 +49,7 @@ def test_the_energy_is_the_papers_and_its_slope_and_curvature_are_the_forces(zet
 
 
 @pytest.mark.parametrize("sealed", [False, True])
-def test_four_pressures_part_five_regions_of_one_two_four_two_and_one_stable_states(sealed: bool) -> None:
+def test_four_pressures_separate_five_regions_of_one_two_four_two_and_one_stable_states(sealed: bool) -> None:
     frustum = Frustum.of(STRAW, sealed=sealed)
     bounds = frustum.bifurcation_pressures()
     assert bounds[0] < bounds[1] < 0 < bounds[2] < bounds[3]

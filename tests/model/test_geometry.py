@@ -22,7 +22,7 @@ def test_the_papers_readings_give_the_papers_constants_to_the_last_digit() -> No
 
 
 @pytest.mark.parametrize("held", [True, False])
-def test_a_planted_straw_is_found_from_what_would_be_read_off_it(held: bool) -> None:
+def test_a_planted_straw_is_recovered_from_its_readings(held: bool) -> None:
     """Lengths from the roots of equation 6a by hand; pressures from the statics, which have tests of their own."""
     zeta0, h, E = np.array([4.1e-3, -2.4e-3]), 0.45e-3, 1.3e9
     straw = STRAW.replace(zeta0_m=zeta0, h_m=np.array(h), E_pa=np.array(E), cells=4)
@@ -37,7 +37,7 @@ def test_a_planted_straw_is_found_from_what_would_be_read_off_it(held: bool) -> 
     assert found.E_pa == pytest.approx(E, rel=1e-3)
 
 
-def test_sigmas_are_what_readings_scattered_by_their_resolution_leave() -> None:
+def test_sigmas_agree_with_the_scatter_of_readings_within_their_resolution() -> None:
     """Pressures alone, which rule in h and E. A sigma from 16 draws is itself known to 1 / sqrt(2 * 15) = 18 %."""
     straw = STRAW.replace(cells=1)
     best = Readings(1.5e-3, 5.8e-3, -13.5e3, 24e3, length_resolution_m=0.0)

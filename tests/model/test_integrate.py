@@ -36,7 +36,7 @@ def test_the_formula_inside_it_is_of_order_three(order: int) -> None:
     assert any(abs(left - right) > 1e-3 for left, right in conditions(LOWER)[4])
 
 
-def test_it_damps_what_is_infinitely_stiff() -> None:
+def test_it_is_l_stable() -> None:
     """R(z) = 1 + z b (1 - z A)^-1 1 tends to zero: L-stable."""
     ones = np.ones(len(B))
     at = [1 + z * B @ np.linalg.solve(np.eye(len(B)) - z * A, ones) for z in (-1e3, -1e6)]

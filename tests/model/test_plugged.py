@@ -94,7 +94,7 @@ def test_python_that_numba_cannot_compile_is_one_line(tmp_path: Path) -> None:
     assert "\n" not in str(refused.value)
 
 
-def test_a_law_that_comes_too_late_says_what_to_do(tmp_path: Path) -> None:
+def test_a_law_added_after_loading_the_model_is_an_error_with_its_cure(tmp_path: Path) -> None:
     assert TERMS
     (tmp_path / "sticky.py").write_text(STICKY)
     with pytest.raises(ModelError, match=r"start Python again and call straw\.add_laws"):

@@ -63,7 +63,7 @@ def test_each_cell_may_also_rest_bent_to_either_side(form: str) -> None:
     assert stability(straw, q, 1e3)[0].real > 0
 
 
-def test_a_straw_too_long_to_carry_itself_names_the_cell_that_gives_way() -> None:
+def test_a_straw_too_long_to_carry_itself_is_an_error_that_names_the_buckling_cell() -> None:
     with pytest.raises(ModelError, match=r"cells 1-30 deployed: no rest state at 0 kPa: cell 1 gives way"):
         rest_state(STRAW.replace(cells=30), range(1, 31))
 
@@ -72,7 +72,7 @@ def test_a_straw_too_long_to_carry_itself_names_the_cell_that_gives_way() -> Non
     ("deployed", "bent", "words"),
     [([1], {1: 1}, "both deployed and bent"), ([], {3: 2}, "cell 3 bent 2"), ([], {10: 1}, "cell 10 is not in")],
 )
-def test_a_configuration_that_is_none_is_refused(deployed: list[int], bent: dict[int, int], words: str) -> None:
+def test_an_invalid_configuration_is_refused(deployed: list[int], bent: dict[int, int], words: str) -> None:
     with pytest.raises(ModelError, match=words):
         rest_state(STRAW, deployed, 0.0, bent)
 

@@ -144,7 +144,7 @@ def test_tied_rims_make_a_cell_nearly_twice_as_strong() -> None:
     assert tops["tied"] == pytest.approx(32.97, abs=0.02)
 
 
-def test_a_tied_rim_wants_a_finer_mesh_than_a_free_one_and_is_neared_from_above() -> None:
+def test_a_tied_rim_needs_a_finer_mesh_than_a_free_one_and_converges_from_above() -> None:
     """Energies at 3.5455 mm, mJ: minimised over shapes that contain those before. The pilot's 33.2 is on the way."""
     profile = cell(11.1e-3, 14.65e-3, (3.78e-3, -2.28e-3), (0.508e-3, 0.508e-3))
     energies = []
@@ -156,7 +156,7 @@ def test_a_tied_rim_wants_a_finer_mesh_than_a_free_one_and_is_neared_from_above(
     assert energies[4] == pytest.approx(32.968, abs=2e-3)
 
 
-def test_a_landscape_goes_on_where_it_was_broken_off(tmp_path: Path) -> None:
+def test_an_interrupted_landscape_continues_where_it_ended(tmp_path: Path) -> None:
     problem = Problem(CONE, E_PA, NU, COARSE)
     grid, path = Grid((-2.5e-3, -2.28e-3, -1.0e-3), 3), tmp_path / "land.jsonl"
     whole = landscape(problem, grid, path)
@@ -169,7 +169,7 @@ def test_a_landscape_goes_on_where_it_was_broken_off(tmp_path: Path) -> None:
         landscape(replace(problem, nu=0.3), grid, path)
 
 
-def test_a_point_that_cannot_be_reached_is_said_and_the_others_are_kept() -> None:
+def test_an_unreachable_point_is_reported_and_the_others_are_kept() -> None:
     problem = Problem(CONE, E_PA, NU, Mesh(1, 3, 3))
 
     class Far(Grid):
@@ -191,7 +191,7 @@ def test_a_point_that_cannot_be_reached_is_said_and_the_others_are_kept() -> Non
         ("r_m,z_m,thickness_m\n0.0146,0,0.0005\n-0.01,0.002,0.0005\n", "above zero"),
     ],
 )
-def test_a_profile_that_is_none_is_named_in_one_line(tmp_path: Path, text: str, said: str) -> None:
+def test_an_invalid_profile_is_named_in_one_line(tmp_path: Path, text: str, said: str) -> None:
     path = tmp_path / "p.csv"
     path.write_text(text)
     with pytest.raises(ModelError, match=said) as error:

@@ -102,7 +102,7 @@ def test_stepping_through_a_run_ends_where_simulating_it_at_once_does() -> None:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_twin_at_rest_stays_there_as_long_as_one_likes(seed: int) -> None:
+def test_a_stepper_at_rest_stays_at_rest(seed: int) -> None:
     # At rest Newton's corrections are rounding and shrink no further; an emulator left on must not trip over that.
     twin, random, before_pa = Stepper(FOLDING, [1, 4]), np.random.default_rng(seed), 0.0
     rest = twin.tip
@@ -120,7 +120,7 @@ def test_a_twin_does_not_go_back_in_time() -> None:
         twin.advance(0.05, 0.0, 0.0)
 
 
-def test_a_pressure_with_a_hole_is_refused_with_its_time() -> None:
+def test_a_pressure_with_a_gap_is_refused_with_its_time() -> None:
     with pytest.raises(ModelError, match=r"not a number at 0\.5"):
         simulate(FOLDING, lambda t: np.where(t < 0.5, 0.0, np.nan), np.linspace(0, 1, 10), [])
 
@@ -130,7 +130,7 @@ def test_times_that_do_not_increase_are_refused() -> None:
         simulate(FOLDING, lambda t: 0 * t, np.array([0.0, 0.0, 1.0]), [])
 
 
-def test_constants_the_equations_cannot_follow_end_in_an_error_not_in_a_hang() -> None:
+def test_constants_that_the_integrator_cannot_follow_are_an_error_and_never_hang() -> None:
     """No damping and no channel: nothing holds a frustum from swinging through its neighbours."""
     wild = FOLDING.replace(c_zeta_n_s_per_m=0.0, c_phi_n_m_s_per_rad=0.0, r_ch_m=1.0)
     with pytest.raises(ModelError, match="out of range"):

@@ -110,7 +110,7 @@ def test_a_state_is_stable_up_to_its_snap_and_softens_towards_it() -> None:
     assert np.all(np.diff(softest) < 0)
 
 
-def test_a_cell_that_does_not_snap_or_does_not_exist_is_named() -> None:
+def test_a_cell_that_does_not_snap_or_exist_is_named_in_the_error() -> None:
     with pytest.raises(ModelError, match="cell 12 is not in a straw of 9"):
         snap_of(STRAW, [1], 12)
     with pytest.raises(

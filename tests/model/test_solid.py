@@ -65,7 +65,7 @@ def test_walls_that_would_meet_are_named() -> None:
     assert volume_m3(section(STRAW, folded=True)) > 0
 
 
-def test_a_name_of_another_kind_is_refused_before_anything_is_written(
+def test_an_unknown_suffix_is_refused_before_anything_is_written(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["solid", "-o", str(tmp_path / "s.obj")]) == 2

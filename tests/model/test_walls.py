@@ -65,7 +65,7 @@ def test_cells_that_differ_and_a_curved_straw_do_so_in_the_walls_they_have() -> 
             np.testing.assert_allclose(curved(f, np.array([4e-3])), turned - own, atol=1e-12)
 
 
-def test_a_share_of_walls_that_nobody_solved_is_refused() -> None:
+def test_a_share_of_walls_without_a_finite_element_table_is_refused() -> None:
     with pytest.raises(ModelError, match=r"r_o_m.*straw shell"):
         StrawParameters(r_o_m=15.2e-3).with_term("wall_elasticity", share=0.5)
     StrawParameters(r_o_m=15.2e-3).with_term("wall_elasticity", share=0.0)

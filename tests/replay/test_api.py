@@ -116,7 +116,7 @@ def test_columns_that_are_no_recording_are_refused_in_one_line(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_is_missing_is_said(place: Path) -> None:
+def test_a_missing_argument_is_named_in_the_error(place: Path) -> None:
     with pytest.raises(straw.ReplayError, match="give time_s and deployed"):
         straw.simulate(None, 1e3)
     with pytest.raises(straw.ReplayError, match="give a controller"):
@@ -191,7 +191,7 @@ def test_a_system_of_ones_own_is_diagnosed_from_arrays(tmp_path: Path) -> None:
             straw.diagnose_system(tmp_path / "line.py", wrong)
 
 
-def test_a_table_is_looked_at_then_stated_then_written(tmp_path: Path) -> None:
+def test_a_table_is_interpreted_then_stated_then_written(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     path.write_text("Zeit;Druck\n" + "".join(f"0,{k:03};-{k},5\n" for k in range(100)))
     looked = straw.import_tables(path)

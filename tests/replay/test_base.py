@@ -39,11 +39,11 @@ def _told(monkeypatch: pytest.MonkeyPatch, left: dict[str, float]) -> list[str]:
     return telling_runs(cast(Campaign, SimpleNamespace(observations=RUNS)), None)  # type: ignore[arg-type]
 
 
-def test_the_most_telling_runs_of_different_starts_and_one_without_a_snap_are_looked_at(monkeypatch) -> None:
+def test_the_most_informative_runs_of_different_starts_and_one_without_a_snap_are_used(monkeypatch) -> None:
     assert sorted(_told(monkeypatch, {})) == ["deploy-1", "fold", "fold-other", "staircase"]
 
 
-def test_a_start_that_only_shows_what_is_unexplained_is_looked_at_too_and_no_second_repeat(monkeypatch) -> None:
+def test_a_start_with_unexplained_misfit_is_used_too_but_no_second_repeat(monkeypatch) -> None:
     left = {"deploy-2": 9 * NOISE_LEAVES, "deploy-with-6": 2 * NOISE_LEAVES, "deploy-with-7": 3 * NOISE_LEAVES}
     assert _told(monkeypatch, left)[4:] == ["deploy-with-7"]
     assert _told(monkeypatch, left | {"deploy-with-6": NOISE_LEAVES / 2, "deploy-with-7": NOISE_LEAVES / 3})[4:] == []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Callable
+from importlib import metadata
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,12 @@ def test_help_loads_none_of_the_heavy_libraries() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
+
+
+def test_version_names_the_installed_version(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="0"):
+        main(["--version"])
+    assert capsys.readouterr().out.startswith(f"straw {metadata.version('straw')}")
 
 
 @pytest.fixture
@@ -170,7 +177,7 @@ def test_a_video_without_a_board_is_refused(good: Path, capsys: pytest.CaptureFi
     assert "no board" in refused(capsys, *argv)
 
 
-def test_tracking_without_knowing_where_the_camera_stands_says_the_three_ways_to_tell(
+def test_tracking_without_the_cameras_place_names_the_three_ways_to_give_it(
     good: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     line = refused(capsys, "track", good / "blank.mp4", "--camera", good / "camera.json", "-o", good / "t.mcap")
@@ -187,7 +194,7 @@ def test_tracking_without_knowing_where_the_camera_stands_says_the_three_ways_to
         ({"deployed": "1,44"}, "initial_deployed"),
     ],
 )
-def test_a_recording_that_lacks_what_a_prediction_needs_is_told_so(
+def test_a_recording_that_lacks_what_a_prediction_needs_is_refused_with_the_cure(
     good: Path, lacking: dict[str, object], words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     recording(good / "lacking.mcap", **lacking)  # type: ignore[arg-type]
@@ -228,7 +235,7 @@ def test_a_command_line_that_is_not_one_is_one_line_too(argv: list[str], capsys:
     assert len(capsys.readouterr().err.strip().splitlines()) == 1
 
 
-def test_a_demo_made_anew_leaves_what_it_did_not_make(tmp_path: Path) -> None:
+def test_a_repeated_demo_leaves_files_that_it_did_not_make(tmp_path: Path) -> None:
     from straw.replay.commands.demo import MADE, clear_folder
 
     folder = clear_folder(tmp_path / "demo")

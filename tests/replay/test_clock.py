@@ -90,7 +90,7 @@ def test_an_led_burst_gives_offset_and_drift_with_their_uncertainty(
     assert clock.host_s(np.array([clock.a_s]))[0] == 0.0
 
 
-def test_without_the_led_in_view_nothing_is_made_up(filmed: tuple[Path, list[float], Emulation]) -> None:
+def test_without_the_led_in_view_there_is_an_error_and_no_clock(filmed: tuple[Path, list[float], Emulation]) -> None:
     path, changes_s, _ = filmed
     with pytest.raises(TrackingError, match="no light in the picture follows the burst"):
         find_blinks(blocks_of(paint(changes_s, glowing=0.0)), [times for times, _ in bursts_of(read_run(path))])
@@ -142,7 +142,9 @@ def test_without_an_led_the_motion_gives_the_offset_and_says_so(
     assert "from the motion" in read_run(moved).metadata["clock"]
 
 
-def test_a_run_without_bursts_names_the_way_out(tmp_path: Path, filmed: tuple[Path, list[float], Emulation]) -> None:
+def test_a_run_without_bursts_is_an_error_with_its_cure(
+    tmp_path: Path, filmed: tuple[Path, list[float], Emulation]
+) -> None:
     clock = CameraClock(0.1, 1.0, 1e-3, 0.0, 2e-3, 8, "led")
     assert "+- 1.00 ms; residual 2.00 ms over 8 events" in str(clock)
     run = read_run(filmed[0])

@@ -44,7 +44,7 @@ def test_a_crease_that_hardens_is_named_and_improves_runs_it_did_not_fit() -> No
     assert findings.held.after["x_m"] < max(findings.held.before["x_m"] / 3, 1.3 * findings.held.floor["x_m"])
 
 
-def test_the_law_of_a_wall_that_relaxes_takes_up_two_times_and_spares_the_bending() -> None:
+def test_a_law_of_relaxation_fits_two_relaxation_times_and_leaves_bending_elastic() -> None:
     wall = Cause("viscoelasticity", 1000.0, "two branches")
     seen = [observe(run) for run in campaign((wall,), 21, RUNS[:2])]
     for one in seen:
@@ -63,13 +63,13 @@ def test_the_law_of_a_wall_that_relaxes_takes_up_two_times_and_spares_the_bendin
     assert found.values["term.viscoelasticity&viscoelasticity_slow.bending"] < 0.2
 
 
-def test_a_magnet_that_no_library_holds_is_not_given_another_name() -> None:
+def test_a_magnet_which_is_not_in_the_library_is_not_named_as_something_else() -> None:
     rivals = ("intrinsic_curvature", "camera_roll")
     findings = diagnosed(Cause("unknown", 0.3, "magnet near the tip", 3), 22, rivals, runs=3)
     assert findings.verdict in ("unknown_physics", "ambiguous")
 
 
-def test_another_specimen_s_damping_and_geometry_are_not_called_missing_physics() -> None:
+def test_deviating_damping_and_geometry_of_a_specimen_are_not_called_missing_physics() -> None:
     findings = diagnosed(None, seed=23)
     assert findings.verdict == "complete"
     assert findings.causes == []

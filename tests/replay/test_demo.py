@@ -51,7 +51,7 @@ def test_a_seal_is_the_sha256_of_what_is_opened_and_two_of_the_same_effect_diffe
     assert "NOT the one above" in story(draw(1), first, second.sha256, said("complete"))
 
 
-def test_named_is_only_what_is_named_alone() -> None:
+def test_an_effect_counts_as_named_only_if_it_is_named_alone() -> None:
     late = Concealed("clock_offset", DRAWER["clock_offset"])
     assert named(late, said("measurement_fault", "clock_offset"))
     assert not named(late, said("ambiguous", "clock_offset", "line_lag"))
@@ -63,7 +63,7 @@ def test_named_is_only_what_is_named_alone() -> None:
     assert "concealed was nothing" in story(Concealed(NOTHING, {}), Seal("{}"), "", said("complete"))
 
 
-def test_a_gauge_that_lies_shows_its_offset_and_nothing_else_changes() -> None:
+def test_a_faulty_gauge_shows_its_offset_and_nothing_else_changes() -> None:
     true, shown = (FaultyGauge(Instrument(gauge_offset_pa=b), 0) for b in (0.0, 2000.0))
     assert shown.reading(0.0) - true.reading(0.0) == pytest.approx(2000.0)
     assert shown.pressure(0.0) == true.pressure(0.0) == 0.0

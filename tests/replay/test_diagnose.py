@@ -48,7 +48,7 @@ def plain():
     return [observe(run) for run in campaign((), 3, FEW, NONE)]
 
 
-def test_a_late_camera_a_turned_camera_and_a_gauge_that_lies_are_undone_by_their_opposite():
+def test_faults_of_clock_camera_and_gauge_are_undone_by_their_opposite():
     pose = np.array([[0.05, 0.03], [-0.01, 0.02], [1.6, 1.2]])
     turned = Instrument(camera_roll_rad=0.02, length_scale=0.01).seen(pose)
     back = Instrument(camera_roll_rad=-0.02, length_scale=1 / 1.01 - 1).seen(turned)
@@ -96,7 +96,7 @@ def test_a_tip_at_rest_shows_no_snap():
     assert len(crossings(t, phi, levels_of(phi))) == 0
 
 
-def test_the_clock_is_bent_at_the_snaps_and_nowhere_far_from_them():
+def test_time_is_warped_at_the_snaps_and_not_far_from_them():
     t = np.linspace(0, 4, 401)
     snaps_s, late_s = np.array([2.0, 2.1]), np.array([0.03, 0.05])
     late = bend_basis(t, snaps_s, late_s) @ late_s
@@ -120,7 +120,7 @@ def test_a_cause_is_called_unknown_only_where_that_is_more_probable_than_not(unk
     assert causes == (["unknown"] if verdict == "unknown_physics" else ["cohesion"])
 
 
-def test_what_cannot_be_told_apart_is_said_with_nothing_missing_and_what_no_hypothesis_holds(plain):
+def test_an_ambiguous_verdict_lists_complete_and_unknown_in_words(plain):
     with ThreadPoolExecutor() as pool:
         found = Inquiry(
             Campaign(plain, StrawSystem(BASE), pool), Fit((), np.zeros(0), np.zeros(0), np.zeros((0, 0)), 0.0)
@@ -156,7 +156,7 @@ def test_the_base_finds_its_constants_again_from_wrong_ones(plain):
     assert found["straw.c_phi_n_m_s_per_rad"] == pytest.approx(2e-3, rel=0.05)
 
 
-def test_probabilities_are_gathered_by_cause_and_the_fewest_that_suffice_survive():
+def test_probabilities_are_summed_by_cause_and_the_smallest_sufficient_set_survives():
     probability = {"cohesion": 0.5, "cohesion+clock_offset": 0.3, "unknown": 0.18, "complete": 0.02}
     assert by_cause(probability) == pytest.approx({"cohesion": 0.8, "clock_offset": 0.3})
     assert surviving(probability) == ["cohesion", "cohesion+clock_offset", "unknown"]
@@ -232,7 +232,7 @@ def test_a_pair_that_explains_all_of_what_either_cause_leaves_much_of_is_named_a
     assert verdict_of(weighed(beside_noise, counts), MEASUREMENT) == ("missing_physics", ["trapped_gas"])
 
 
-def test_a_cause_that_is_not_there_promises_nothing_and_one_that_is_promises_most(plain):
+def test_the_first_order_gain_is_nil_for_an_absent_cause_and_largest_for_the_present_one(plain):
     """To first order, at nothing of either; the base's constants making room."""
     late = [observe(run) for run in campaign((Cause("gauge_gain", 0.03),), 3, FEW[:2], NONE)]
     with ThreadPoolExecutor(2) as pool:
@@ -277,7 +277,7 @@ def test_simulations_that_fail_are_counted_also_in_a_part_of_the_campaign(plain)
 
 
 @pytest.mark.parametrize("tolerance_m", [TOLERANCE_M, COARSE_TOLERANCE_M])
-def test_the_papers_livelier_straw_is_played_within_the_steps_that_are_allowed(tolerance_m):
+def test_the_papers_faster_run_is_simulated_within_the_allowed_steps(tolerance_m):
     time_s = np.linspace(0, 3.0, 721)
     table = sampled(DEPLOYMENT.pressure_pa, time_s)
     most = most_steps_per_s(tolerance_m) / 1.3  # of those tried; it raises beyond
@@ -285,7 +285,7 @@ def test_the_papers_livelier_straw_is_played_within_the_steps_that_are_allowed(t
     assert played.steps < most * 3.0
 
 
-def test_a_straw_that_nothing_damps_is_given_up_as_one_that_fails(plain):
+def test_an_undamped_straw_counts_as_a_failed_simulation(plain):
     undamped = BASE.replace(c_zeta_n_s_per_m=1e-2, c_phi_n_m_s_per_rad=1e-5)
     with ThreadPoolExecutor() as pool:
         few = Campaign(plain[:1], StrawSystem(undamped), pool)

@@ -59,7 +59,7 @@ def test_a_plausible_run_passes_and_so_does_one_at_rest():
         (lambda r: with_tip(r, time_s=r.tip.time_s + 1e3), "0 % of the tip has a pressure; check both clocks"),
     ],
 )
-def test_units_and_clocks_that_cannot_be_are_said_with_what_they_look_like(changed, says):
+def test_implausible_units_and_clocks_are_reported_with_what_they_look_like(changed, says):
     with pytest.raises(ReplayError) as error:
         check_plausible(changed(recorded()))
     assert says in str(error.value)
@@ -122,7 +122,7 @@ def test_work_is_shared_among_one_or_more(jobs, capsys):
     assert "expected a whole number, one or above" in capsys.readouterr().err
 
 
-def test_a_scheduler_that_has_no_workers_is_said_instead_of_waited_for(monkeypatch):
+def test_a_scheduler_without_workers_is_an_error_instead_of_a_wait(monkeypatch):
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None) as cluster:
         monkeypatch.setattr(workers, "ANSWERS_S", 0.3)

@@ -33,7 +33,7 @@ class Elsewhere(Executor):
         return done
 
 
-def test_a_run_played_in_another_process_differs_from_the_recording_as_it_does_here() -> None:
+def test_a_run_simulated_in_another_process_has_the_same_residual() -> None:
     base = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)
     observed, unknowns = [observe(run) for run in campaign((), 3, ("staircase",), NONE)], base_unknowns(base)
     with ThreadPoolExecutor(1) as threads, Elsewhere() as elsewhere:

@@ -22,7 +22,7 @@ def told(separation: list[list[float]], probability: list[float]) -> float:
     return Rated(protocol, np.array(separation), 0).information(probability)
 
 
-def test_what_an_experiment_is_expected_to_tell_lies_between_nothing_and_all_that_is_not_known():
+def test_the_expected_information_lies_between_zero_and_the_entropy_of_the_hypotheses():
     even, far = [0.5, 0.5], [[0.0, 50.0], [50.0, 0.0]]
     assert told(far, even) == pytest.approx(np.log(2))
     assert told([[0.0, 0.0], [0.0, 0.0]], even) == pytest.approx(0.0)
@@ -30,7 +30,7 @@ def test_what_an_experiment_is_expected_to_tell_lies_between_nothing_and_all_tha
     assert told([[0.0, np.nan], [np.nan, 0.0]], even) == pytest.approx(0.0)  # one of them cannot be played
 
 
-def test_what_is_expected_is_never_more_than_what_is_told():
+def test_the_lower_bound_of_information_never_exceeds_the_information():
     """Mutual information of two normal distributions s sigma apart, integrated."""
     y = np.linspace(-12, 14, 20001)
     for s in (0.5, 1.0, 2.0, 4.0):
@@ -89,7 +89,7 @@ def test_what_cannot_be_investigated_is_said_in_one_line_and_nothing_is_left(
     assert not [p for p in tmp_path.iterdir() if p.name != ".straw-runs.json"]
 
 
-def test_where_nobody_can_say_yes_nothing_is_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_anyone_to_approve_nothing_is_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """On a real rig, whose straw somebody has to set first: --yes is not enough, and no port is opened."""
     from straw.replay.investigate import dry_run
 

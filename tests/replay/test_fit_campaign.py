@@ -37,7 +37,7 @@ class Toy:
         return [(self.residuals(unknowns, points)[0], np.stack(columns, axis=1))]
 
 
-def test_two_strengths_that_nearly_cancel_are_followed_to_their_large_values():
+def test_two_nearly_cancelling_strengths_are_followed_to_their_large_values():
     toy = Toy(lambda v: np.array([300 * (v[0] - v[1] - 1), 5 * (v[1] - 9)]))
     fit = fitted(toy, (OFFSET, LENGTH), np.array([np.arcsinh(1.0), 0.0]), rounds=30)
     # 2,025 at the start; what is left is the priors' price of u = 3.0 and 2.9 at a deviation of 10
@@ -45,7 +45,7 @@ def test_two_strengths_that_nearly_cancel_are_followed_to_their_large_values():
     np.testing.assert_allclose([k.value(x) for k, x in zip(fit.unknowns, fit.u, strict=True)], [10, 9], rtol=0.01)
 
 
-def test_an_outlier_pulls_with_its_size_and_not_with_its_square():
+def test_an_outlier_counts_linearly_and_not_squared():
     data = np.array([0.1, -0.1, 0.0, 40.0])
     fit = fitted(Toy(lambda v: v[0] - data), (FIRST,), np.zeros(1), rounds=30)
     # soft L1 pulls with at most ROBUST_SIGMAS, against which three samples pull back
@@ -53,7 +53,7 @@ def test_an_outlier_pulls_with_its_size_and_not_with_its_square():
     assert fit.cost < cost_at((FIRST,), np.array([10.0]), 10.0 - data)
 
 
-def test_bounds_are_kept_and_a_prior_draws_what_the_residuals_do_not_tell():
+def test_bounds_are_kept_and_a_prior_determines_what_the_residuals_do_not():
     positive = Unknown("strength", 1.0, sd=10.0, low=0.0, high=8.0)
     known = Unknown("known", 1.0, kind="linear", mean=2.0, sd=0.5)
     fit = fitted(Toy(lambda v: np.array([v[0] + 3.0, 0 * v[1]])), (positive, known), np.array([1.0, 0.0]), rounds=30)
@@ -61,7 +61,7 @@ def test_bounds_are_kept_and_a_prior_draws_what_the_residuals_do_not_tell():
     assert fit.u[1] == pytest.approx(2.0, abs=1e-6)
 
 
-def test_a_table_is_charged_for_being_rough():
+def test_a_table_has_a_roughness_penalty():
     data = np.array([0.0, 1.0, 0.0])
     table = tuple(Unknown(f"point.{n}", 1.0, kind="linear", sd=100.0) for n in range(3))
     second = np.array([[-1.0, 2.0, -1.0]])

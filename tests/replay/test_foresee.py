@@ -18,26 +18,26 @@ def seen(apart: float, excess: dict[str, float] | None = None, left_over: float 
     return foreseen(judgement, TWO, list(TWO), np.array([[0.0, apart], [apart, 0.0]]), 0.9)
 
 
-def test_what_is_not_apart_tells_nothing_however_often_it_is_run() -> None:
+def test_hypotheses_without_separation_are_not_distinguished_by_any_number_of_runs() -> None:
     none = seen(0.0)
     assert none.information_nats == 0
     assert none.chances == (0.0,) * MOST_ALIKE
 
 
-def test_what_is_far_apart_tells_in_one_run_and_what_is_less_so_in_several() -> None:
+def test_a_large_separation_decides_in_one_run_and_a_smaller_one_in_several() -> None:
     assert seen(100.0).chances[0] == pytest.approx(1.0)
     runs = [next((n for n, c in enumerate(seen(s).chances, 1) if c > 0.9), 99) for s in (7.0, 10.0, 20.0)]
     assert runs == sorted(runs, reverse=True)
     assert runs[0] > runs[-1] == 1
 
 
-def test_information_grows_with_the_distance_and_stays_below_what_is_not_known() -> None:
+def test_information_grows_with_the_separation_and_stays_below_the_entropy() -> None:
     told = [seen(s).information_nats for s in (2.0, 5.0, 10.0, 40.0)]
     assert told == sorted(told)
     assert 0 < told[0] < told[-1] < np.log(2) + 0.1  # and what "unknown" loses
 
 
-def test_the_posterior_after_runs_as_foreseen_is_what_was_foreseen() -> None:
+def test_the_posterior_after_runs_as_expected_is_the_expected_one() -> None:
     """Runs that turn out as one cause predicts add n s^2 to what the other leaves: then the judge is as sure."""
     apart, excess = 9.0, {"complete": 3000.0, "cohesion": 0.0, "squeeze_film": 0.0}
     for runs, chance in enumerate(seen(apart).chances, 1):
@@ -45,13 +45,13 @@ def test_the_posterior_after_runs_as_foreseen_is_what_was_foreseen() -> None:
         assert (after["cohesion"] >= 0.9) == (chance > 0.4)
 
 
-def test_a_cause_that_leaves_much_itself_is_not_foreseen_to_be_named() -> None:
+def test_a_cause_with_a_large_misfit_of_its_own_is_not_expected_to_be_named() -> None:
     """That is left to "unknown"."""
     excess = {"complete": 40_000.0, "cohesion": 9000.0, "squeeze_film": 9500.0}
     assert seen(100.0, excess, 9000.0).chances == (0.0,) * MOST_ALIKE
 
 
-def test_hypotheses_that_cannot_play_it_are_left_as_they_are() -> None:
+def test_hypotheses_that_cannot_simulate_it_keep_their_misfit() -> None:
     assert seen(float("nan")) == seen(0.0)
 
 

@@ -238,7 +238,7 @@ def test_tables_are_read_as_loggers_write_them(tmp_path):
     np.testing.assert_array_equal(table["Druck [bar]"], [1013.5, np.nan, 1.5])
 
 
-def test_noise_is_told_from_a_signal_that_moves_and_from_a_converter_that_counts():
+def test_noise_is_estimated_under_a_moving_signal_and_a_converters_steps():
     rng = np.random.default_rng(0)
     t = np.linspace(0, 10, 2000)
     white = np.sin(t) + 0.02 * rng.normal(size=len(t))
@@ -247,7 +247,7 @@ def test_noise_is_told_from_a_signal_that_moves_and_from_a_converter_that_counts
     assert noise_of(counted) == pytest.approx(0.05 / np.sqrt(12), rel=0.5)
 
 
-def test_what_is_held_out_by_a_name_nobody_has_is_refused(tmp_path):
+def test_a_hold_out_of_an_unknown_recording_is_refused(tmp_path):
     model = load_model(file(tmp_path, STATIC))
     with pytest.raises(ReplayError, match="no such recording; known: run0, run1, run2"):
         read_recordings(model, strokes(tmp_path), ["friday"])

@@ -38,20 +38,20 @@ def test_a_track_is_laid_beside_the_pressure_of_its_run_on_the_absolute_clock(tm
         assert run.tip.time_s[0] == pytest.approx(0.25, abs=1e-9)
 
 
-def test_two_tracks_of_one_run_are_not_chosen_between(tmp_path: Path) -> None:
+def test_two_tracks_of_one_run_are_an_error(tmp_path: Path) -> None:
     recording(tmp_path / "raw.mcap", tip=False)
     tips = [tracked(tmp_path / "raw.mcap", tmp_path / name, later_s) for name, later_s in TRACKS.items()]
     with pytest.raises(ReplayError, match=r"b\.mcap: a second track of .*raw\.mcap"):
         gather([tmp_path / "raw.mcap", *tips])
 
 
-def test_a_track_alone_asks_for_its_run(tmp_path: Path) -> None:
+def test_a_track_without_its_run_is_an_error_with_its_cure(tmp_path: Path) -> None:
     recording(tmp_path / "raw.mcap", tip=False)
     with pytest.raises(ReplayError, match="the run it was tracked from"):
         gather([tracked(tmp_path / "raw.mcap", tmp_path / "tip.mcap")])
 
 
-def test_the_same_recording_twice_is_said(tmp_path: Path) -> None:
+def test_the_same_recording_twice_is_an_error(tmp_path: Path) -> None:
     recording(tmp_path / "raw.mcap")
     shutil.copy(tmp_path / "raw.mcap", tmp_path / "copy.mcap")
     for other in ("raw.mcap", "copy.mcap"):

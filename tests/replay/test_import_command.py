@@ -111,7 +111,7 @@ def test_what_is_exported_comes_back_bit_for_bit(make: Any, kind: str, tmp_path:
     assert contents(again) == contents(tmp_path / "run.mcap")
 
 
-def test_a_cell_that_somebody_edited_counts(tmp_path: Path) -> None:
+def test_an_edited_cell_takes_precedence(tmp_path: Path) -> None:
     for make, old, new in ((a_run, ",0.1,1,", ",77.5,1,"), (json_of_another_logger, "12.25", "77.5")):
         folder = tmp_path / make.__name__
         folder.mkdir()

@@ -22,7 +22,9 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "log.jsonl"
 
 
-def test_it_runs_what_tells_most_until_the_cause_is_named_with_the_certainty_asked_for(path: Path) -> None:
+def test_it_runs_the_most_informative_experiment_until_the_cause_is_named_with_the_required_certainty(
+    path: Path,
+) -> None:
     fakes = Fakes(named_after=2)
     stop = went(path, fakes)
     assert (stop.reason, stop.code, fakes.ran) == ("named", 0, ["a", "b"])
@@ -35,7 +37,7 @@ def test_it_runs_what_tells_most_until_the_cause_is_named_with_the_certainty_ask
     assert lines(path)[-1]["reason"] == "named"
 
 
-def test_a_cause_that_is_less_certain_than_asked_for_is_not_enough(path: Path) -> None:
+def test_a_cause_below_the_required_certainty_is_no_answer(path: Path) -> None:
     stop = went(path, Fakes(named_after=0), Budget(rounds=3), certainty=0.97)
     assert (stop.reason, stop.code) == ("budget", 1)
 
@@ -53,21 +55,21 @@ def test_every_cause_that_is_named_has_to_be_certain() -> None:
     assert certainty_of(Found("unknown_physics", ("unknown",), {"unknown": 0.99})) == 0
 
 
-def test_it_ends_where_the_chance_to_tell_is_no_larger_than_the_doubt_that_is_allowed(path: Path) -> None:
+def test_it_ends_where_the_chance_of_a_decision_is_no_larger_than_the_allowed_doubt(path: Path) -> None:
     fakes = Fakes(menu=[offered("a", chances=(0.0, 0.05, 0.1))])
     assert (went(path, fakes).reason, fakes.ran) == ("nothing_left", [])
     fakes = Fakes(named_after=1, menu=[offered("a", chances=(0.0, 0.05, 0.11))])
     assert went(path, fakes).reason == "named"
 
 
-def test_a_person_is_told_how_many_runs_alike_are_expected_to_be_needed(path: Path) -> None:
+def test_a_person_sees_how_many_identical_runs_are_expected_to_be_needed(path: Path) -> None:
     fakes = Fakes(named_after=3, menu=[offered("a", chances=(0.0, 0.3, 0.8, 0.85))])
     went(path, fakes)
     assert [(one.number, one.before, one.runs) for one in fakes.ahead] == [(1, 0, 3), (2, 1, 3), (3, 2, 3)]
     assert next(line for line in lines(path) if line["kind"] == "proposed")["runs"] == 3
 
 
-def test_where_more_runs_would_tell_than_the_budget_pays_for_that_is_the_reason(path: Path) -> None:
+def test_where_a_decision_needs_more_runs_than_the_budget_allows_that_is_the_reason(path: Path) -> None:
     fakes = Fakes(menu=[offered("a", chances=(0.0, 0.0, 0.0, 0.6))])
     stop = went(path, fakes, Budget(rounds=3))
     assert (stop.reason, fakes.ran) == ("budget", [])
@@ -84,7 +86,7 @@ def test_it_ends_where_three_runs_in_a_row_changed_nothing(path: Path) -> None:
 NOTHING_FITS = Found("unknown_physics", ("unknown",), {"unknown": 0.85, "cohesion": 0.15}, "nothing explains it.")
 
 
-def test_an_unknown_cause_is_confirmed_by_one_more_run_then_looked_for_and_ends_it(path: Path) -> None:
+def test_an_unknown_cause_is_confirmed_by_one_more_run_then_fitted_as_a_law_and_ends_the_loop(path: Path) -> None:
     fakes = Fakes(named_after=99, menu=[offered("a", chances=(0.0,))])
     fakes.unsure = [NOTHING_FITS]
     stop = went(path, fakes)
@@ -120,7 +122,7 @@ def _raising(error: BaseException) -> Any:
     return does
 
 
-def test_nothing_is_run_twice_unless_a_repeat_tells_most(path: Path) -> None:
+def test_nothing_is_run_twice_unless_a_repeat_is_the_most_informative(path: Path) -> None:
     fakes = Fakes(named_after=3, menu=[offered("a", 0.6), offered("b", 0.5), offered("c", 0.4)])
     went(path, fakes)
     assert fakes.ran == ["a", "b", "c"]
@@ -136,14 +138,14 @@ def test_runs_that_were_recorded_without_the_loop_count_as_run(path: Path) -> No
     assert fakes.ran == ["b"]
 
 
-def test_a_no_ends_it_before_anything_moves(path: Path) -> None:
+def test_a_refusal_ends_the_loop_before_anything_moves(path: Path) -> None:
     fakes = Fakes()
     fakes.answer = ""
     stop = went(path, fakes)
     assert (stop.reason, stop.code, fakes.ran) == ("refused", 1, [])
 
 
-def test_a_yes_given_in_advance_is_for_so_many_rounds_and_not_for_what_needs_a_hand(path: Path) -> None:
+def test_approval_in_advance_covers_its_number_of_rounds_but_none_with_work_by_hand(path: Path) -> None:
     fakes = Fakes(named_after=3)
     went(path, fakes, yes=2)
     assert (len(fakes.ran), fakes.asked) == (3, 1)
@@ -164,7 +166,9 @@ def test_rounds_minutes_and_snaps_are_counted_and_never_overdrawn(path: Path, bu
     assert len(fakes.ran) == runs
 
 
-def test_of_two_that_tell_as_much_the_cheaper_one_is_run_and_what_is_too_dear_is_passed_over(path: Path) -> None:
+def test_of_two_equally_informative_experiments_the_cheaper_one_is_run_and_unaffordable_ones_are_skipped(
+    path: Path,
+) -> None:
     fakes = Fakes(
         named_after=1, menu=[offered("dear", snaps=8), offered("cheap", snaps=2), offered("over", 9.0, snaps=20)]
     )
@@ -172,7 +176,7 @@ def test_of_two_that_tell_as_much_the_cheaper_one_is_run_and_what_is_too_dear_is
     assert fakes.ran == ["cheap"]
 
 
-def test_what_a_limit_forbids_is_passed_over_and_said_where_nothing_else_is_left(path: Path) -> None:
+def test_an_experiment_beyond_the_limits_is_skipped_and_reported_if_none_is_left(path: Path) -> None:
     fakes = Fakes(named_after=1)
     fakes.forbidden = {"a"}
     went(path, fakes)
@@ -235,7 +239,7 @@ def test_after_a_crash_behind_any_line_of_the_log_the_same_command_comes_to_the_
     assert [row["round"] for row in lines(path) if row["kind"] == "round"] == [1, 2]
 
 
-def test_what_was_proposed_is_not_worked_out_again_after_a_crash(path: Path) -> None:
+def test_a_proposal_is_not_computed_again_after_a_crash(path: Path) -> None:
     fakes = Fakes(named_after=1)
     fakes.crash = "ask"
     with pytest.raises(Crash):
@@ -256,7 +260,7 @@ def test_a_run_cut_by_a_crash_counts_as_spent_and_somebody_looks_before_the_next
     assert lines(path)[-1]["spent"]["rounds"] == 2
 
 
-def test_recordings_that_somebody_adds_are_diagnosed_before_an_old_proposal_is_run(path: Path) -> None:
+def test_added_recordings_are_diagnosed_before_an_old_proposal_is_run(path: Path) -> None:
     fakes = Fakes(named_after=1)
     fakes.answer = ""
     went(path, fakes)

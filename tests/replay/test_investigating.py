@@ -40,7 +40,9 @@ def row(case: Case, way: str, reason: str, causes: tuple[str, ...] = (), rounds:
         (OTHER, "named", ("cohesion",), "wrong name"),
     ],
 )
-def test_only_what_is_certain_and_there_is_right(case: Case, reason: str, causes: tuple[str, ...], end: str) -> None:
+def test_an_answer_is_right_only_if_it_is_certain_and_true(
+    case: Case, reason: str, causes: tuple[str, ...], end: str
+) -> None:
     assert end_of(case, row(case, "loop", reason, causes)) == end
 
 

@@ -40,7 +40,7 @@ def verdict_of(c: Comparison, name: str) -> str:
     return found
 
 
-def test_a_model_that_is_right_cannot_be_told_from_the_noise(noisy: Run) -> None:
+def test_a_right_model_cannot_be_distinguished_from_the_noise(noisy: Run) -> None:
     c = compare(noisy, STRAW)
     assert [s.verdict for s in c.signals.values()] == [UNRESOLVED] * 3
     told = [q for q in c.quantities if q.verdict != UNKNOWN]
@@ -64,7 +64,7 @@ def test_two_sigma_are_passed_by_one_in_twenty_whether_noise_is_white_or_not() -
         assert beyond / 2000 == pytest.approx(0.0455, abs=4 * np.sqrt(0.0455 * 0.9545 / 2000))
 
 
-def test_an_offset_is_told_from_what_60_samples_of_the_end_leave_upwards(noisy: Run) -> None:
+def test_an_offset_is_resolved_from_the_uncertainty_of_60_samples_of_the_end_upwards(noisy: Run) -> None:
     """A quarter of a second at 240 Hz: sigma / sqrt(60) = 3.2 um; whatever the noise's own mean is taken out first."""
     (z,) = (q for q in compare(noisy, STRAW).quantities if q.name == "z at the end")
     assert z.u_data == pytest.approx(25e-6 / np.sqrt(60), rel=0.5)
@@ -73,7 +73,7 @@ def test_an_offset_is_told_from_what_60_samples_of_the_end_leave_upwards(noisy: 
         assert verdict_of(compare(shifted, STRAW), "z at the end") == verdict
 
 
-def test_what_the_inputs_leave_open_is_not_held_against_the_model(noisy: Run) -> None:
+def test_the_inputs_uncertainty_does_not_count_against_the_model(noisy: Run) -> None:
     """A straw with 1 % less channel is told from the run; if the radius is only known to 2 %, its snap is not."""
     less = STRAW.replace(r_ch_m=0.99 * STRAW.r_ch_m)
     start = "snap 1 (cell 1) start"

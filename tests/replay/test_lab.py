@@ -52,7 +52,7 @@ def test_the_table_is_filtered_sorted_grouped_and_shown_in_windows(lab: ServedLa
     assert lab.raw("GET", "/api/runs?columns=nonsense")[0] == 400
 
 
-def test_what_is_said_in_the_page_lies_beside_the_file_and_can_be_taken_back(lab: ServedLab) -> None:
+def test_a_note_of_the_page_is_stored_beside_the_file_and_can_be_removed(lab: ServedLab) -> None:
     path = lab.lab.library.folder / "b.mcap"
     lab.post("say", names=["b.mcap"], kind="tag", text="good")
     lab.post("say", names=["b.mcap"], kind="note", text="leaks")
@@ -191,7 +191,7 @@ def test_nothing_starts_unarmed_or_by_who_is_not_in_control(lab: ServedLab) -> N
     assert "limit of 60 kPa" in lab.post("queue", do="add", toml=HOLD.replace("= 5", "= 80"))
 
 
-def test_control_goes_to_who_asks_when_the_one_who_has_it_has_gone_home(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_control_passes_to_the_requesting_page_when_its_holder_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     from straw.replay.lab import control as module
 
     now = [0.0]
@@ -219,7 +219,7 @@ def test_control_goes_to_who_asks_when_the_one_who_has_it_has_gone_home(monkeypa
 
 
 @pytest.mark.skipif(os.name != "posix", reason="file modes")
-def test_what_lets_one_in_is_readable_by_nobody_else(lab: ServedLab) -> None:
+def test_the_access_token_is_readable_by_nobody_else(lab: ServedLab) -> None:
     state = lab.lab.library.folder / ".straw-lab"
     assert state.stat().st_mode & 0o077 == 0
     assert json.loads((state / "lab.json").read_text())["url"] == lab.door.url

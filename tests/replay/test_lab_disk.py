@@ -59,7 +59,7 @@ def test_a_full_disk_vents_is_said_in_one_line_and_loses_nothing(
         assert len(kept.pressure) > 50
 
 
-def test_where_the_disk_takes_the_last_words_too_the_lab_says_that_it_is_full(
+def test_where_a_full_disk_also_loses_the_message_the_lab_reports_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     usage = namedtuple("usage", "free")

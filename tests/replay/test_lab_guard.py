@@ -26,7 +26,7 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedLab]:
         yield served
 
 
-def test_its_own_page_may(lab: ServedLab) -> None:
+def test_its_own_page_is_allowed(lab: ServedLab) -> None:
     assert lab.raw("POST", "/api/vent", body="{}")[0] == 200
 
 
@@ -98,7 +98,7 @@ def test_the_address_is_exchanged_for_a_cookie_that_no_script_and_no_other_site_
     assert lab.raw("GET", "/?token=guess", {"Host": f"127.0.0.1:{lab.door.port}"})[0] == 403
 
 
-def test_only_when_told_does_anything_listen_beyond_this_machine() -> None:
+def test_nothing_listens_beyond_this_machine_unless_requested() -> None:
     with pytest.raises(ReplayError, match="--remote"):
         bound("0.0.0.0:0", elsewhere=False)
     listener, host, port = bound("127.0.0.1:0", elsewhere=False)

@@ -27,7 +27,7 @@ print("named")
 """
 
 
-def test_how_far_a_job_is_is_seen_while_it_runs_and_others_wait_for_their_turn(
+def test_the_progress_of_a_job_is_visible_while_others_wait_for_their_turn(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(work, "STRAW", (sys.executable, "-P", "-c", SLOW))

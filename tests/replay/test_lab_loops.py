@@ -71,7 +71,7 @@ def waits(lab: ServedLab) -> bool:
     return bool(lab.get("/api/loops")["logs"]) and bool(lab.get(f"/api/loop?log={LOG}")["waits"])
 
 
-def test_a_loop_is_seen_answered_and_its_end_is_told(lab: ServedLab, tmp_path: Path) -> None:
+def test_a_loop_is_shown_answered_and_its_end_reported(lab: ServedLab, tmp_path: Path) -> None:
     going = Going(tmp_path)
     lab.until(lambda: waits(lab))
     said = lab.get(f"/api/loop?log={LOG}")
@@ -110,7 +110,7 @@ def test_a_yes_takes_control_a_no_does_not_and_only_the_question_that_is_asked_i
 def test_another_terminal_answers_as_the_page_does(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["investigate", str(tmp_path), "--specimen", "s", "--operator", "Ada", "--answer"]
     assert main([*words, "yes"]) == 2
-    assert "none goes on" in capsys.readouterr().err
+    assert "none is running" in capsys.readouterr().err
     going = Going(tmp_path, named_after=1)
     ServedLab.until(lambda: (read_pulse(going.place) or {}).get("asked"))
     assert main([*words, "yes"]) == 0
@@ -119,7 +119,7 @@ def test_another_terminal_answers_as_the_page_does(tmp_path: Path, capsys: pytes
     assert '"who": "Ada"' in (tmp_path / LOG).read_text()
 
 
-def test_a_loop_whose_process_died_is_told_from_one_that_goes_on(lab: ServedLab, tmp_path: Path) -> None:
+def test_a_loop_whose_process_died_is_distinguished_from_a_running_one(lab: ServedLab, tmp_path: Path) -> None:
     place = tmp_path / LOG.removesuffix(".jsonl")
     place.mkdir()
     with Log(tmp_path / LOG) as log:
@@ -131,8 +131,8 @@ def test_a_loop_whose_process_died_is_told_from_one_that_goes_on(lab: ServedLab,
 
     os.utime(place / PULSE, (0, 0))  # an hour ago and more
     assert lab.get(f"/api/loop?log={LOG}")["cut"]
-    assert "does not go on" in lab.post("investigate", do="stop", log=LOG)
-    with pytest.raises(ReplayError, match="none goes on"):
+    assert "is not running" in lab.post("investigate", do="stop", log=LOG)
+    with pytest.raises(ReplayError, match="none is running"):
         answer(place, True, "Ada")
 
 

@@ -50,7 +50,7 @@ def test_begins_are_never_taken_for_ends():
         assert np.all(np.diff(others) > 0)
 
 
-def test_a_ring_taken_for_an_end_is_odd_and_a_late_camera_is_not():
+def test_a_ring_taken_for_an_end_is_an_outlier_and_a_late_camera_is_not():
     np.testing.assert_array_equal(without_odd(np.array([0.0, 0.001, -0.002, 0.34])), [True, True, True, False])
     np.testing.assert_array_equal(without_odd(np.array([0.0, 0.34])), [True, False])
     assert without_odd(np.array([0.06, 0.061, 0.059])).all()
@@ -70,7 +70,7 @@ def test_a_snap_that_just_missed_its_level_costs_the_right_straw_no_more_than_no
         assert robust_cost(how(less)) < robust_cost(how(fold)) + len(unseen) * (MISSING_EVENT_SIGMAS**2 + 5)
 
 
-def test_a_straw_that_snaps_otherwise_is_told_by_all_that_follows(fold):
+def test_a_straw_with_other_snaps_differs_in_all_that_follows(fold):
     # a cell that is a fifth weaker folds before the other and earlier: no fit to what was recorded
     weak = BASE.with_term("frustum_spread", E_relative=np.array([-0.2, *[0.0] * 8]))
     right, wrong = (robust_cost(misfit(fold, straw, (), np.empty(0)).vector) for straw in (BASE, weak))

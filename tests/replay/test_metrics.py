@@ -154,7 +154,7 @@ def test_noise_alone_snaps_nothing() -> None:
     assert snaps_of(TIME_S, *bent([], [], 0.02), 0.05) == []
 
 
-def test_snaps_are_paired_in_time_and_put_down_to_cells_by_their_hinge() -> None:
+def test_snaps_are_paired_in_time_and_assigned_to_cells_by_their_hinge() -> None:
     said = [
         replace(s, cell=c) for s, c in zip(snaps_of(TIME_S, *bent([0.045, 0.03], [2, 4]), 0.15), (1, 4), strict=True)
     ]

@@ -55,7 +55,7 @@ def test_a_straw_with_a_curve_is_a_file_that_can_be_simulated():
     assert ends[0].z_m[-1] == pytest.approx(ends[1].z_m[-1], abs=1e-7)
 
 
-def test_a_formula_leaves_out_what_the_base_can_take_over():
+def test_a_formula_leaves_out_what_the_base_can_compensate():
     """Runs that know a curve only up to a straight line through zero, which is the base's own damping."""
     state, v = BY_NAME["speed"], np.geomspace(0.005, 0.4, 8)
     known = np.eye(8) * 1e4

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib.metadata
 import os
 import shutil
@@ -124,6 +125,18 @@ def test_the_constraints_pin_every_dependency_to_a_version_that_is_allowed(repos
             assert wanted.specifier.contains(pins[wanted.name.lower()]), wanted
 
 
+def test_without_git_and_tags_the_version_is_that_of_the_next_release(repository: Path, wheel: Path) -> None:
+    """The one that CITATION and the CHANGELOG's first heading name."""
+    settings = tomllib.loads((repository / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools_scm"]
+    release = settings["fallback_version"].removesuffix(".dev0")
+    assert wheel.name.split("-")[1] == f"{release}.dev0"
+    texts = {
+        name: (repository / ".github" / name).read_text(encoding="utf-8") for name in ("CITATION.cff", "CHANGELOG.md")
+    }
+    assert f"\nversion: {release}\n" in texts["CITATION.cff"]
+    assert texts["CHANGELOG.md"].partition("\n## ")[2].startswith(release)
+
+
 def test_every_command_answers_beside_files_of_the_rooms_names(installed: dict[str, str], foreign: Path) -> None:
     for words in commands():
         assert asked(installed, foreign, installed["STRAW"], *words, "--help").startswith("usage: straw")
@@ -179,3 +192,33 @@ def test_importing_straw_loads_nothing_that_is_heavy() -> None:
     count, _, names = subprocess.check_output([sys.executable, "-c", code], text=True).partition(" ")
     assert int(count) < 20
     assert "simulate" in names
+
+
+def test_no_circle_of_imports_among_the_files(repository: Path) -> None:
+    """As they are loaded: what is imported within a function, or for types only, comes later."""
+    files = {
+        "straw." + name[:-3].replace("/", ".").removesuffix(".__init__"): name
+        for name in tracked(repository)
+        if name.startswith(tuple(f"{room}/" for room in ROOMS)) and name.endswith(".py")
+    }
+    uses = {module: imported(repository / name) & set(files) - {module} for module, name in files.items()}
+    while free := {module for module, used in uses.items() if not used & set(uses)}:
+        uses = {module: used for module, used in uses.items() if module not in free}
+    assert sorted(uses) == []
+
+
+def imported(path: Path) -> set[str]:
+    """Modules of straw that a file imports when it is loaded."""
+    found: set[str] = set()
+    waiting: list[ast.stmt] = list(ast.parse(path.read_text(encoding="utf-8")).body)
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, ast.Import):
+            found |= {name.name for name in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found |= {node.module, *(f"{node.module}.{name.name}" for name in node.names)}
+        elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            waiting += node.orelse
+        elif not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            waiting += [child for child in ast.iter_child_nodes(node) if isinstance(child, ast.stmt)]
+    return found

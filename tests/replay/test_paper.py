@@ -30,7 +30,7 @@ def test_every_number_of_the_paper_comes_out_within_its_rounding(made: tuple[Pat
     assert [row["name"] for row in rows if not row["agrees"]] == []
 
 
-def test_every_number_is_the_papers_and_says_how_the_models_was_got(made: tuple[Path, dict[str, Any]]) -> None:
+def test_every_number_is_the_papers_and_says_how_the_models_was_obtained(made: tuple[Path, dict[str, Any]]) -> None:
     assert all(row["source"].startswith("3.") and row["how"] for row in made[1]["numbers"])
 
 

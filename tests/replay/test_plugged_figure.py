@@ -70,7 +70,7 @@ def test_a_figure_that_ends_a_snap_is_unsure_by_the_noise_of_its_samples(tmp_pat
     assert judged(fold)["last height"].u_data == pytest.approx(fold.sigma["phi_rad"][0], rel=0.54)
 
 
-def test_nan_says_that_the_motion_has_none(tmp_path: Path, fold: Motion) -> None:
+def test_nan_means_that_the_motion_has_no_such_figure(tmp_path: Path, fold: Motion) -> None:
     add_figures(written(tmp_path, FIGURE.replace(RETURNS, "return np.nan")))
     assert "not in the measurement" in judged(fold)["last height"].words
 
@@ -127,7 +127,7 @@ def test_what_is_wrong_with_a_figure_is_one_line_with_its_file(
     assert "\n" not in said
 
 
-def test_check_asks_a_figure_of_typical_motions(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_evaluates_a_figure_on_typical_motions(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", str(written(tmp_path))]) == 0
     assert "figure of merit last height is good" in capsys.readouterr().out
     assert main(["check", str(written(tmp_path, FIGURE.replace(RETURNS, "return np.nan")))]) == 2

@@ -130,7 +130,7 @@ def test_the_order_of_the_runs_does_not_matter(
         assert turned.scores[name] == pytest.approx(score, abs=1e-4)
 
 
-def test_a_cause_nobody_has_taught_is_tried_all_the_same(given: dict[str, list[Observation]]) -> None:
+def test_an_untrained_cause_is_tried_too(given: dict[str, list[Observation]]) -> None:
     learned = shipped()
     few = dict(learned.about, causes=["a law of yesterday", *learned.about["causes"][1:]])
     forgotten = learned.about["causes"][0]
@@ -151,7 +151,7 @@ def test_hypotheses_are_all_sets_of_at_most_two_causes(proposals: dict[str, Prop
     assert sum(weights) == pytest.approx(1)
 
 
-def test_what_looks_like_nothing_it_has_seen_is_called_unfamiliar(
+def test_a_campaign_outside_the_training_distribution_is_called_unfamiliar(
     given: dict[str, list[Observation]], proposals: dict[str, Proposal]
 ) -> None:
     """A tip that shakes by millimetres all the time."""

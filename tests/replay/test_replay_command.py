@@ -75,7 +75,7 @@ def test_the_snap_of_cell_1_is_in_both_at_the_same_time(rig: tuple[Path, Path], 
     assert run["order"] == "Cells snap in the order 1; predicted: 1."
 
 
-def test_what_is_uncertain_of_a_constant_is_in_the_validation_uncertainty(
+def test_a_constants_uncertainty_is_part_of_the_validation_uncertainty(
     rig: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (start,) = (q for q in replay(rig, tmp_path)["quantities"] if q["name"].endswith("start"))

@@ -30,7 +30,7 @@ def protocol(tmp_path: Path) -> Path:
     return path
 
 
-def test_show_draws_the_protocol_and_says_what_it_asks_for(
+def test_show_draws_the_protocol_and_prints_its_range_and_rates(
     protocol: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     picture, said = tmp_path / "p.png", tmp_path / "p.json"

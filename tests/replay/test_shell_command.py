@@ -26,9 +26,7 @@ pytest.importorskip("skfem")
         (["--straw", "none.toml"], "none.toml"),
     ],
 )
-def test_what_is_asked_wrongly_is_said_in_one_line(
-    arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_wrong_arguments_are_one_line(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["shell", *arguments]) == 2
     lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("straw:")]
     assert len(lines) == 1

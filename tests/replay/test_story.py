@@ -80,7 +80,7 @@ def test_an_interval_is_told_in_the_unit_of_its_value() -> None:
     assert symbol_of("tau_s", "time constant of the line") == ("tau", "time constant of the line")
 
 
-def test_the_page_begins_where_two_lines_part() -> None:
+def test_the_page_begins_where_two_lines_differ_most() -> None:
     time_s = np.linspace(0.0, 10.0, 1001)
     other = np.sin(time_s)[None]
     one = other + 0.3 * np.exp(-(((time_s - 7.0) / 0.05) ** 2))
@@ -102,7 +102,7 @@ def test_the_portrait_marks_what_a_cause_acts_on() -> None:
     assert "marked" not in portrait(straw, (), []).svg.replace("marked: nothing", "")
 
 
-def test_every_cause_of_a_straw_is_told_as_a_law_and_all_but_two_as_a_curve_with_its_band() -> None:
+def test_every_cause_of_a_straw_is_shown_as_a_law_and_all_but_two_as_a_curve_with_its_band() -> None:
     straw, without = StrawParameters(), set()
     for name in causes(straw.cells):
         cause = hypothesis([name], straw.cells)
@@ -119,7 +119,7 @@ def test_every_cause_of_a_straw_is_told_as_a_law_and_all_but_two_as_a_curve_with
     assert without == {"odd_frusta_compliance", "wall_elasticity"}  # shares of one number: over nothing
 
 
-def test_what_is_told_are_the_figures_of_the_findings(told: tuple[Story, Findings]) -> None:
+def test_the_page_shows_the_figures_of_the_findings(told: tuple[Story, Findings]) -> None:
     page, findings = told
     assert findings.verdict == "missing_physics"
     assert findings.held is not None

@@ -92,7 +92,7 @@ def only_in_a_pair(campaign: Campaign) -> tuple[Inquiry, float]:
     return found, both.cost
 
 
-def test_a_cause_whose_own_search_was_stuck_is_fitted_from_a_pair_in_which_the_other_does_nothing():
+def test_a_cause_with_a_stuck_search_is_fitted_from_a_pair_whose_other_cause_has_no_effect():
     with ThreadPoolExecutor() as pool:
         found, both = only_in_a_pair(Campaign(stiffening(5e9), OscillatorSystem(), pool))
         nested(found)

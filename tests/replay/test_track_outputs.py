@@ -110,7 +110,7 @@ def test_from_python_the_same_track_is_an_object(place):
             straw.track(place / "v.mp4", place / "lens.json", **wrong)
 
 
-def test_what_was_mended_by_hand_is_on_record_with_its_reason(place, tmp_path, capsys):
+def test_corrections_by_hand_are_recorded_with_their_reasons(place, tmp_path, capsys):
     text = """[[invalid]]
 frames = "20-22"
 reason = "a fly on the board"
@@ -178,11 +178,11 @@ def test_frames_that_no_page_can_show_are_refused(place, tmp_path, capsys, frame
     assert list(tmp_path.iterdir()) == []  # before the film is tracked
 
 
-def test_a_mend_of_frames_that_are_not_there_leaves_nothing(place, tmp_path, capsys):
+def test_a_correction_of_missing_frames_leaves_no_file(place, tmp_path, capsys):
     (tmp_path / "mend.toml").write_text('[[invalid]]\nframes = "30-36"\nreason = "r"\n', encoding="utf-8")
     command = ["track", str(place / "v.mp4"), "--camera", str(place / "placed.json"), "-o", str(tmp_path / "t.mcap")]
     assert main([*command, "--mend", str(tmp_path / "mend.toml")]) == 2
-    assert capsys.readouterr().err.strip().endswith("names frames 30-36, the film has 0 to 35")
+    assert capsys.readouterr().err.strip().endswith("names frames 30-36, the video has 0 to 35")
     assert not (tmp_path / "t.mcap").exists()
 
 
@@ -261,7 +261,7 @@ def test_a_picture_without_a_reference_board_is_refused(place, capsys):
     assert "reference board" in capsys.readouterr().err
 
 
-def test_stills_of_nothing_calibrate_nothing(tmp_path, capsys):
+def test_stills_without_a_board_are_an_error(tmp_path, capsys):
     with VideoWriter(tmp_path / "v.mp4", 320, 240) as video:
         video.write(np.full((240, 320), 100, np.uint8))
     assert main(["calibrate", str(tmp_path / "v.mp4"), "-o", str(tmp_path / "c.json")]) == 2

@@ -45,7 +45,7 @@ def test_the_gauge_s_offset_explains_what_it_reads_at_vent_and_a_law_of_the_stra
             assert not np.any(slopes)
 
 
-def test_a_gauge_of_which_nothing_is_known_at_vent_charges_nothing():
+def test_a_gauge_without_readings_at_vent_adds_no_misfit():
     unknowns = base_unknowns(STRAW)
     left, slopes = vent_residual(None, 0.0, STRAW, unknowns, np.zeros(len(unknowns)))
     assert (left, slopes.tolist()) == (0.0, [0.0] * len(unknowns))

@@ -92,7 +92,7 @@ def test_a_whole_run_on_an_alicat_behind_its_guardian(
     assert b"AS-25.00\r" in sent
 
 
-def test_held_valves_are_told_and_the_vent_lets_them_go(alicat: Emulation) -> None:
+def test_held_valves_are_reported_and_released_by_the_vent(alicat: Emulation) -> None:
     with make_controller("alicat", alicat.url) as controller:
         assert isinstance(controller, Alicat)
         controller.set_pressure(1, 10e3)
@@ -102,7 +102,7 @@ def test_held_valves_are_told_and_the_vent_lets_them_go(alicat: Emulation) -> No
     assert not alicat.device.held  # type: ignore[attr-defined]
 
 
-def test_a_pressure_beyond_the_sensor_is_not_believed(alicat: Emulation) -> None:
+def test_a_pressure_beyond_the_sensor_is_rejected(alicat: Emulation) -> None:
     with make_controller("alicat", alicat.url) as controller:
         answer = alicat.device.answer
 
@@ -155,7 +155,7 @@ asyncio.run(main())
 """
 
 
-def test_a_client_that_nobody_here_wrote_works_against_the_emulator(straw: object) -> None:
+def test_an_independent_client_works_with_the_emulator(straw: object) -> None:
     # GPL, so never imported here: it runs in a process, and if need be an environment, of its own.
     python = os.environ.get("STRAW_ALICAT_PYTHON", "")
     if not python and importlib.util.find_spec("alicat") is None:

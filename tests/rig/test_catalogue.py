@@ -289,7 +289,7 @@ def test_a_damaged_checksum_file_is_called_that_and_its_run_can_be_read(
     assert "0 files as recorded, 1 changed or damaged, 1 unknown" in said
 
 
-def test_to_recover_nothing_is_no_success(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_recovering_nothing_is_an_error(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     data = (folder / "a.mcap").read_bytes()
     (folder / "head.mcap.part").write_bytes(data[:900])
     assert main(["runs", "recover", str(folder / "head.mcap.part")]) == 2

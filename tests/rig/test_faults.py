@@ -22,7 +22,7 @@ def test_a_short_soak_passes_nothing_wrong_that_can_be_told_and_hangs_nowhere(na
     assert report.longest_s < 20 * TIMEOUT_S + 0.5  # reopening takes its exchanges, each with its own timeout
 
 
-def test_equal_seeds_spoil_alike(straw: object) -> None:
+def test_equal_seeds_give_equal_faults(straw: object) -> None:
     def spoilt(seed: int) -> list[tuple[str, bytes]]:
         faults = SeededFaults(0.5, seed=seed, kinds=["garble", "truncate", "nak"])
         with Emulation(straw, plant=PressurePlant(noise_pa=0.0), latency_s=0.0) as emulation:

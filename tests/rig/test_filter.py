@@ -49,7 +49,7 @@ ALL = (A, B, C)
         ("duration > 2", "c"),
     ],
 )
-def test_a_filter_picks_what_it_says(text: str, picked: str) -> None:
+def test_a_filter_selects_by_its_terms(text: str, picked: str) -> None:
     test = compiled(text, ["rate_hz"])
     assert "".join(e.name for e in ALL if test(e)) == picked
 
@@ -67,7 +67,7 @@ def test_a_filter_picks_what_it_says(text: str, picked: str) -> None:
         ("a or", "something is missing"),
     ],
 )
-def test_what_is_no_filter_is_said_with_its_place(text: str, said: str) -> None:
+def test_an_invalid_filter_is_an_error_with_its_place(text: str, said: str) -> None:
     with pytest.raises(RigError, match=said):
         compiled(text)
 

@@ -66,7 +66,7 @@ def test_a_cable_that_breaks_off_again_and_again_leaves_no_file_that_looks_whole
     assert not (tmp_path / "run.MP4").exists()
 
 
-def test_what_it_will_not_do_is_said_in_one_line(camera: GoProEmulator, tmp_path: Path) -> None:
+def test_refusals_are_one_line(camera: GoProEmulator, tmp_path: Path) -> None:
     with GoPro(camera.url) as told:
         told.start()
         with pytest.raises(RigError, match="is already filming"):

@@ -64,7 +64,7 @@ def quick(straw: object) -> Iterator[tuple[Emulation, Controller]]:
         yield emulation, controller
 
 
-def test_a_zero_that_comes_from_nowhere_is_not_believed(quick: tuple[Emulation, Controller]) -> None:
+def test_a_sudden_exact_zero_is_rejected(quick: tuple[Emulation, Controller]) -> None:
     emulation, controller = quick
     controller.set_pressure(1, -25e3)
     controller.read()  # on its way from 0
@@ -81,7 +81,7 @@ def test_a_zero_that_comes_from_nowhere_is_not_believed(quick: tuple[Emulation, 
         controller.read()
 
 
-def test_a_reading_that_cannot_be_is_refused_once_and_believed_when_it_stays(
+def test_an_implausible_reading_is_rejected_once_and_accepted_when_it_persists(
     quick: tuple[Emulation, Controller],
 ) -> None:
     emulation, controller = quick

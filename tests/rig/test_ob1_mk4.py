@@ -43,7 +43,7 @@ def test_every_answer_in_the_wire_text_is_read_and_every_refusal_is_an_error() -
                 decode_payload(answer.encode())
 
 
-def test_a_set_is_spelt_in_whole_mbar_from_channel_zero() -> None:
+def test_a_set_is_written_in_whole_mbar_from_channel_zero() -> None:
     assert encode_set(1, -25e3) == b"<PRESS!:0:-250\n"
     assert encode_set(4, 10e3) == b"<PRESS!:3:100\n"
     assert encode_set(1, 0.0, Dialect(first_channel=1)) == b"<PRESS!:1:0\n"
@@ -204,7 +204,7 @@ def test_a_port_that_does_not_open_is_one_clear_line(port: str) -> None:
     assert port in str(caught.value)
 
 
-def test_an_instrument_that_keeps_silent_is_named_with_the_time_waited() -> None:
+def test_a_silent_instrument_is_named_with_the_time_waited() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = f"socket://127.0.0.1:{server.getsockname()[1]}"
         with pytest.raises(RigError, match=r"nothing within 0\.1 s"):

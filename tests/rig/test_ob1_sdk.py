@@ -71,7 +71,7 @@ def test_the_limits_are_those_of_the_narrowest_regulator_in_use(dll: str) -> Non
         Ob1Sdk("01F64B3B", dll=dll, channels=(3,))
 
 
-def test_error_codes_are_errors_and_a_silent_zero_is_not_believed(
+def test_error_codes_are_errors_and_a_silent_zero_is_rejected(
     dll: str, log: Callable[[], list[str]], tmp_path: Path
 ) -> None:
     with Ob1Sdk("01F64B3B", dll=dll) as controller:

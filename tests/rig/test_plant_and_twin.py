@@ -31,7 +31,7 @@ def test_a_step_has_settled_to_97_percent_after_70_ms() -> None:
     assert plant.pressure(1.005) == pytest.approx(-25e3 * (1 - math.exp(-0.25)))  # the past stays as it was
 
 
-def test_the_supply_answers_what_is_beyond_it() -> None:
+def test_commands_beyond_the_supply_are_clipped() -> None:
     plant = PressurePlant(min_pa=-5e3, max_pa=8e3)
     plant.command(0.0, 50e3)
     assert plant.pressure(10.0) == pytest.approx(8e3)

@@ -42,7 +42,7 @@ def bench(tmp_path: Path) -> Path:
     return path
 
 
-def test_everything_on_the_table_is_in_it(bench: Path) -> None:
+def test_a_rig_file_describes_the_whole_set_up(bench: Path) -> None:
     rig = load_rig(bench)
     assert (rig.name, rig.folder, rig.channels, rig.emulated) == ("bench 1", bench.parent / "recordings", (1, 2), True)
     assert (rig.limits.min_pa, rig.limits.max_pa, rig.limits.max_rate_pa_s) == (-30e3, 40e3, 500e3)

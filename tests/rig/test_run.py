@@ -226,7 +226,7 @@ def test_unsorted_and_repeated_samples_are_sorted_and_dropped_with_a_note(tmp_pa
     )
 
 
-def test_messages_that_lie_about_their_type_are_counted(tmp_path: Path) -> None:
+def test_messages_of_a_wrong_type_are_counted(tmp_path: Path) -> None:
     values: list[Any] = [{"pressure_pa": 1}, {"pressure_pa": "2"}, {}, [], None, 3, {"pressure_pa": 1, "channel": 1.5}]
     messages = [("/pressure/measured", ZERO_NS + i * 1000, value) for i, value in enumerate(values)]
     run = read_run(json_file(tmp_path / "a.mcap", messages, {**METADATA, "zero_time_ns": str(ZERO_NS)}))

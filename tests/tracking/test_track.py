@@ -195,7 +195,7 @@ def test_a_video_without_a_board_is_refused_in_one_line(small, tmp_path):
 
 
 def test_a_smaller_board_does_not_pass_for_a_part_of_a_larger_one(small_clip):
-    with pytest.raises(TrackingError, match="only 8x8 squares are ever seen"):
+    with pytest.raises(TrackingError, match="only 8x8 squares are ever visible"):
         track(small_clip.path, Camera(small_clip.camera.lens), Board(squares=10), rest_pose=REST)
     with pytest.raises(TrackingError, match="no board of 6x6"):
         track(small_clip.path, Camera(small_clip.camera.lens), Board(squares=6), rest_pose=REST)

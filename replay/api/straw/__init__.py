@@ -1,4 +1,4 @@
-"""`import straw`: the public names in one place, each loaded when it is first asked for."""
+"""`import straw`: the public names in one place, each loaded when it is first used."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ __all__ = [
     "write_recording",
 ]
 
-#: Where each public name lives. `replay` is the room, which can be called.
+#: The module of each public name. `replay` is the package, which can be called.
 _PLACES = {
     "SystemDiagnosis": "straw.replay.api.systems",
     "diagnose_system": "straw.replay.api.systems",
@@ -149,7 +149,7 @@ _ROOMS = ("model", "replay", "rig", "tracking")
 
 
 def __getattr__(name: str) -> object:
-    """Load a public name, or a room."""
+    """Load a public name, or a package."""
     if name in _PLACES:
         value: object = getattr(import_module(_PLACES[name]), name)
     elif name in _ROOMS:

@@ -1,1 +1,1 @@
-"""What no library holds: where something is missing, over what, and as which law, from the recordings alone."""
+"""Discovery of laws beyond the library: where something is missing, over which state, and its form."""

@@ -1,7 +1,7 @@
-"""Squared differences by blocks of samples: errors of prediction on what a fit has not seen, without fitting again.
+"""Squared differences by blocks of samples: cross-validated errors without refitting.
 
-A fit that is linear near its end would, without some blocks, end one Gauss-Newton step away; what it then leaves on
-these blocks is their error of prediction (Stone 1974; for blocks of dependent data: Burman, Chow and Nolan 1994).
+Without some blocks, a fit that is linear near its end would end one Gauss-Newton step away; the misfit of these blocks
+there is their prediction error (Stone 1974; for blocks of dependent data: Burman, Chow and Nolan 1994).
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from straw.replay.diagnose.hypothesis import Unknown
 
 Floats = NDArray[np.float64]
 
-#: Blocks of a campaign, and folds they are dealt into in turn.
+#: Blocks of a campaign, and folds they are assigned to in turn.
 BLOCKS, FOLDS = 60, 6
-#: What is held out of recordings lies after what is fitted, where this share of it does.
+#: Held-out samples count as lying after the fitted ones where this share of them does.
 AFTER = 0.9
 
 
@@ -28,7 +28,7 @@ AFTER = 0.9
 class Blocks:
     """Gram matrices of a campaign's blocks: r'r (b,), J'r (b, k), J'J (b, k, k), samples (b,), and each one's fold.
 
-    What a fold is asked of is fitted to all blocks but those of it and of later ones, where ``onwards``.
+    A fold is predicted from all other blocks, or, where ``onwards``, from all earlier ones.
     """
 
     squares: Floats
@@ -40,7 +40,7 @@ class Blocks:
 
 
 def how_held(campaign: Campaign) -> str:
-    """How what is held out lies to what is fitted: whole ``recordings``, ``after`` it, or ``between``."""
+    """The place of held-out samples relative to fitted ones: whole ``recordings``, ``after`` them, or ``between``."""
     runs: Sequence[Any] = campaign.observations
     fitted = [one for one in runs if one.fitted.any()]
     if len(fitted) >= 3 and any(one.held.any() and not one.fitted.any() for one in runs):
@@ -53,9 +53,9 @@ def how_held(campaign: Campaign) -> str:
 
 
 def bounds(campaign: Campaign) -> list[tuple[NDArray[np.int64], int]]:
-    """Rows and fold of each block: recordings cut in time, all channels of a stretch together.
+    """Rows and fold of each block: recordings cut in time, all channels of an interval together.
 
-    A law is to do well on what is held out, so folds lie to each other as that lies to what is fitted.
+    A law must predict held-out samples, so folds are arranged like held-out and fitted samples.
     """
     fitted = [np.flatnonzero(one.fitted) for one in campaign.observations]  # type: ignore[attr-defined]
     total, how = sum(map(len, fitted)), how_held(campaign)
@@ -89,7 +89,7 @@ def predicted(
 ) -> tuple[Floats, Floats]:
     """Squared error of each block, predicted without its fold's (b,), and the step from u with all blocks (k,).
 
-    ``told``: the same blocks in the units that errors are told in, where these are others than the fit's.
+    ``told``: the same blocks in the units of reported errors, where these differ from the fit's.
     """
     sd = np.array([k.sd for k in unknowns])
     mean = np.array([k.mean for k in unknowns])
@@ -114,7 +114,7 @@ def _solved(H: Floats, g: Floats) -> Floats:
 
 
 def independent(campaign: Campaign, residual: Floats) -> float:
-    """How many independent samples residuals are worth: n over the integrated autocorrelation (Sokal 1997)."""
+    """The effective number of independent residuals: n over the integrated autocorrelation (Sokal 1997)."""
     total = 0.0
     for rows, _ in bounds(campaign):
         r = residual[rows]

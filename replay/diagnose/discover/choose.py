@@ -1,4 +1,4 @@
-"""What is chosen among fitted laws: of note, better on what was held out, told apart, and which way of writing one."""
+"""The choice among fitted laws: relevant, better on held-out samples, distinguishable, and the simplest form."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ from straw.replay.diagnose.systems.function.shapes import SHAPES, TABLE
 
 Floats = NDArray[np.float64]
 
-#: A law is of note when it takes a tenth off the root mean square error of prediction: less no reader would call found.
+#: A law is relevant when it reduces the root mean square prediction error by a tenth; less would not count as found.
 OF_NOTE = 0.9**2
-#: And it leaves at most this share of what was held out (RMS): an improvement of half of that which is of note.
+#: And its held-out RMS is at most this share of the one before: half of a relevant improvement.
 HELD = 0.95
-#: Difference of Schwarz' criterion that is strong evidence (Kass and Raftery 1995: 6 to 10).
+#: Difference of Schwarz's criterion that is strong evidence (Kass and Raftery 1995: 6 to 10).
 STRONG = 10.0
 #: Candidates fitted, of each place and over each state at most.
 FITTED, ALIKE = 9, 3
-#: Deviations of the difference, block by block, within which two laws explain alike.
+#: Standard deviations of the blockwise difference within which two laws explain equally well.
 TOLD_APART = 2.0
-#: Laws whose error of prediction differs by less are the same but for how they are written.
+#: Laws whose prediction errors differ by less are the same in another form.
 OF_NEARLY = 0.95
 
 
 def written(trials: Sequence[Trial]) -> list[Trial]:
-    """Of each place and state the shortest formula that predicts nearly as well as the best there, or else the table;
-    the best first, and of those that are nearly as good as each other the one in an equation first."""
+    """For each place and state the shortest formula that predicts nearly as well as the best there, or else the table;
+    the best first, and among nearly equal ones those in an equation first."""
     groups: dict[tuple[str, str], list[Trial]] = {}
     for one in trials:
         groups.setdefault((one.laws[-1].place.name, one.laws[-1].over), []).append(one)
@@ -54,22 +54,22 @@ def written(trials: Sequence[Trial]) -> list[Trial]:
     if out:
         near = [one for one in out if OF_NEARLY * one.predicts <= out[0].predicts]
         out = [*sorted(near, key=simplest), *(one for one in out if one not in near)]
-        if drifts(out[0].laws[-1]):  # time is no cause: what is not told apart from a drift comes before it
+        if drifts(out[0].laws[-1]):  # time is no cause: a law that is as good as a drift comes before it
             causes = [one for one in out if not drifts(one.laws[-1]) and not apart(one, out[0])]
             out = [*causes, *(one for one in out if one not in causes)]
     return out
 
 
 def drifts(law: Law) -> bool:
-    """Whether a law is over time, where nothing repeats and anything can be laid."""
+    """Whether a law is over time, where nothing repeats and anything can be fitted."""
     return law.state.kind == OF_TIME and law.place.kind != CLOCK
 
 
 def rivals(law: Law, accepted: Law) -> bool:
-    """Whether a law says something else than an accepted one.
+    """Whether a law differs from an accepted one.
 
-    The same over the history of its state holds it, with a lag of nothing. An equation over time says nothing: time is
-    no cause, and in what does not repeat itself goes with everything; an instrument may drift with it.
+    A law over the history of a state includes the one over the state, with zero lag. An equation over time is excluded:
+    time is no cause, and without repetition it correlates with everything; an instrument may drift with it.
     """
     if (law.place.name, law.state.name) == (accepted.place.name, accepted.state.name):
         return accepted.state.lag_s is not None and law.state.lag_s is None
@@ -77,7 +77,7 @@ def rivals(law: Law, accepted: Law) -> bool:
 
 
 def forms_of(accepted: Trial, trials: Sequence[Trial]) -> tuple[str, ...]:
-    """Names of other shapes of an accepted formula that are not told apart from it, the best first."""
+    """Names of other shapes that cannot be distinguished from an accepted formula, the best first."""
     law = accepted.laws[-1]
     if law.shape == TABLE:
         return ()
@@ -91,20 +91,20 @@ def forms_of(accepted: Trial, trials: Sequence[Trial]) -> tuple[str, ...]:
 
 
 def of_note(one: Trial, current: Trial) -> bool:
-    """Whether a trial predicts better by a share of note, beyond what its constants cost."""
+    """Whether a trial predicts better by a relevant share, beyond the cost of its constants."""
     worth = min(one.worth, current.worth)
     return one.predicts < OF_NOTE * current.predicts and one.evidence(worth) < current.evidence(worth) - STRONG
 
 
 def better(one: Trial, held_before: Floats, held_after: Floats) -> bool:
-    """Whether a trial is better on what was held out."""
+    """Whether a trial is better on held-out samples."""
     before, after = (float(np.sqrt(np.mean((h / one.unit) ** 2))) for h in (held_before, held_after))
     return bool(after < HELD * before)
 
 
 def simplest(one: Trial) -> tuple[float, ...]:
-    """Of laws that predict alike a formula comes before a table, fewer constants before more, and a law in an equation
-    before the same written as what a constant, an input or an instrument does."""
+    """Among laws that predict equally well a formula comes before a table, fewer constants before more, and a law in an
+    equation before the same effect in a constant, an input or an instrument."""
     law = one.laws[-1]
     order = (SHIFT, RATE, CHANNEL, STRENGTH, FACTOR, DELAY, INPUT, CLOCK).index(law.place.kind)
     own = law.place.kind == CHANNEL and law.state.kind == OF_SHOWN
@@ -113,7 +113,7 @@ def simplest(one: Trial) -> tuple[float, ...]:
 
 
 def apart(one: Trial, other: Trial) -> bool:
-    """Whether the first is worse than the second: by a share of note, and block by block by more than chance."""
+    """Whether the first is worse than the second: by a relevant share, and blockwise by more than chance."""
     if OF_NOTE * one.predicts <= other.predicts:
         return False
     difference = (one.errors - other.errors)[one.errors > 0]

@@ -1,7 +1,7 @@
-"""Builds what is missing, one law after the other: screen every place and state, fit the best, write them as formulas.
+"""Builds the missing part law by law: screens every place and state, fits the best, writes them as formulas.
 
-A law is accepted where it takes a share of note off the error of prediction, more than its constants cost, and off
-what was held out. What is worse on what was held out is never shown as an improvement.
+A law is accepted where it reduces the prediction error by a relevant share, beyond the cost of its constants, and the
+held-out error too. A law that is worse on held-out samples is never shown as an improvement.
 """
 
 from __future__ import annotations
@@ -44,18 +44,19 @@ Floats = NDArray[np.float64]
 
 #: Laws accepted at most; written as formulas.
 LAWS, FORMULAS = 3, 3
-#: Samples that are enough where nothing is integrated: a law of a dozen constants wants hundreds.
+#: Samples that suffice where nothing is integrated: a law of a dozen constants needs hundreds.
 ENOUGH = 4000
-#: The base explains a channel that is held out to so many of its noise.
+#: The base explains a held-out channel if its RMS is within this multiple of the noise.
 TO_NOISE = 1.3
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One round: the trial accepted, if any; all that were fitted, the best first; those not told apart from it.
+    """One round: the trial accepted, if any; all fitted ones, the best first; those that cannot be distinguished from
+    it.
 
-    ``same`` are accepted's law written in another place, ``forms`` names of other shapes that it may have as well,
-    ``errors`` (1 + alike, blocks) those of accepted and alike on what the search looked at.
+    ``same`` are the accepted law in other places, ``forms`` names of other shapes that it may have, ``errors``
+    (1 + alike, blocks) those of accepted and alike on the search's samples.
     """
 
     accepted: Trial | None
@@ -69,7 +70,7 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class Discovery:
-    """The base's trial and what was added in each round; ``held`` (channels,) RMS where nothing was fitted, of each."""
+    """The base's trial and the rounds; ``held``: held-out RMS (channels,) of each."""
 
     base: Trial
     steps: tuple[Step, ...]
@@ -96,7 +97,7 @@ def discover(
     told: Told = silent,
     stop: Callable[[], bool] = never,
 ) -> Discovery:
-    """Fit the base, then add laws while recordings ask for them; stopped, what was accepted so far counts."""
+    """Fit the base, then add laws while they improve the prediction; if stopped, the accepted ones count."""
     told("base model", 0, LAWS + 1)
     whole, recordings = recordings, thinned(system, recordings)
     base = with_unseen(base_trial(system, recordings), whole)
@@ -135,8 +136,8 @@ def base_trial(system: FunctionSystem, recordings: Sequence[Recorded]) -> Trial:
 
 
 def thinned(system: FunctionSystem, recordings: Sequence[Recorded]) -> list[Recorded]:
-    """What the search looks at where there is more than it needs: every so many samples, or, where a system is
-    integrated from sample to sample, the first recordings. What is accepted is fitted to all at its end."""
+    """The search's samples where there are more than it needs: evenly thinned ones, or, where a system is integrated
+    from sample to sample, the first recordings. Accepted laws are finally fitted to all."""
     every = int(np.ceil(sum(int(o.fitted.sum()) for o in recordings) / ENOUGH))
     if every < 2:
         return list(recordings)
@@ -151,7 +152,7 @@ def thinned(system: FunctionSystem, recordings: Sequence[Recorded]) -> list[Reco
 
 
 def longest_step(system: FunctionSystem, recordings: Sequence[Recorded]) -> float:
-    """The longest step with which halving it changes nothing beyond a tenth of a sigma, s."""
+    """The longest step (s) whose halving changes the result by less than a tenth of a sigma."""
     if system.model.plain or not system.model.states:
         return np.inf
     step = float(np.median(np.concatenate([np.diff(o.time_s) for o in recordings])))
@@ -172,7 +173,7 @@ def longest_step(system: FunctionSystem, recordings: Sequence[Recorded]) -> floa
 
 
 def held_out(trial: Trial, recordings: Sequence[Recorded]) -> Floats:
-    """RMS where nothing was fitted, (channels,), in the channels' units; where nothing is held out, of the fit."""
+    """Held-out RMS, (channels,), in the channels' units; where nothing is held out, of the fit."""
     total, count = np.zeros(len(trial.unit)), np.zeros(len(trial.unit))
     for one in recordings:
         where = one.held if any(o.held.any() for o in recordings) else one.fitted
@@ -187,7 +188,7 @@ def held_out(trial: Trial, recordings: Sequence[Recorded]) -> Floats:
 
 
 def with_unseen(trial: Trial, recordings: Sequence[Recorded]) -> Trial:
-    """The trial with its squared errors where nothing was fitted, by blocks, in its unit."""
+    """The trial with its held-out squared errors, by blocks, in its unit."""
     out = []
     total = max(sum(int(one.held.sum()) for one in recordings), 1)
     runs = [one for one in trial.campaign.observations if isinstance(one, Recorded)]
@@ -199,7 +200,7 @@ def with_unseen(trial: Trial, recordings: Sequence[Recorded]) -> Trial:
         off = ((shown - one.seen) / trial.unit[:, None])[:, one.held]
         square = np.nansum(np.nan_to_num(off, nan=0.0, posinf=1e6, neginf=-1e6) ** 2, axis=0)
         out += [float(part.sum()) for part in np.array_split(square, max(1, round(BLOCKS * one.held.sum() / total)))]
-    # what is held out counts as much as what is fitted, whichever is longer
+    # held-out and fitted samples have equal weight, whichever are more
     noise = noise_in(recordings) / trial.unit
     least = float(np.sum(noise**2)) * sum(int(one.held.sum()) for one in recordings) * fewer
     return replace(trial, unseen=np.array(out) * fewer, noise=trial.noise + (0.0 if len(trial.unseen) else least))
@@ -213,7 +214,7 @@ def polished(trial: Trial, recordings: Sequence[Recorded]) -> Trial:
 
 
 def pruned(trial: Trial, recordings: Sequence[Recorded], held: Floats) -> Trial:
-    """The trial without earlier laws that its last law has made needless (backward elimination)."""
+    """The trial without earlier laws that its last law has made redundant (backward elimination)."""
     for number in range(len(trial.laws) - 2, -1, -1):
         if any(law.place.kind == STRENGTH for law in trial.laws[number + 1 :]):
             continue  # it may multiply this one
@@ -280,7 +281,7 @@ def one_round(
 
 
 def at_once(trial: Trial, recordings: Sequence[Recorded], held: Floats) -> Trial:
-    """The trial with its last law over the state itself, where a lag takes no share of note off what is predicted."""
+    """The trial with its last law over the state itself, where a lag gives no relevant improvement."""
     law, number = trial.laws[-1], len(trial.laws) - 1
     if law.state.lag_s is None:
         return trial
@@ -297,7 +298,7 @@ def at_once(trial: Trial, recordings: Sequence[Recorded], held: Floats) -> Trial
 
 
 def _fitted(current: Trial, candidate: Candidate, unit: Floats) -> Trial:
-    """A candidate fitted from nothing of it, or from where first order puts it, whichever is nearer."""
+    """A candidate fitted from zero strength, or from its first-order estimate, whichever has less misfit."""
     laws = (*current.laws, candidate.law)
     system = current.system.with_laws(*laws)
     unknowns = (*current.fit.unknowns, *candidate.law.unknowns(len(current.laws)))

@@ -1,4 +1,4 @@
-"""What a discovery says: verdict, laws with constants and bands, where, and the error on what was held out."""
+"""Findings of a discovery: verdict, laws with constants and bands, places, and the held-out error."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from straw.replay.diagnose.systems.function.recording import Recorded
 
 Floats = NDArray[np.float64]
 
-#: Samplings of the blocks with which the choice among laws is made again (bootstrap of a selection: Efron 2014).
+#: Bootstrap samples of the blocks for the choice among laws (bootstrap of a selection: Efron 2014).
 RESAMPLED = 500
-#: Stretches told, of each channel and recording the share of what the base leaves.
+#: Number of intervals reported.
 MOST_LOCATED = 12
 
 
 @dataclass(frozen=True, eq=False)
 class SystemFindings:
-    """A discovery with the recordings it is of; ``tolerance`` by channel says what is good enough."""
+    """A discovery with its recordings; ``tolerance`` by channel is the RMS that may remain."""
 
     discovery: Discovery
     recordings: tuple[Recorded, ...]
@@ -45,18 +45,18 @@ class SystemFindings:
 
     @cached_property
     def first_step(self) -> Step | None:
-        """The round in which the first law was accepted: those before it may have become needless."""
+        """The round in which the first law was accepted: earlier ones may have become redundant."""
         rounds = [step for step in self.discovery.steps if self.laws and step.accepted]
         return next((r for r in rounds if r.accepted and r.accepted.laws[-1].says == self.laws[0].law.says), None)
 
     @cached_property
     def alike(self) -> list[Trial]:
-        """What explains the recordings like the first law and is not the same."""
+        """Laws that explain the recordings as well as the first one and differ from it."""
         return list(self.first_step.alike) if self.first_step else []
 
     @property
     def verdict(self) -> str:
-        """The contract's word."""
+        """The contract's verdict."""
         d = self.discovery
         held, noise = d.held[-1], d.noise
         if not d.accepted and np.all(held <= TO_NOISE * noise):
@@ -74,7 +74,7 @@ class SystemFindings:
 
     @cached_property
     def goes_with(self) -> list[str]:
-        """States that go together with the first law's in all recordings, so that which of them matters is not told."""
+        """States that correlate with the first law's in all recordings, so that they cannot be distinguished."""
         if not self.laws:
             return []
         trial, law = self.discovery.base, self.laws[0].law
@@ -89,7 +89,7 @@ class SystemFindings:
 
     @property
     def asides(self) -> list[str]:
-        """What else is to be known of the first law, in sentences."""
+        """Remarks on the first law, in sentences."""
         told_ = {
             "law 1 is the same law written in": self.same,
             "which form law 1 has is not told; it may as well be": self.forms,
@@ -105,12 +105,12 @@ class SystemFindings:
 
     @property
     def alike_places(self) -> list[str]:
-        """Places and states not told apart from the first law, in words."""
+        """Places and states that cannot be distinguished from the first law, in words."""
         return list(dict.fromkeys(one.laws[-1].says for one in self.alike))
 
     @cached_property
     def located(self) -> list[dict[str, Any]]:
-        """Stretches in which the base is off most."""
+        """Intervals in which the base is off most."""
         trial, rows = self.discovery.base, []
         for one in self.recordings:
             shown = trial.system.simulated(one, trial.fit.unknowns, trial.fit.u)
@@ -140,7 +140,7 @@ class SystemFindings:
 
     @cached_property
     def probability(self) -> dict[str, float]:
-        """How often each law comes first when the blocks are drawn again, the largest first."""
+        """How often each law comes first when the blocks are resampled, the largest first."""
         if self.verdict == "complete":
             return {"complete": 1.0}
         step = self.first_step
@@ -157,7 +157,7 @@ class SystemFindings:
 
     @property
     def explained(self) -> list[dict[str, Any]]:
-        """Share of the base's mean squared misfit above noise, where nothing was fitted, that each law takes away."""
+        """Share of the base's held-out mean squared misfit above noise that each law explains."""
         d = self.discovery
         whole = np.maximum(d.held[0] ** 2 - d.noise**2, 1e-300)
         out = []
@@ -170,7 +170,7 @@ class SystemFindings:
 
     @property
     def remainder(self) -> Floats:
-        """RMS above noise that stays where nothing was fitted, (channels,)."""
+        """Held-out RMS above noise that remains, (channels,)."""
         return np.sqrt(np.maximum(self.discovery.held[-1] ** 2 - self.discovery.noise**2, 0.0))
 
     @property
@@ -210,7 +210,7 @@ class SystemFindings:
 
     @property
     def best_located(self) -> str:
-        """The place and state of the best law that did not hold, in words; empty where none predicts better."""
+        """Place and state of the best rejected law, in words; empty where none predicts better."""
         step = self.discovery.steps[-1] if self.discovery.steps else None
         current = self.discovery.best
         notable = [one for one in step.fitted if of_note(one, current)] if step else []

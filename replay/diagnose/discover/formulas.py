@@ -1,4 +1,4 @@
-"""The formula that stands for a table: every shape is laid on it, and the nearest are fitted to the recordings."""
+"""The formula for a table: every shape is fitted to the table, and the nearest ones to the recordings."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from straw.replay.diagnose.systems.function.shapes import CONSTANT, CUBE, LINEAR
 
 Floats = NDArray[np.float64]
 
-#: Shapes fitted to the runs: so many that lie nearest to the table.
+#: Number of shapes, nearest to the table, that are fitted to the runs.
 FITTED = 6
 #: Starts of a shape's constants on the table, in units of their range.
 SCATTER = (0.15, 0.5, 0.85)
@@ -26,8 +26,8 @@ SCATTER = (0.15, 0.5, 0.85)
 def formulas(trial: Trial, before: Trial, seen: Sequence[Passed]) -> list[Trial]:
     """Fits with the last law, a table, as each of the formulas nearest to it; the best first.
 
-    ``before`` is the trial without the law: a formula laid on a table is off by more than the table leaves, so sigma
-    starts as it was there.
+    ``before`` is the trial without the law: a formula fitted to a table has more misfit than the table, so sigma starts
+    from its value there.
     """
     *known, table = trial.laws
     number = len(known)
@@ -52,10 +52,10 @@ def formulas(trial: Trial, before: Trial, seen: Sequence[Passed]) -> list[Trial]
 
 
 def _seen_by_recordings(trial: Trial, values: int) -> tuple[Floats, Floats]:
-    """A root (values, values) of the information on the last unknowns, a table's values by u, all others free; and how
-    far the others move less for each of these (others, values).
+    """A root (values, values) of the information on the last unknowns, a table's values by u, all others free; and
+    minus the change of the others with each of these (others, values).
 
-    What the base's constants can take over, as a straight line beside a stiffness, costs nothing there.
+    Parts that the base's constants can compensate, as a straight line beside a stiffness, cost nothing there.
     """
     J = trial.fit.slopes
     sd = np.array([k.sd for k in trial.fit.unknowns])
@@ -67,7 +67,7 @@ def _seen_by_recordings(trial: Trial, values: int) -> tuple[Floats, Floats]:
 
 
 def _where(table: Law, seen: Sequence[Passed]) -> tuple[Floats, Floats]:
-    """States to compare at (n,), and how often recordings are there."""
+    """States to compare at (n,), and their frequency in the recordings."""
     s = table.state
     at = np.linspace(s.low, s.high, 101)
     if table.shape == CONSTANT or s.name == "nothing":
@@ -77,7 +77,7 @@ def _where(table: Law, seen: Sequence[Passed]) -> tuple[Floats, Floats]:
 
 
 def _shapes(table: Law) -> list[int]:
-    """Shapes that make sense over its state: a sign needs both."""
+    """Shapes that apply over its state: signed ones need both signs."""
     if table.state.name == "nothing":
         return [CONSTANT]
     if table.place.kind == CLOCK:
@@ -89,7 +89,7 @@ def _shapes(table: Law) -> list[int]:
 
 
 def _laid(shape: int, table: Law, at: Floats, curve: Floats, root: Floats) -> tuple[float, Law, Floats]:
-    """A shape laid on a curve (n,) in a metric root' root: what it leaves of it, the law, and u of its unknowns."""
+    """A shape fitted to a curve (n,) in a metric root' root: its misfit, the law, and u of its unknowns."""
     law = replace(table, shape=shape, at=())
     unknowns = law.unknowns(0)
     low, high = (np.array([getattr(k, end) for k in unknowns]) for end in ("low", "high"))
@@ -112,5 +112,5 @@ def _laid(shape: int, table: Law, at: Floats, curve: Floats, root: Floats) -> tu
         if best is None or end.cost < best[0]:
             best = float(end.cost), end.x
     assert best is not None
-    # each constant of a shape has to earn a percent of the curve
+    # each constant of a shape must gain a percent of the curve
     return best[0] + 0.005 * len(unknowns), law, best[1]

@@ -1,4 +1,4 @@
-"""An executor that does at once what it is given: a trial is one job of a pool, and hands out no jobs of its own."""
+"""An executor that runs jobs at once: a trial is one job of a pool and starts no jobs of its own."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import Any
 
 
 class Inline(Executor):
-    """Works in the thread that asks; an exception is handed on as by any executor."""
+    """Runs in the calling thread; exceptions are passed on as by any executor."""
 
     def submit(self, work: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Do the work."""
+        """Run the function."""
         done: Future[Any] = Future()
         try:
             done.set_result(work(*args, **kwargs))
@@ -21,5 +21,5 @@ class Inline(Executor):
 
 
 def never() -> bool:
-    """Nobody asks a job to stop."""
+    """Nothing to stop."""
     return False

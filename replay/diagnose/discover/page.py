@@ -1,4 +1,4 @@
-"""A discovery as the page of a diagnosis: the same story, of a user's own system."""
+"""A discovery as the page of a diagnosis, for a user's own system."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def page(f: SystemFindings) -> str:
 
 
 def story(f: SystemFindings) -> Story:
-    """What the page tells."""
+    """The page's contents."""
     d, shown = f.discovery, f.discovery.base.system.shown()
     after = Model(d.best.system, d.best.fit) if f.laws else None
     held = [one for one in f.recordings if one.held.any()]
@@ -44,7 +44,7 @@ def story(f: SystemFindings) -> Story:
         errors_say=_errors_say(f),
         fits=_fits(f),
         rivals=[Rival(name, p, chosen=k == 0) for k, (name, p) in enumerate(f.probability.items())] if f.laws else (),
-        rivals_say="How often each law comes first when the blocks of the recordings are drawn again.",
+        rivals_say="How often each law comes first when the blocks of the recordings are resampled.",
         unseen_says=_unseen(f),
         doubts=[f"{one[:1].upper()}{one[1:]}." for one in f.asides],
         next_says="Of a system of your own none is proposed: record one more that passes through states which these do "
@@ -61,7 +61,7 @@ def _where(f: SystemFindings) -> str:
 
 
 def _gain(f: SystemFindings) -> str:
-    """What the laws are worth, in one sentence."""
+    """The laws' improvement, in one sentence."""
     if not f.laws:
         return ""
     d = f.discovery

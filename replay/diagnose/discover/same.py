@@ -1,4 +1,4 @@
-"""Whether two laws are one law written in two places: the same right-hand sides wherever the recordings went."""
+"""Whether two laws are one law in two places: the same right-hand sides wherever the recordings went."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from straw.replay.diagnose.systems.function.recording import Recorded
 Floats = NDArray[np.float64]
 
 #: Right-hand sides are compared in so many samples, and are the same where they differ by less than this share (RMS) of
-#: what the law changes of the base's: a tenth, less than which no law is of note.
+#: what the law changes of the base's: a tenth, less than which no law is relevant.
 ASKED, SAME = 240, 0.1
 
 
 def written_otherwise(one: Trial, other: Trial, base: Trial, recordings: Sequence[Recorded]) -> bool:
-    """Whether the last laws of two trials beside one ``base`` make the same equations of it.
+    """Whether the last laws of two trials turn one ``base`` into the same equations.
 
     Every trial has its own constants: a straight line in a force is the same as another stiffness. A law over history
     is the same as none but itself; clocks and delays are no equations.
@@ -45,7 +45,7 @@ def written_otherwise(one: Trial, other: Trial, base: Trial, recordings: Sequenc
 
 
 def right_hand_side(trial: Trial, recording: Recorded, states: Floats, at: NDArray[np.int64]) -> Floats:
-    """Rates of the states, and what is shown of them, (states + channels, n), as a trial's equations have them at
+    """Rates of the states, and the channels, (states + channels, n), by a trial's equations at
     ``states`` (states with lagging ones, samples) of some samples (n,)."""
     system, values = trial.system, trial.values
     many = len(system.model.states)

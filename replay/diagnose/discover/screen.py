@@ -1,8 +1,8 @@
-"""Every place with every state, to first order: what a table there would take off the error of prediction.
+"""Every place with every state, to first order: the reduction of the prediction error by a table there.
 
 The columns of a table's values come from the simulation; states that a channel measures are taken from the recording,
-so that a law is seen where the system went, not where a wrong model went. The base's constants make room (a score test
-profiled over them), and the gain is counted on samples left out.
+so that a law is evaluated where the system went, not where a wrong model went. The gain is profiled over the base's
+constants (a score test) and cross-validated.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A law to be tried: what share of the error of prediction it leaves to first order, and the step to it."""
+    """A law to be tried: the share of the prediction error that remains to first order, and the step to it."""
 
     law: Law
     leaves: float
@@ -38,7 +38,7 @@ class Candidate:
 
 
 def screened(trial: Trial, pool: Executor, told: Told) -> tuple[list[Candidate], list[Passed]]:
-    """All candidates beside a trial, the most promising first, and what the recordings pass through."""
+    """All candidates beside a trial, the most promising first, and the states that the recordings visit."""
     system, campaign = trial.system, trial.campaign
     recordings = [one for one in campaign.observations if isinstance(one, Recorded)]
     seen = passed(system, recordings, trial.values)
@@ -65,7 +65,7 @@ def screened(trial: Trial, pool: Executor, told: Told) -> tuple[list[Candidate],
 
 
 def candidates(system: FunctionSystem, seen: Sequence[Passed]) -> list[Law]:
-    """Laws to look at: tables over states at every place, constants over nothing, straight lines over history."""
+    """Laws to screen: tables over states at every place, constants, straight lines over history."""
     out = []
     for place in places(system, seen):
         for state in states(system, seen):
@@ -107,7 +107,7 @@ def _columns(
     law: Law,
     number: int,
 ) -> Floats | None:
-    """Derivatives (m, values) of all recordings by a law's strengths at none of it; None where nothing follows.
+    """Derivatives (m, values) of all recordings by a law's strengths at zero; None where the model cannot follow.
 
     One-sided differences: laws are linear in their strengths. ``starts`` are the recordings' as profiled without it.
     """

@@ -1,7 +1,7 @@
 """One candidate fitted: a system with laws, all constants free, and its error of prediction.
 
-What counts as one sigma follows the fit: a model that is wrong leaves far more than noise, and with noise for a sigma
-only its worst samples would count (tempering). It ends at what the fit leaves, or at the recordings' noise.
+Sigma follows the fit (tempering): a wrong model leaves far more than noise, and with the noise as sigma only its worst
+samples would count. It ends at the fit's residual, or at the recordings' noise.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from straw.replay.diagnose.systems.function.system import FunctionSystem
 
 Floats = NDArray[np.float64]
 
-#: Times that sigma follows the fit; evaluations of each; the share of the cost that a step must gain.
+#: Rounds in which sigma follows the fit; evaluations of each; the least gain of a step as a share of the cost.
 TEMPERED, ROUNDS, SHARE = 3, 12, 1e-3
 #: The same for a law that is accepted.
 LAST_ROUNDS, LAST_SHARE = 30, 1e-5
-#: Sigma has followed where it changes by less than this share.
+#: Sigma has converged where it changes by less than this share.
 FOLLOWS = 0.1
-#: How far a point of a table may be off the line between its neighbours, in what moves its place by its own size.
+#: Prior deviation of a table's point from the line between its neighbours, in units that change its place by its size.
 ROUGH = 1.0
-#: Sigma is at least so many of the recordings' noise: below that nothing is known.
+#: Least sigma, in the recordings' noise.
 NOISE = 1.0
 
 
@@ -41,7 +41,7 @@ class Trial:
     """A fit of a system with laws.
 
     ``squared`` (channels,) is the mean squared difference where it was fitted, ``error`` (blocks,) the predicted
-    squared error in sigmas of ``unit`` (channels,), ``worth`` how many independent samples there are.
+    squared error in sigmas of ``unit`` (channels,), ``worth`` the effective number of independent samples.
     """
 
     campaign: Campaign
@@ -50,8 +50,8 @@ class Trial:
     error: Floats
     unit: Floats
     worth: float
-    noise: float  # what the recordings' noise alone would leave of the error, in the same sigmas
-    unseen: Floats = field(default_factory=lambda: np.zeros(0))  # squared error of blocks that no fit saw, likewise
+    noise: float  # the error of the recordings' noise alone, in the same sigmas
+    unseen: Floats = field(default_factory=lambda: np.zeros(0))  # squared error of held-out blocks, likewise
 
     @property
     def system(self) -> FunctionSystem:
@@ -66,16 +66,16 @@ class Trial:
 
     @property
     def predicts(self) -> float:
-        """Squared error in all where it was not fitted, and no less than noise leaves: below that nothing is told."""
+        """Total held-out squared error, at least that of noise."""
         return max(float(self.errors.sum()), self.noise)
 
     @property
     def errors(self) -> Floats:
-        """Squared errors by blocks: predicted of those fitted, and of those that no fit saw."""
+        """Squared errors by blocks: cross-validated of those fitted, and of those held out."""
         return np.concatenate([self.error, self.unseen])
 
     def evidence(self, worth: float) -> float:
-        """Schwarz' criterion on n independent samples, smaller is better: n log(mean square) + constants log n."""
+        """Schwarz's criterion on n independent samples, smaller is better: n log(mean square) + constants log n."""
         square = float(np.mean(self.squared / self.unit**2))
         return worth * float(np.log(max(square, 1e-300))) + len(self.fit.u) * float(np.log(max(worth, 2.0)))
 
@@ -86,7 +86,7 @@ class Trial:
 
 
 def rough(unknowns: Sequence[Unknown], laws: Sequence[Law]) -> Floats | None:
-    """Rows (k, unknowns) that charge tables for being rough; None without a table."""
+    """Rows (k, unknowns) of the tables' roughness penalty; None without a table."""
     out = []
     for number, law in enumerate(laws):
         if law.shape != TABLE:
@@ -115,7 +115,7 @@ def squares(campaign: Campaign, fit: Fit) -> Floats:
 
 
 def sigma_of(campaign: Campaign, squared: Floats) -> tuple[float, ...]:
-    """What counts as one sigma after a fit that leaves this, (channels,)."""
+    """Sigma after a fit with this residual, (channels,)."""
     noise = noise_in(campaign.observations)
     return tuple(float(x) for x in np.maximum(np.sqrt(squared), NOISE * noise))
 

@@ -28,9 +28,9 @@ from straw.replay.diagnose.systems.function.shapes import SHAPES, TABLE
 
 Floats = NDArray[np.float64]
 
-#: Points of a curve that is told; deviations by which an effect must come before its cause to be a clock's doing.
+#: Points of a reported curve; standard deviations by which an effect must precede its cause to indicate a clock.
 POINTS, AHEAD = 41, 3.0
-#: What each kind of place means in a formula: {name} its own, {f} the law's value.
+#: Each kind of place in a formula: {name} its name, {f} the law's value.
 READS = {
     RATE: "d {name}/dt = ... + {f}",
     FACTOR: "{name} -> {name} (1 + {f})",
@@ -45,7 +45,7 @@ READS = {
 
 @dataclass(frozen=True, eq=False)
 class Told:
-    """One law as it is told: formula, constants (value, deviation, unit), and its curve (state, value, deviation)."""
+    """A reported law: formula, constants (value, deviation, unit), and its curve (state, value, deviation)."""
 
     law: Law
     formula: str
@@ -54,10 +54,10 @@ class Told:
 
 
 def is_fault(one: Told) -> bool | None:
-    """Whether a law is a recording's fault, whatever the system does; None where that cannot be told.
+    """Whether a law is a fault of the recording, whatever the system; None where that is undetermined.
 
-    What comes late may come late in the system, too; before its cause only a clock can put it. What drifts may drift in
-    the instrument or in the system.
+    A delay may be the system's, too, but only a clock can put an effect before its cause. A drift may be the
+    instrument's or the system's.
     """
     kind, state = one.law.place.kind, one.law.state
     if kind in (CLOCK, DELAY):
@@ -77,7 +77,7 @@ def acts_in_recording(law: Law) -> bool:
 
 
 def told(trial: Trial, number: int) -> Told:
-    """A trial's law by its number, with what the recordings leave open, the other constants free."""
+    """A trial's law by its number, with its uncertainty, the other constants free."""
     law, fit = trial.laws[number], trial.fit
     own = [k for k, one in enumerate(fit.unknowns) if one.target.startswith(f"law.{number}.")]
     covariance = covariance_of(trial)[np.ix_(own, own)]
@@ -104,7 +104,7 @@ def told(trial: Trial, number: int) -> Told:
 
 
 def covariance_of(trial: Trial) -> Floats:
-    """Of u: what is left beyond sigma, and samples that are not independent, widen it."""
+    """Covariance of u, widened by misfit beyond sigma and by dependent samples."""
     fit = trial.fit
     w = weights(fit.residual)
     count = max(int(np.count_nonzero(fit.residual)), 1)
@@ -151,7 +151,7 @@ def formula(law: Law, values: dict[str, float], number: int) -> str:
 
 
 def state_names(law: Law) -> list[str]:
-    """What it depends on, as findings name it."""
+    """The state's name in findings."""
     if law.state.kind == OF_NOTHING:
         return []
     words = [law.state.name]

@@ -1,1 +1,1 @@
-"""The page of a diagnosis: a story read in two minutes, from the verdict down to the evidence."""
+"""The page of a diagnosis: from the verdict down to the evidence, read in two minutes."""

@@ -1,4 +1,4 @@
-"""What a reader may look up below the story: where the base is off, which constant wanders, the model's text."""
+"""Details below the story: where the base is off, which constant varies between runs, the model's text."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from straw.replay.diagnose.page.write import table
 
 def details(f: Findings, found: Inquiry) -> list[tuple[str, str]]:
     """Headings and HTML."""
-    out = [("Where the base model is off, in standard deviations (RMS), by recording and stretch", _map(found))]
+    out = [("Where the base model is off, in standard deviations (RMS), by recording and interval", _map(found))]
     if f.located:
         rows = [
             (
@@ -29,12 +29,12 @@ def details(f: Findings, found: Inquiry) -> list[tuple[str, str]]:
             for one in f.located
         ]
         head = ("run", "channel", "phase", "time", "cell", "a matter of", "share of squared misfit")
-        out.append(("The stretches that differ most", table(head, rows)))
+        out.append(("The intervals that differ most", table(head, rows)))
     if f.wandering:
         wandering = [(w.constant, w.equation, f"{w.spread_sigma:.0f}", w.goes_with) for w in f.wandering[:4]]
         columns = ("constant", "equation", "spread, standard deviations", "goes with")
-        words = "<p>If each run had constants of its own: how far they would spread, and with what.</p>"
-        out.append(("Which constant of the base would have to wander", words + table(columns, wandering)))
+        words = "<p>If each run had constants of its own: their spread, and the condition it correlates with.</p>"
+        out.append(("Which constant of the base would have to vary from run to run", words + table(columns, wandering)))
     out += [(f"The {name}, as a file", f"<pre>{html.escape(text)}</pre>") for name, text in f.written.items()]
     return out
 

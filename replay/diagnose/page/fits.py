@@ -1,4 +1,4 @@
-"""Pictures of fits: what is left against time, before and after, with the noise; a law over its state with its band."""
+"""Pictures of fits: residuals against time, before and after, with the noise; a law over its state with its band."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def law_curve(curve: LawCurve, formula: tuple[Floats, Floats] | None = None) -> 
 
 
 def shares(names: Sequence[str], stretches: Sequence[str], sigmas: Floats) -> str:
-    """Where the base is off: recordings down, stretches across, RMS in sigmas; NaN where a recording lacks one."""
+    """Where the base is off: recordings down, intervals across, RMS in sigmas; NaN where a recording lacks one."""
     figure, axes = axes_of(1.6 + 0.95 * len(stretches), 1.0 + 0.34 * len(names))
     axes.imshow(np.log10(np.maximum(sigmas, 1)), cmap="cividis", aspect="auto", vmin=0, vmax=2)
     for (i, k), value in np.ndenumerate(sigmas):
@@ -87,4 +87,4 @@ def shares(names: Sequence[str], stretches: Sequence[str], sigmas: Floats) -> st
     axes.set_xticks(range(len(stretches)), stretches, rotation=20, ha="right", fontsize=8)
     axes.set_yticks(range(len(names)), names, fontsize=8)
     axes.spines[:].set_visible(False)
-    return svg(figure, "misfit of the base model by recording and stretch")
+    return svg(figure, "misfit of the base model by recording and interval")

@@ -1,4 +1,4 @@
-"""What was found, as laws: formula, constants with intervals, the curve over the state; or the curve of the unknown."""
+"""The laws found: formula, constants with intervals, the curve over the state; or the curve of an unknown cause."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ import numpy as np
 from straw.replay.diagnose.figures import covariance_of
 from straw.replay.diagnose.findings import Findings
 from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.names import words
 from straw.replay.diagnose.page.fits import law_curve
 from straw.replay.diagnose.page.shown import LawCurve
 from straw.replay.diagnose.page.story import INTERVAL, Constant, LawTold
-from straw.replay.diagnose.page.words import symbol_of, words
+from straw.replay.diagnose.page.words import symbol_of
 from straw.replay.diagnose.system import System
 
 #: Points at which a formula is drawn.
@@ -20,7 +21,7 @@ POINTS = 400
 
 
 def laws_of(f: Findings, system: System) -> list[LawTold]:
-    """The causes of the best hypothesis, or the curve of what is missing."""
+    """The causes of the best hypothesis, or the curve of the missing force."""
     if f.missing:
         return [_missing(f.missing)]
     if not f.best or f.verdict in ("complete", "within_tolerance"):
@@ -44,14 +45,15 @@ def laws_of(f: Findings, system: System) -> list[LawTold]:
 
 
 def _interval(k: Unknown, u: float, sigma: float) -> tuple[float, float]:
-    """In u, where the fit is nearest to normal, and within the bounds; so a strength is not below nothing."""
+    """An interval in u, where the posterior is nearest to normal, within the bounds, so that strengths stay
+    positive."""
     ends = (k.value(float(np.clip(u + sign * INTERVAL * sigma, k.low, k.high))) for sign in (-1, 1))
     low, high = sorted(ends)
     return low, high
 
 
 def laws_say(f: Findings) -> str:
-    """What is to be said before them."""
+    """Introduction of the laws."""
     if f.missing and not f.discovered:
         return (
             "The curve is the best that was found; it does not make the runs held out better, so it explains nothing."
@@ -64,7 +66,7 @@ def laws_say(f: Findings) -> str:
 
 
 def _missing(m: Any) -> LawTold:
-    """The curve with its band, and the shortest formula that keeps what it gains."""
+    """The curve with its band, and the shortest formula that keeps its gain."""
     s = m.curve.state
     scale, over = (1e3, "mm") if s.state_unit == "m" else (1.0, s.state_unit)
     shows = f"{s.value_symbol} / {s.value_unit}".removesuffix(" / 1")

@@ -1,7 +1,7 @@
-"""Typesets a law: MathML from a formula as the laws write it in one line, `F = -c (g/h)^3 zeta'`.
+"""Typesets a law: MathML from the laws' one-line notation, `F = -c (g/h)^3 zeta'`.
 
 Greek letters by name, ^ and _ as in TeX, a/b as a fraction, ' as a time derivative, |x|, sums and products as written;
-words that are no function, as "within", stay words.
+words other than functions, as "within", stay words.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def mathml(formula: str) -> str:
 
 
 class _Reader:
-    """Reads tokens from the left; what it cannot make sense of is shown as it stands."""
+    """Parses tokens from the left; what it cannot parse is shown as it stands."""
 
     def __init__(self, text: str) -> None:
         found = [(m.lastgroup, m[0]) for m in TOKENS.finditer(text) if m.lastgroup]
@@ -69,7 +69,7 @@ class _Reader:
         return "".join(out)
 
     def factor(self, *, plain: bool = False) -> str:
-        """One symbol, number or bracket with what hangs on it; ``plain``: a number below a line has no unit."""
+        """One symbol, number or bracket with its attachments; ``plain``: a number in a denominator has no unit."""
         one = self._rate() or self._atom(plain)
         while (token := self._next()) is not None and token[1] in ("^", "'"):
             self.at += 1
@@ -78,7 +78,7 @@ class _Reader:
         return one
 
     def _rate(self) -> str:
-        """d x/dt; empty where something else comes."""
+        """d x/dt; empty for anything else."""
         words = [word for _, word in self.tokens[self.at : self.at + 4]]
         if len(words) < 4 or (words[0], *words[2:]) != ("d", "/", "dt"):
             return ""
@@ -116,7 +116,7 @@ class _Reader:
         return f"<mo>{SIGNS.get(word) or html.escape(word)}</mo>"
 
     def _unit(self) -> str:
-        """What a number is in, where a unit follows it."""
+        """The unit after a number, if any."""
         found: list[str] = []
         while (token := self._next()) is not None and (token[1] in UNITS or (found and token[1] in "/^()2345")):
             if token[1] == ")" and "(" not in found:
@@ -159,7 +159,7 @@ def _spaced(words: list[str]) -> list[str]:
 
 
 def _bare(one: str) -> str:
-    """A bracket over or below a line needs none."""
+    """Without brackets in a numerator or denominator."""
     return f"<mrow>{one[len(OPEN) : -len(CLOSE)]}</mrow>" if one.startswith(OPEN) and one.endswith(CLOSE) else one
 
 

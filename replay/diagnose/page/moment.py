@@ -1,4 +1,4 @@
-"""The moment worth looking at: where two models part most, or one is most off."""
+"""The moment of largest difference between two models, or of one model's largest error."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-#: What is looked at closely: this share of a recording, with as much again before and after it.
+#: Window shown first: this share of a recording, with as much again before and after it.
 CLOSE = 0.06
-#: Fewest samples of that.
+#: Its smallest number of samples.
 FEWEST = 8
 
 

@@ -1,4 +1,4 @@
-"""Matplotlib figures as SVG that stands in the page itself: its text is the page's, its colours are the theme's."""
+"""Matplotlib figures as inline SVG with the page's font and the theme's colours."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Colours drawn with, and what the page's style sheet calls them.
+#: Colours of the figures, and their names in the page's style sheet.
 INK, SOFT, LINE, BEFORE, AFTER, BAND = "#010101", "#020202", "#030303", "#040404", "#050505", "#060606"
 THEMED = {INK: "ink", SOFT: "soft", LINE: "line", BEFORE: "before", AFTER: "after", BAND: "noise"}
-#: Colours of lines that are told apart and are neither base nor improved model.
+#: Colours of lines other than base and improved model.
 OTHERS = (BEFORE, AFTER, INK, SOFT)
 LEGEND: dict[str, Any] = {"frameon": False, "labelcolor": INK, "fontsize": 9}
 STYLE: dict[Any, Any] = {
@@ -27,7 +27,7 @@ STYLE: dict[Any, Any] = {
 
 def axes_of(width: float = 5.4, height: float = 3.0, **grid: Any) -> tuple[Figure, Any]:
     """A figure of the page's size and its axes, as `Figure.subplots` gives them."""
-    import matplotlib as mpl  # takes its time
+    import matplotlib as mpl  # slow to import
     from matplotlib.figure import Figure
 
     with mpl.rc_context(STYLE):

@@ -1,4 +1,4 @@
-"""Recordings for the replay page's player, with base and improved model laid over each other."""
+"""Recordings for the replay page's player, with base and improved model."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from straw.replay.report.data import packed
 
 Floats = NDArray[np.float64]
 
-#: So many recordings are played: those held out first, then those in which the models part most.
+#: Number of recordings played: those held out first, then those in which the models differ most.
 PLAYED = 3
-#: Samples of a longer recording are left out evenly.
+#: Largest number of samples; longer recordings are thinned evenly.
 MOST = 12000
 
 
@@ -30,7 +30,7 @@ class Model:
     fit: Fit
 
     def shows(self, one: Recording) -> Floats:
-        """What the channels show, (channels, n)."""
+        """Predicted values of the channels, (channels, n)."""
         return self.system.simulated(one, self.fit.unknowns, self.fit.u)
 
 

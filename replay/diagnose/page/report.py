@@ -1,4 +1,4 @@
-"""What `straw diagnose` found, as a story: gathers what the page tells from findings, fits and the system."""
+"""The result of `straw diagnose` as a story: gathers the page's contents from findings, fits and the system."""
 
 from __future__ import annotations
 
@@ -10,19 +10,18 @@ from straw.replay.diagnose.findings import Findings
 from straw.replay.diagnose.fit import Fit
 from straw.replay.diagnose.heldout import noise_floor, plain_rms
 from straw.replay.diagnose.inquiry import Inquiry
+from straw.replay.diagnose.names import words
 from straw.replay.diagnose.page.details import details
 from straw.replay.diagnose.page.fits import left_over
 from straw.replay.diagnose.page.laws import laws_of, laws_say
 from straw.replay.diagnose.page.player import Model, played
 from straw.replay.diagnose.page.shown import Shown
 from straw.replay.diagnose.page.story import Error, Next, Rival, Story
-from straw.replay.diagnose.page.words import and_, raised, sig, symbol_of, words
+from straw.replay.diagnose.page.words import and_, raised, sig, symbol_of
 from straw.replay.diagnose.page.write import written
 
-#: How many other explanations are told.
+#: Largest number of other explanations shown.
 RIVALS = 6
-#: What judged names stand for that are no causes.
-WORDS = {"complete": "nothing missing: the base model", "unknown": "something no hypothesis holds"}
 
 
 def report(findings: Findings, found: Inquiry) -> str:
@@ -31,7 +30,7 @@ def report(findings: Findings, found: Inquiry) -> str:
 
 
 def story(f: Findings, found: Inquiry) -> Story:
-    """What the page tells."""
+    """The page's contents."""
     campaign = found.campaign
     improved = _improved(f)
     model = (f.missing.curve.campaign if improved and not f.best else campaign).system
@@ -77,7 +76,7 @@ def _improved(f: Findings) -> Fit | None:
 
 
 def _gain(f: Findings, channels: Sequence[Any]) -> str:
-    """What the improved model is worth where it was not fitted, in one sentence."""
+    """The improved model's held-out improvement, in one sentence."""
     held = f.held
     if held is None or _improved(f) is None:
         return ""
@@ -129,7 +128,7 @@ def _error(c: Any, before: float, after: float | None, noise: float, told: str) 
 
 
 def _rivals(f: Findings, found: Inquiry) -> list[Rival]:
-    """The most probable hypotheses, with what each leaves in all runs."""
+    """The most probable hypotheses, with the misfit of each in all runs."""
     fits = {"complete": found.null, **{c.name: c.fit for c in found.contestants}}
     channels, out = found.campaign.system.channels, []
     for name, p in list(f.judgement.probability.items())[:RIVALS]:
@@ -138,7 +137,7 @@ def _rivals(f: Findings, found: Inquiry) -> list[Rival]:
             rms = plain_rms(found.campaign, fits[name].unknowns, fits[name].u)
             leaves = [f"{c.shown_per_si * rms[c.name]:.3g}" for c in channels]
         chosen = set(name.split("+")) == set(f.causes) or name == f.verdict
-        out.append(Rival(WORDS.get(name) or words(name), p, leaves, chosen))
+        out.append(Rival(words(name) + (": the base model" if name == "complete" else ""), p, leaves, chosen))
     return out
 
 

@@ -1,4 +1,4 @@
-"""What a system brings to the page of a diagnosis: its picture, its laws, its motion, its next experiment."""
+"""A system's contributions to the page of a diagnosis: picture, laws, motion, next experiment."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class LawCurve:
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """A cause as a law: its formula in one line, what its symbols are (by the constants' names), its curve."""
+    """A cause as a law: its formula in one line, descriptions of its constants by name, its curve."""
 
     formula: str
     source: str = ""
@@ -47,18 +47,18 @@ class Drawing:
 
     svg: str = ""
     caption: str = ""
-    commands: tuple[str, ...] = ()  # what a person types to do what is drawn
+    commands: tuple[str, ...] = ()  # commands that run the experiment
 
 
 class Shown:
-    """What the page shows of a system; by default nothing but its channels."""
+    """The page's contents for a system; by default its channels only."""
 
     def picture(self, model: Any, places: Sequence[int], causes: Sequence[str]) -> Drawing:
         """The system with the place of what was found marked; ``places`` are those of the events that differ most."""
         return Drawing()
 
     def about(self, cause: str) -> Mapping[str, str]:
-        """What a cause's constants are, by name: "c, damping at rest"."""
+        """Descriptions of a cause's constants by name: "c, damping at rest"."""
         return {}
 
     def law(self, cause: str, fit: Fit, covariance: Floats) -> Law | None:
@@ -66,7 +66,7 @@ class Shown:
         return None
 
     def played(self, recording: Any, fit: Fit) -> dict[str, Any]:
-        """What the player needs of a recording beside its channels (`straw.replay.report.data`), as this fit has it."""
+        """The player's data of a recording beside its channels (`straw.replay.report.data`), by this fit."""
         return {}
 
     def experiment(self, proposed: Any) -> Drawing:

@@ -1,4 +1,4 @@
-"""A diagnosis as a story: what is told, in order, whatever the system; `straw.replay.diagnose.page.html` writes it."""
+"""A diagnosis as a story: the page's contents in order, for any system; ``write.py`` makes the HTML."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Any
 
 from straw.replay.diagnose.page.shown import Drawing
 
-#: A 95 % interval is so many standard deviations to either side.
+#: Half width of a 95 % interval in standard deviations.
 INTERVAL = 1.96
 
 
 @dataclass(frozen=True)
 class Constant:
-    """A constant of a law: its symbol or name, what it is, value, 95 % interval, unit ("1" for none)."""
+    """A constant of a law: symbol or name, description, value, 95 % interval, unit ("1" for none)."""
 
     symbol: str
     about: str
@@ -26,7 +26,7 @@ class Constant:
 
 @dataclass(frozen=True)
 class LawTold:
-    """A law as it is told: a heading, its formula in one line (empty where it has none), constants, pictures (HTML)."""
+    """A law on the page: a heading, its formula in one line (or empty), constants, pictures (HTML)."""
 
     name: str
     formula: str
@@ -37,7 +37,7 @@ class LawTold:
 
 @dataclass(frozen=True)
 class Error:
-    """RMS of simulated minus measured in one channel: base, improved (None: there is none), noise; as it is shown."""
+    """RMS of simulated minus measured in one channel: base, improved (None: there is none), noise, as text."""
 
     label: str
     unit: str
@@ -49,7 +49,7 @@ class Error:
 
 @dataclass(frozen=True)
 class Rival:
-    """Another explanation: its name, its probability, and what it leaves (RMS by channel, as it is shown)."""
+    """Another explanation: its name, its probability, and its RMS by channel, as text."""
 
     name: str
     probability: float
@@ -68,12 +68,12 @@ class Next:
 
 @dataclass(frozen=True)
 class Story:
-    """All that a page tells. Texts are plain, except ``fits`` and ``details``, which are pairs with HTML."""
+    """The contents of a page. Texts are plain, except ``fits`` and ``details``, which are pairs with HTML."""
 
     says: str
     where: str
     picture: Drawing
-    runs: list[dict[str, Any]]  # for the player; each may have ``at``, the moment to begin with, and ``window``
+    runs: list[dict[str, Any]]  # the player's data; each may have ``at``, the moment to start from, and ``window``
     improved: bool  # whether there is an improved model to show
     fitted_say: str = "Both are fitted to all of them."
     laws: Sequence[LawTold] = ()
@@ -84,8 +84,8 @@ class Story:
     fits: Sequence[tuple[str, str]] = ()  # picture (HTML), caption
     rivals: Sequence[Rival] = ()
     rivals_say: str = ""
-    channels: Sequence[str] = ()  # heads of what rivals leave
-    unseen: Sequence[tuple[str, str, str]] = ()  # cause, what of it, the smallest size that would have been seen
+    channels: Sequence[str] = ()  # headings of the rivals' RMS
+    unseen: Sequence[tuple[str, str, str]] = ()  # cause, constant, the smallest size that would have been seen
     unseen_says: str = ""
     doubts: Sequence[str] = ()
     next: Next | None = None

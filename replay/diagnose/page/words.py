@@ -1,4 +1,4 @@
-"""Names as a person writes them."""
+"""Names, values and units as text for people."""
 
 from __future__ import annotations
 
@@ -8,14 +8,9 @@ from collections.abc import Sequence
 #: Units that are read in thousandths where numbers are small.
 SMALL = {"m": "mm", "s": "ms", "rad": "mrad", "N": "mN", "N m": "mN m"}
 MINUS = "\u2212"
-#: What a constant is begins with its symbol: "c, damping at rest"; its name ends with its unit.
+#: A constant's description begins with its symbol: "c, damping at rest"; its name ends with its unit.
 SYMBOL, UNIT = re.compile(r"(\S{1,8})(?:[,;] (.*))?"), re.compile(r"_(m|m2|m3|s|n|pa|rad|kg)(_.*)?$")
 POWERS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
-
-
-def words(name: str) -> str:
-    """A hypothesis' name: ``squeeze_film+gauge_offset`` is squeeze film and gauge offset."""
-    return name.replace("_", " ").replace("+", " and ")
 
 
 def and_(names: Sequence[str]) -> str:
@@ -32,7 +27,7 @@ def sig(value: float) -> str:
 
 
 def quantity(value: float, low: float, high: float, unit: str) -> tuple[str, str]:
-    """A value with the unit in which it is read, and an interval in the same unit."""
+    """A value with its display unit, and an interval in the same unit."""
     if unit in SMALL and abs(value) < 0.1:
         value, low, high, unit = 1e3 * value, 1e3 * low, 1e3 * high, SMALL[unit]
     return f"{sig(value)} {raised(unit)}".removesuffix(" 1"), f"{sig(low)} to {sig(high)}"
@@ -44,6 +39,6 @@ def raised(unit: str) -> str:
 
 
 def symbol_of(name: str, about: str) -> tuple[str, str]:
-    """A constant's symbol and what it is, from its name and what is said about it."""
+    """A constant's symbol and description, from its name and description."""
     found = SYMBOL.fullmatch(about)
     return (found[1], found[2] or "") if found else (UNIT.sub("", name), about)

@@ -1,4 +1,4 @@
-"""A story as one HTML file that needs no network: the replay page's player between the verdict and the evidence."""
+"""A story as one HTML file that needs no network, with the replay page's player between verdict and evidence."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from straw.replay.diagnose.page.story import Error, LawTold, Next, Rival, Story
 from straw.replay.diagnose.page.words import quantity, sig
 from straw.replay.report.page import assemble
 
-#: The replay page's scripts without its table and its plane of configurations, and what stands for them.
+#: The replay page's scripts without its table and its plane of configurations, and their replacement.
 SCRIPTS = ("base", "straw", "charts", "film", "player", "story", "main")
 
 
@@ -33,7 +33,7 @@ def written(story: Story) -> str:
 def _player_says(story: Story) -> str:
     if not story.runs:
         return ""
-    who = "base and improved model part most" if story.improved else "the base model is off most"
+    who = "base and improved model differ most" if story.improved else "the base model is off most"
     fitted = f" {story.fitted_say}" if story.improved else ""
     return f"<h2>The recordings, played</h2><p>{text(f'They begin where {who}.{fitted}')}</p>"
 

@@ -1,1 +1,1 @@
-"""A learned proposal: which causes to try for a campaign, in which order, and from where to fit them."""
+"""A learned proposal: which causes to try for a campaign, in which order, and from which starts."""

@@ -1,4 +1,4 @@
-"""What the network learns from: features of recordings made of simulated groups, kept beside them as files."""
+"""Training data: features of recordings made of simulated groups, kept beside them as files."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Singles = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Number:
-    """One number the network estimates: u of an unknown, or how large it is whatever its sign."""
+    """One number the network estimates: u of an unknown, or its magnitude."""
 
     cause: str  # empty for the base's constants
     unknown: Unknown
@@ -37,12 +37,12 @@ class Number:
 
     @property
     def name(self) -> str:
-        """Under which weights know it."""
+        """Its name in the weights."""
         return f"{self.cause}|{self.unknown.target}" + ("|size" if self.size_only else "")
 
 
 def numbers(straw: StrawParameters) -> list[Number]:
-    """All that is estimated of a campaign with this nominal straw."""
+    """All numbers estimated for a campaign with this nominal straw."""
     out = [Number("", one) for one in base_unknowns(straw)]
     of_causes = library_unknowns(straw.cells)
     out += [Number(name, one) for name, one in of_causes]
@@ -77,17 +77,17 @@ class Examples:
         return Batch(self.x[np.concatenate(rows)].astype(np.float32), np.array(starts))
 
     def truth(self, which: NDArray[np.int64], scales: Singles) -> Truth:
-        """What is to be said of them, each number in units of its scale."""
+        """The targets, each number in units of its scale."""
         return Truth(self.present[which].astype(np.float32), self.values[which] / scales)
 
 
 def recipe() -> str:
-    """Hash of what makes features of a simulated group: another recipe makes them again."""
+    """Hash of the code and settings that make features of a group: if it changes they are made again."""
     return hash_of_code(features_module, movement, seen, recorded)
 
 
 def hash_of_code(*modules: ModuleType) -> str:
-    """Hash of what some modules say, however it is laid out."""
+    """Hash of some modules' code, independent of its layout."""
     code = (ast.dump(ast.parse(Path(str(m.__file__)).read_text(encoding="utf-8"))) for m in modules)
     return hashlib.sha256("".join(code).encode()).hexdigest()[:12]
 

@@ -1,4 +1,4 @@
-"""What a run looks like in numbers: what is done to it, the gauge at vent, levels, creep, its course, its movement."""
+"""Features of a run: its inputs, the gauge at vent, levels, creep, its course, its movement."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from straw.replay.diagnose.propose.seen import RATE_HZ, Seen
 Floats = NDArray[np.float64]
 
 PRESSURE_PA = 2e4
-#: Windows in which the course of what is off is told.
+#: Windows of the residual's course.
 WINDOWS = 10
-#: Errors of a gauge that count as one, Pa.
+#: Unit of a gauge's error, Pa.
 READING_PA = 50.0
 
 
@@ -47,7 +47,7 @@ def _of_run(seen: Seen) -> Floats:
 
 
 def _setting(seen: Seen) -> Floats:
-    """The nominal straw, the configuration it starts from, and what is done to it."""
+    """The nominal straw, its start configuration, and its inputs."""
     s = seen.straw
     cells = np.zeros(12)
     where = (np.array(seen.deployed, dtype=np.float64) - 0.5) / s.cells
@@ -67,7 +67,7 @@ def _setting(seen: Seen) -> Floats:
 
 
 def _gauge(seen: Seen) -> Floats:
-    """What the gauge reads at vent, and beside the command on plateaus: offset and gain."""
+    """The gauge's reading at vent, and against the command on plateaus: offset and gain."""
     if seen.command is None:
         return np.zeros(6)
     at_s, told_pa = seen.command
@@ -94,7 +94,7 @@ def _spans(at_s: Floats, end_s: float) -> list[tuple[float, float]]:
 
 
 def _levels(tip: Floats, told: Floats, seen: Seen) -> Floats:
-    """Where the tip is before anything happens and at the end, and how far the prediction is off in between."""
+    """The tip before the first change and at the end, and the prediction's error in between."""
     off = tip - told
     first = max(int(0.12 * RATE_HZ), 2)
     last = slice(-max(int(0.25 * RATE_HZ), 2), None)
@@ -117,7 +117,7 @@ def _levels(tip: Floats, told: Floats, seen: Seen) -> Floats:
 
 
 def _creep(tip: Floats, told: Floats, seen: Seen) -> Floats:
-    """How fast the tip still moves towards the end of each plateau of the pressure; the first, the last, the most."""
+    """The tip's speed towards the end of each plateau of the pressure; the first, the last, the largest."""
     change = np.abs(np.diff(seen.pressure_pa)) > 0.02 * np.ptp(seen.pressure_pa) + 1.0
     edges = np.concatenate([[0], np.flatnonzero(change) + 1, [tip.shape[1]]])
     drifts = []
@@ -137,7 +137,7 @@ def _creep(tip: Floats, told: Floats, seen: Seen) -> Floats:
 
 
 def _course(tip: Floats, told: Floats, seen: Seen) -> Floats:
-    """What is off, and how much more or less the tip moves than predicted, from the first change of pressure on."""
+    """The residual, and the ratio of motion to prediction, from the first change of pressure on."""
     change = np.flatnonzero(np.abs(np.diff(seen.pressure_pa)) > 0.02 * np.ptp(seen.pressure_pa) + 1.0)
     first = int(change[0]) if len(change) else 0
     edges = np.linspace(min(first, tip.shape[1] - 2 * WINDOWS), tip.shape[1], WINDOWS + 1).astype(np.int64)

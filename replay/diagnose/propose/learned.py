@@ -1,4 +1,5 @@
-"""What was learned, as a file: an ensemble of networks, how features are scaled, and how far the familiar reaches."""
+"""The trained proposal as a file: an ensemble of networks, the features' scaling, the training distribution's
+limits."""
 
 from __future__ import annotations
 
@@ -21,13 +22,13 @@ Singles = NDArray[np.float32]
 TRAIN = "train it with python -m straw.replay.diagnose.propose.train"
 SHIPPED = Path(__file__).with_name("weights.npz")
 VERSION = 1
-#: Numbers that say where the familiar ends are kept in this accuracy, the networks' weights in half of it.
+#: Precision of the limits of the training distribution; the networks' weights have half of it.
 EXACT, HALF = np.float32, np.float16
 
 
 @dataclass(frozen=True, eq=False)
 class Scaling:
-    """Features to what networks take: less their mean, over their deviation, outliers drawn in."""
+    """Standardises features: minus mean, over deviation, outliers compressed."""
 
     mean: Singles
     sd: Singles
@@ -39,8 +40,8 @@ class Scaling:
 
 @dataclass(frozen=True, eq=False)
 class Familiar:
-    """Where campaigns like those of the training lie: principal directions of their runs' features (after Hotelling and
-    Jackson: how far out within these directions, and how far beside them), and quantiles of held-out campaigns."""
+    """The training distribution: principal directions of its runs' features (after Hotelling and Jackson: distance
+    within these directions, and distance from them), and quantiles of held-out campaigns."""
 
     directions: Singles  # (features, k)
     variance: Singles  # (k,)
@@ -53,7 +54,7 @@ class Familiar:
         return np.array([np.mean(along**2 / self.variance), beside.mean()], dtype=np.float64)
 
     def quantile(self, x: Singles) -> float:
-        """Share of held-out campaigns that lie nearer, by the farther of both distances."""
+        """Share of held-out campaigns that lie nearer, by the larger quantile of both distances."""
         levels = np.linspace(0, 1, self.quantiles.shape[1])
         found = [np.interp(d, q, levels) for d, q in zip(self.distances(x), self.quantiles, strict=True)]
         return float(max(found))
@@ -61,7 +62,7 @@ class Familiar:
 
 @dataclass(frozen=True, eq=False)
 class Learned:
-    """An ensemble with its scaling, its guard and what it was made of."""
+    """An ensemble with its scaling, its limits and its recipe."""
 
     members: tuple[Weights, ...]
     scaling: Scaling
@@ -69,7 +70,7 @@ class Learned:
     about: dict[str, Any]  # causes, numbers, prior, temperature, recipe, seed, date, version
 
     def ask(self, x: NDArray[Any]) -> list[Singles]:
-        """What each member says of a campaign's runs (runs, features)."""
+        """Each member's output for a campaign's runs (runs, features)."""
         batch = Batch(self.scaling(x), np.array([0]))
         return [answer(w, batch)[0] for w in self.members]
 
@@ -89,7 +90,7 @@ class Learned:
 
 
 def load(path: Path = SHIPPED) -> Learned:
-    """Read what was learned; ReplayError where it is missing, damaged or of another version."""
+    """Read a trained proposal; ReplayError where it is missing, damaged or of another version."""
     try:
         with np.load(path) as data:
             arrays = {name: data[name] for name in data.files if name != "about"}
@@ -111,7 +112,7 @@ def load(path: Path = SHIPPED) -> Learned:
 
 @lru_cache(maxsize=1)
 def shipped() -> Learned:
-    """What comes with the package."""
+    """The proposal that comes with the package."""
     return load()
 
 

@@ -1,4 +1,4 @@
-"""How the tip moves beside a prediction, in numbers: times, lags, snaps, ringing, and what a camera would explain."""
+"""Features of the tip's motion against a prediction: times, lags, snaps, ringing, and effects of a camera."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from straw.replay.diagnose.propose.seen import RATE_HZ
 
 Floats = NDArray[np.float64]
 
-#: One unit of X and Z (lengths of the straw), and of Phi; and what is little of each.
+#: One unit of X and Z (lengths of the straw), and of Phi; and a small amount of each.
 UNIT, LITTLE = np.array([0.1, 0.1, 0.2]), np.array([1e-3, 1e-3, 3e-3])
-#: Shares of the way at which times are taken; what is late by this counts as one, s.
+#: Shares of the path at which times are taken; unit of lateness, s.
 SHARES, LATE_S = (0.02, 0.1, 0.25, 0.5, 0.75, 0.9, 0.98), 5e-3
-#: Longest lag looked for, s; edges of the bands in which ringing is measured, Hz.
+#: Longest lag searched, s; edges of the bands in which ringing is measured, Hz.
 LAG_S, BANDS_HZ = 0.25, (0.5, 1.5, 3.0, 5.0, 8.0, 12.0, 18.0, 28.0)
-#: Snaps that are looked at, so far apart and so wide, s.
+#: Number of snaps used, their least distance and width, s.
 SNAPS, APART_S, AROUND_S = 3, 0.12, 0.25
 
 
 def squashed(x: Floats | float, unit: Floats | float) -> Floats:
-    """Linear for what is little, logarithmic for what is much."""
+    """Linear for small amounts, logarithmic for large ones."""
     return np.arcsinh(np.asarray(x) / unit)
 
 
 def _way(x: Floats) -> Floats:
-    """How far the tip has come, (n,), without what is noise."""
+    """The tip's path length, (n,), without noise."""
     moves = np.diff(gaussian_filter1d(x, 1.0, axis=1), axis=1) / UNIT[:, None]
     speed = np.sqrt(np.sum(moves**2, axis=0))
     come = np.cumsum(np.clip(speed - 2 * np.median(speed) - 2e-3, 0, None))
@@ -36,13 +36,13 @@ def _way(x: Floats) -> Floats:
 
 
 def times(tip: Floats, told: Floats) -> Floats:
-    """When shares of the way are done, how much later than predicted, and how fast the tip is at most."""
+    """Times of shares of the path, their lateness against the prediction, and the largest speed."""
     out = []
     ways = [_way(tip), _way(told)]
     at = [np.interp(np.array(SHARES) * way[-1], way, np.arange(len(way)) / RATE_HZ) for way in ways]
     out.append(squashed(at[0] - at[1], LATE_S))
     out.append(at[0])
-    # the same share of what the prediction does in all: where only some of the snaps happen
+    # the same share of the prediction's whole path, for runs in which only some of the snaps happen
     same = np.interp(np.array(SHARES) * ways[1][-1], ways[0], np.arange(len(ways[0])) / RATE_HZ)
     out.append(squashed(same - at[1], LATE_S))
     totals = np.array([way[-1] for way in ways])
@@ -55,8 +55,8 @@ def times(tip: Floats, told: Floats) -> Floats:
 
 
 def lags(tip: Floats, told: Floats) -> Floats:
-    """By how much the prediction has to be shifted to move with the tip: in all, and in both halves of the way; and
-    what then is still off."""
+    """The shift in time that aligns the prediction with the tip: in all, and in both halves of the path; and the
+    remaining residual."""
     speeds = [np.diff(gaussian_filter1d(x, 1.0, axis=1), axis=1) / UNIT[:, None] for x in (tip, told)]
     n, most = speeds[0].shape[1], int(LAG_S * RATE_HZ)
     middle = int(np.searchsorted(np.cumsum(np.abs(speeds[1]).sum(axis=0)), 0.5 * np.abs(speeds[1]).sum()))
@@ -81,7 +81,7 @@ def lags(tip: Floats, told: Floats) -> Floats:
 
 
 def camera(tip: Floats, told: Floats) -> Floats:
-    """Robust regression of what is off on what a camera that is turned, stretched, displaced or late would show."""
+    """Robust regression of the residual on the effects of a rolled, scaled, displaced or late camera."""
     off, (x, z, phi) = tip - told, told
     speed = np.gradient(told, axis=1) * RATE_HZ
     when = np.linspace(0, 1, tip.shape[1])
@@ -104,7 +104,7 @@ def camera(tip: Floats, told: Floats) -> Floats:
 
 
 def ringing(tip: Floats, told: Floats) -> Floats:
-    """How much the tip moves in each band of frequencies, and how much the prediction and their difference do."""
+    """Motion of the tip, the prediction and their difference in each band of frequencies."""
     hertz = np.fft.rfftfreq(tip.shape[1] - 1, 1 / RATE_HZ)
     out = []
     for x in (tip, told, tip - told):
@@ -116,7 +116,7 @@ def ringing(tip: Floats, told: Floats) -> Floats:
 
 
 def snaps(tip: Floats, told: Floats) -> Floats:
-    """The prediction's strongest snaps: when, how fast, how wide; and how late, fast and wide the tip's own are."""
+    """The prediction's strongest snaps: time, speed, width; and lateness, speed and width of the tip's own."""
     speeds = [np.sqrt(np.sum((np.diff(gaussian_filter1d(x, 1.0, axis=1), axis=1) / UNIT[:, None]) ** 2, axis=0))
               for x in (tip, told)]  # fmt: skip
     found, left = [], [speed.copy() for speed in speeds]
@@ -137,6 +137,6 @@ def snaps(tip: Floats, told: Floats) -> Floats:
         found += [np.log((mine[2] + 1e-2) / (way + 1e-2))]
     ordered = [sorted(one[0] for one in some) for some in peaks]
     found += [float(squashed((a - b) / RATE_HZ, LATE_S)) for a, b in zip(*ordered, strict=True)]
-    # the share of the strongest in all says whether cells snap one by one or together
+    # the share of the strongest shows whether cells snap one by one or together
     found += [np.log((some[1][1] + 1e-3) / (some[0][1] + 1e-3)) for some in peaks]
     return np.array(found, dtype=np.float64)

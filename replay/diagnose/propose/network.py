@@ -1,8 +1,8 @@
-"""A network over sets of runs, and how it learns: one encoder for every run, mean and maximum over runs, then a head.
+"""A network over sets of runs and its training: one encoder for every run, mean and maximum over runs, then a head.
 
 Deep sets (Zaheer et al. 2017); Adam (Kingma and Ba 2015) with decoupled weight decay (Loshchilov and Hutter 2019). In
-NumPy, as a network of two matrices before and two behind the pooling needs no more, learns in minutes, and whoever adds
-a law can train it again with what the project installs anyway.
+NumPy, which suffices for two matrices before and two behind the pooling: it trains in minutes, and a user who adds a
+law can train it again without further dependencies.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Singles = NDArray[np.float32]
 ENCODER, HEAD = (256, 128), 256
 RATE, DECAY, BETAS = 2e-3, 0.1, (0.9, 0.999)
 DROP_IN, DROP = 0.02, 0.25
-#: Least and most logarithm of a stated deviation; how much the numbers count beside the causes.
+#: Least and largest logarithm of a stated deviation; weight of the numbers beside the causes.
 LOG_SD, NUMBERS, OUTLIER = (-3.0, 2.0), 0.3, 2.5
 
 
@@ -37,8 +37,8 @@ class Batch:
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """``present`` (campaigns, causes) 0 or 1; ``values`` (campaigns, numbers) in deviations, NaN where there is nothing
-    to learn."""
+    """``present`` (campaigns, causes) 0 or 1; ``values`` (campaigns, numbers) in deviations, NaN where there is no
+    target."""
 
     present: Singles
     values: Singles
@@ -59,7 +59,7 @@ def fresh(rng: np.random.Generator, features: int, causes: int, numbers: int) ->
 
 
 def answer(w: Weights, batch: Batch) -> Singles:
-    """What the network says of each campaign, (campaigns, causes + 2 numbers)."""
+    """The network's output for each campaign, (campaigns, causes + 2 numbers)."""
     return _forward(w, batch, None)[0]
 
 
@@ -90,7 +90,7 @@ def loss(out: Singles, truth: Truth, known_means: Singles | None = None) -> tupl
     """Cross entropy of the causes, squared error of the numbers, and negative log likelihood of the numbers' deviations
     about means taken as known (``known_means``, else as in ``out``): the mean of all campaigns; and its slope by out.
 
-    Where means are learned by likelihood, those that are already well known drown all others (Seitzer et al. 2022).
+    If means were learned by likelihood, the accurate ones would dominate all others (Seitzer et al. 2022).
     """
     causes, numbers, n = truth.present.shape[1], truth.values.shape[1], len(out)
     logits, mean, raw = out[:, :causes], out[:, causes : causes + numbers], out[:, causes + numbers :]
@@ -101,7 +101,7 @@ def loss(out: Singles, truth: Truth, known_means: Singles | None = None) -> tupl
     log_sd = np.clip(raw, *LOG_SD)
     about = mean if known_means is None else known_means
     away = np.where(known, np.clip((about - truth_or_0) / np.exp(log_sd), -OUTLIER, OUTLIER), 0)
-    # beyond OUTLIER deviations an error counts as so many, and its slope is that of the number there
+    # beyond OUTLIER deviations an error is clipped, with the slope of the clipped number
     within = known & (raw > LOG_SD[0]) & (raw < LOG_SD[1])
     total += NUMBERS * float(np.sum(0.5 * off**2) + np.sum(np.where(known, 0.5 * away**2 + log_sd, 0)))
     slope = np.empty_like(out)

@@ -1,8 +1,8 @@
 """The proposal for a campaign: every cause with a score, hypotheses in the order to be tried, and starts for fits.
 
-It proposes only: scores are no verdict, and exact fits decide. Asked twice, beside the given straw and beside the one
-with base constants as estimated the first time (Papamakarios and Murray 2016: sequential proposals): scores are of
-both, starts of the second.
+Scores are no verdict: exact fits decide. The network is evaluated twice, beside the given straw and beside the one with
+base constants as estimated the first time (Papamakarios and Murray 2016: sequential proposals): scores are of both,
+starts of the second.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ from straw.replay.diagnose.systems.straw.observation import Observation
 
 Floats = NDArray[np.float64]
 
-#: Beyond this share of held-out campaigns nothing like it was seen: every cause is tried.
+#: Beyond this quantile of held-out campaigns a campaign is outside the training distribution: every cause is tried.
 UNFAMILIAR = 0.995
-#: What a cause counts as that nobody has learned, beside the mean share of the known ones.
+#: Weight of an untrained cause, relative to the mean share of the trained ones.
 AS_KNOWN = 1.0
 
 
 @dataclass(frozen=True)
 class Start:
-    """From where to fit one unknown: u and its spread (one deviation), u of the library.
+    """A start of one unknown: u and its spread (one deviation), u of the library.
 
-    ``size_u`` is how large a signed strength is whatever its sign, where it has one; ``positive`` how probable a plus.
+    ``size_u``: magnitude of a signed strength; ``positive``: the probability of a plus.
     """
 
     unknown: Unknown
@@ -55,8 +55,8 @@ class Proposal:
     ``scores`` (0 to 1) of every cause of the library, highest first; ``hypotheses`` are names of causes that act
     together, () for none, with their weights, in the order to be tried. ``base`` are starts for the base's constants,
     beside the straw that was given; ``starts`` those of each cause's unknowns, in the library's order. ``distance`` is
-    the share of held-out campaigns that lie nearer to what was learned; ``disagreement`` the deviation between members
-    of the ensemble in the score they differ most about. ``unknown_to_it`` are causes nobody has taught it.
+    the share of held-out campaigns that lie nearer to the training data; ``disagreement`` the deviation between members
+    of the ensemble in their most uncertain score. ``unknown_to_it`` are untrained causes.
     """
 
     scores: Mapping[str, float]
@@ -70,7 +70,7 @@ class Proposal:
 
     @property
     def familiar(self) -> bool:
-        """Whether campaigns like this one were seen; if not, every cause is to be tried."""
+        """Whether the campaign is within the training distribution; if not, every cause is to be tried."""
         return self.distance < UNFAMILIAR
 
     def start(self, names: Sequence[str]) -> tuple[tuple[Start, ...], ...]:
@@ -122,7 +122,7 @@ def propose(
 
 @dataclass(frozen=True, eq=False)
 class _Said:
-    """What the ensemble says: logits (members, causes), mean and deviation of each number by name, distance."""
+    """The ensemble's output: logits (members, causes), mean and deviation of each number by name, distance."""
 
     logits: Floats
     numbers: Mapping[str, tuple[float, float]]
@@ -150,7 +150,7 @@ def _asked(
 
 
 def _number(said: _Said, number: Number) -> tuple[float, float] | None:
-    """u of a number and its spread; None where nobody has taught it."""
+    """u of a number and its spread; None for untrained ones."""
     return said.numbers.get(number.name)
 
 
@@ -222,7 +222,7 @@ def _hypotheses(names: tuple[str, ...], p: Floats) -> tuple[tuple[tuple[str, ...
 def _nothing_seen(
     straw: StrawParameters, names: tuple[str, ...], learned: Learned, left_out: tuple[str, ...]
 ) -> Proposal:
-    """A proposal where no run could be simulated: everything as before any run was seen."""
+    """The prior as a proposal, where no run could be simulated."""
     known = dict(zip(learned.about["causes"], learned.about["prior"], strict=True))
     mean = AS_KNOWN * float(np.mean(list(known.values())))
     scores = {name: float(known.get(name, mean)) for name in names}

@@ -1,4 +1,4 @@
-"""Protocols to learn from: the eight of a campaign as laboratories run it, and others drawn by chance."""
+"""Protocols of training campaigns: the eight of a usual campaign, and random ones."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ USUAL = (
 
 
 def drawn(rng: np.random.Generator, cells: int) -> tuple[Protocol, ...]:
-    """The protocols of one campaign by chance: two to eight runs of 3 to 8 s, cycles rising."""
+    """Random protocols of one campaign: two to eight runs of 3 to 8 s, cycles rising."""
     cycle, out = int(rng.integers(3)), []
     for _ in range(int(rng.integers(2, 9))):
         out.append(_one(rng, cells, cycle))
@@ -61,7 +61,7 @@ def drawn(rng: np.random.Generator, cells: int) -> tuple[Protocol, ...]:
 
 
 def _one(rng: np.random.Generator, cells: int, cycle: int) -> Protocol:
-    """A run by chance: steps up or down, holds below what snaps, ramps, staircases, pulses."""
+    """A random run: steps up or down, holds below the snap pressure, ramps, staircases, pulses."""
     kind = rng.choice(["up", "down", "hold", "ramp", "stairs", "pulses"], p=[0.3, 0.2, 0.12, 0.12, 0.13, 0.13])
     seconds = float(rng.uniform(3.0, 5.0) if rng.random() < 0.85 else rng.uniform(5.0, 8.0))
     start_s = float(rng.uniform(0.15, 0.5))

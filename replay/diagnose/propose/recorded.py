@@ -1,4 +1,4 @@
-"""What camera, clock and gauge make of a simulated motion: recordings to learn from, faults by chance."""
+"""Training recordings: a simulated motion as seen by camera, clock and gauge, with random faults."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from straw.replay.diagnose.systems.straw.library import causes
 
 Floats = NDArray[np.float64]
 
-#: How many faults a recording has, by how many causes of the physics: with `specimens.HOW_MANY` 10 % of all have
+#: Number of faults of a recording, by the number of physical causes: with `specimens.HOW_MANY` 10 % of all have
 #: nothing, 43 % one cause, the others two.
 FAULTS = ((0.42, 0.5, 0.08), (0.65, 0.35), (1.0,))
-#: Noise of a frame (m, m, rad), by which factor it may differ, and share of its variance that lasts, for so long.
+#: Noise of a frame (m, m, rad), the factor by which it varies, and the correlated share of its variance with its time.
 NOISE, NOISE_RATIO, LASTING, LASTS_S = np.array([25e-6, 25e-6, 1.5e-3]), 2.0, 0.7, 0.06
-#: How far a regulator keeps from its command, in half of all laboratories: share, Pa. And of means of readings, Pa.
+#: A regulator's deviation from its command in half of all laboratories: share, Pa. And of means of readings, Pa.
 REGULATED, REGULATED_PA, READ_PA = 3e-3, 40.0, 5.0
 
 
@@ -36,7 +36,7 @@ class Labelled:
 
 
 def recorded(group: Group, specimen: int, rng: np.random.Generator) -> Labelled:
-    """A recording of one specimen of a group, with faults by chance."""
+    """A recording of one specimen of a group, with random faults."""
     straw = group.nominal
     cause_u = group.cause_u[specimen].copy()
     names = [name for name, _ in library_unknowns(straw.cells)]
@@ -95,7 +95,7 @@ def _filmed(
 
 
 def _noise(rng: np.random.Generator, frames: int, lasting: float) -> Floats:
-    """Noise (3, frames) of unit variance: white, and a part that lasts."""
+    """Noise (3, frames) of unit variance: white plus a correlated part."""
     from scipy.signal import lfilter
 
     fade = np.exp(-FRAME_S / LASTS_S)

@@ -1,4 +1,4 @@
-"""One run as the proposal looks at it: tip, the nominal straw's prediction, pressure and command on one even grid."""
+"""One run as input of the proposal: tip, the nominal straw's prediction, pressure and command on one even grid."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from straw.replay.diagnose.systems.straw.observation import Observation
 Floats = NDArray[np.float64]
 
 RATE_HZ = 60
-#: A run is looked at this long at most, s.
+#: Longest part of a run that is used, s.
 LONGEST_S = 12.0
 
 
@@ -26,7 +26,7 @@ LONGEST_S = 12.0
 class Seen:
     """Every 1 / `RATE_HZ` from the run's beginning: tip and prediction (3, n), the gauge's reading (n,), Pa.
 
-    ``command`` are times (s) and values (Pa) of what the controller was told, or None where nobody recorded it.
+    ``command`` are times (s) and values (Pa) of the controller's commands, or None where not recorded.
     """
 
     tip: Floats
@@ -56,7 +56,7 @@ class Seen:
 
 
 def observed(observation: Observation, straw: StrawParameters) -> Seen | None:
-    """A run as the proposal sees it, beside what a straw does under the pressure that was read; None where the straw
+    """A run as input of the proposal, beside a straw's prediction under the measured pressure; None where the straw
     cannot follow."""
     run, table = observation.run, observation.pressure
     assert run.initial_deployed is not None

@@ -1,4 +1,4 @@
-"""Simulates campaigns to learn from and keeps them as files: motions without noise, from which recordings are made.
+"""Simulates training campaigns and keeps them as files: motions without noise, from which recordings are made.
 
 A group shares protocols and the nominal straw, whose predictions are then simulated once for all of its specimens, and
 once more for each fault of the gauge that a recording of the group may have.
@@ -40,11 +40,11 @@ Singles = NDArray[np.float32]
 #: Specimens that share their protocols, and share of groups that run the usual ones.
 SPECIMENS, USUALLY = 12, 0.4
 FRAME_S, TABLE_S = 1 / 240, 1e-3
-#: A motion is simulated this much longer than it is recorded, for clocks that are early.
+#: Extra duration of a simulated motion, for clocks that are early.
 BEYOND_S = 0.3
-#: Below the camera's noise of 25 um; one that needs more steps rings on and costs as much as many others.
+#: Below the camera's noise of 25 um; a motion with more steps keeps ringing and costs as much as many others.
 TOLERANCE_M, MOST_STEPS_PER_S = 1.5e-6, 1200.0
-#: How fast a regulator nears its command, s.
+#: Time constant of a regulator, s.
 SETTLING_S = (5e-3, 40e-3)
 
 
@@ -84,7 +84,7 @@ class Group:
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Read a group back; unknowns the library has by now and had not then are absent, NaN."""
+        """Read a group back; unknowns added to the library since then are absent, NaN."""
         with np.load(path) as data:
             about = json.loads(str(data["about"]))
             arrays = {name: data[name] for name in ("gauges", "motion", "predicted", "base_u", "cause_u")}
@@ -108,7 +108,7 @@ def library_unknowns(cells: int) -> list[tuple[str, Unknown]]:
 
 
 def simulated_group(seed: int) -> Group | None:
-    """A group by chance; the same seed gives the same. None where nothing of it can be simulated."""
+    """A random group; the same seed gives the same. None where nothing of it can be simulated."""
     rng = np.random.default_rng([seed, 30])
     straw, near = nominal(rng), nearness(rng)
     usual = bool(rng.random() < USUALLY)
@@ -141,7 +141,7 @@ def simulated_group(seed: int) -> Group | None:
 
 
 def simulate_until(folder: Path, seeds: Sequence[int], stop: Any = lambda: False) -> int:
-    """Simulate the groups of some seeds that are not in the folder yet; how many campaigns they hold."""
+    """Simulate the groups of some seeds that are not in the folder yet; return how many campaigns they hold."""
     folder.mkdir(parents=True, exist_ok=True)
     count = 0
     for seed in seeds:
@@ -169,7 +169,7 @@ def played(
 
 
 def _gauge_fault(rng: np.random.Generator, cells: int, name: str) -> tuple[float, float]:
-    """Offset (Pa) and gain of a gauge by chance."""
+    """Random offset (Pa) and gain of a gauge."""
     unknowns = causes(cells)[name][0]
     values = {
         one.target: one.value(float(u)) for one, u in zip(unknowns, fault_by_chance(rng, cells, name), strict=True)

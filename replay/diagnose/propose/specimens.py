@@ -1,4 +1,4 @@
-"""Specimens to learn from: nominal straws, what a specimen differs by, and causes at up to ten times the plausible."""
+"""Training specimens: nominal straws, deviations of a specimen, and causes of up to ten times the plausible size."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ Floats = NDArray[np.float64]
 
 #: Least and largest strength of a cause, in units of the library (one is well seen), and over its plausible range.
 LEAST_UNITS, MOST_UNITS, BEYOND_PLAUSIBLE = 1 / 3, 10.0, 2.0
-#: Faults of a recording reach further: a marker taken 9 mm beside the tip is one.
+#: Faults of a recording can be larger: a marker taken 9 mm beside the tip is one.
 MOST_UNITS_OF_FAULTS = 30.0
-#: Shares of specimens with one, two, ... of the physics' causes; faults of the recording join later, see `recorded`.
+#: Shares of specimens with one, two, ... physical causes; faults of the recording are added later, see `recorded`.
 HOW_MANY = (0.25, 0.47, 0.28)
-#: How far a specimen's constants may be from the nominal: r_ch, c_zeta, c_phi as logarithms, the rest in deviations of
-#: the library's prior; and by which factor less where they have been fitted already.
+#: Deviation of a specimen's constants from the nominal: r_ch, c_zeta, c_phi as logarithms, the rest in deviations of
+#: the library's prior; and the factor by which it is smaller where they have been fitted already.
 DAMPING, CHANNEL, NEAR = 1.6, 0.25, 1.0
 FITTED = ((1.0, 0.4), (0.3, 0.35), (0.08, 0.25))
 #: Deviation of fitted elasticity and geometry from the paper's.
 FITTED_DIFFER = 0.02
-#: Deviation of cells of one specimen from each other, in E: too little to be called a spread.
+#: Deviation of cells of one specimen from each other, in E: too small to be called a spread.
 CELLS_DIFFER = 3e-3
 
 
 def nominal(rng: np.random.Generator) -> StrawParameters:
-    """A straw file by chance: damping and channel as given with the recordings in half of all, elasticity and geometry
-    as in the paper in half, else some percent off: a straw that has been fitted."""
+    """A random straw file: damping and channel as given with the recordings in half of all, elasticity and geometry as
+    in the paper in half, else some percent off, as of a straw that has been fitted."""
     given = {"r_ch_m": 0.40e-3, "c_zeta_n_s_per_m": 20.0, "c_phi_n_m_s_per_rad": 2e-3}
     if rng.random() < 0.5:
         given = {
@@ -49,8 +49,8 @@ def nominal(rng: np.random.Generator) -> StrawParameters:
 
 
 def nearness(rng: np.random.Generator) -> tuple[float, float]:
-    """How near to the nominal the specimens of a group are, in damping and channel and in the rest: 1 for straws nobody
-    has fitted yet."""
+    """Spread of the specimens of a group about the nominal, in damping and channel and in the rest: 1 for straws that
+    have not been fitted."""
     factors, shares = zip(*FITTED, strict=True)
     damping, rest = rng.choice(factors, 2, p=shares)
     return float(damping), float(rest)
@@ -74,7 +74,7 @@ def physics(cells: int) -> list[str]:
 
 
 def causes_by_chance(rng: np.random.Generator, cells: int) -> dict[str, Floats]:
-    """None, one or two causes of the physics, each with u of its unknowns."""
+    """No, one or two physical causes, each with u of its unknowns."""
     names = rng.choice(physics(cells), rng.choice(len(HOW_MANY), p=HOW_MANY), replace=False)
     return {str(name): sized(rng, causes(cells)[str(name)][0]) for name in names}
 
@@ -85,7 +85,7 @@ def fault_by_chance(rng: np.random.Generator, cells: int, name: str) -> Floats:
 
 
 def sized(rng: np.random.Generator, unknowns: Sequence[Unknown]) -> Floats:
-    """u (unknowns,) of a cause by chance: strengths over orders of magnitude, shapes by their priors."""
+    """Random u (unknowns,) of a cause: strengths over orders of magnitude, shapes by their priors."""
     strengths = [k for k, one in enumerate(unknowns) if one.kind == "strength"]
     if len({unknowns[k].target.rsplit(".", 1)[0] for k in strengths}) == 1 and len(strengths) > 3:
         return _by_cell(rng, unknowns)  # one strength in every cell
@@ -114,7 +114,7 @@ def _strength(rng: np.random.Generator, unknown: Unknown) -> float:
 
 
 def most_units(unknown: Unknown) -> float:
-    """Largest strength to learn from, in the library's units."""
+    """Largest strength in training, in the library's units."""
     kind, _, name = unknown.target.partition(".")
     if kind != "term":
         return MOST_UNITS_OF_FAULTS
@@ -124,7 +124,7 @@ def most_units(unknown: Unknown) -> float:
 
 
 def _shape(rng: np.random.Generator, unknown: Unknown) -> float:
-    """A constant of a law's form by its prior; the strength of what is not there."""
+    """A constant of a law's form by its prior; zero for a strength."""
     if unknown.kind == "strength":
         return 0.0
     usual = unknown.kind == "linear" and rng.random() < 0.3
@@ -132,7 +132,7 @@ def _shape(rng: np.random.Generator, unknown: Unknown) -> float:
 
 
 def cells_differ(rng: np.random.Generator, straw: StrawParameters) -> StrawParameters:
-    """The straw with cells as unlike as those of one specimen are, in a quarter of all."""
+    """The straw with unlike cells, as of one specimen, in a quarter of all."""
     if rng.random() < 0.75:
         return straw
     differs = CELLS_DIFFER * np.clip(rng.normal(size=straw.cells), -2, 2)
@@ -141,7 +141,7 @@ def cells_differ(rng: np.random.Generator, straw: StrawParameters) -> StrawParam
 
 
 def another_time(rng: np.random.Generator, straw: StrawParameters) -> StrawParameters:
-    """The straw as it is in one of its runs: repeats differ by wear, warmth and mounting."""
+    """The straw in one of its runs: repeats differ by wear, temperature and mounting."""
     young, axial, bending, angle = rng.normal(size=4)
     return straw.replace(
         E_pa=straw.E_pa * (1 + 1.5e-3 * young),

@@ -1,10 +1,10 @@
-"""Learns the proposal: simulates campaigns, makes recordings of them, trains networks, writes the weights.
+"""Trains the proposal: simulates campaigns, makes recordings of them, trains networks, writes the weights.
 
     python -m straw.replay.diagnose.propose.train FOLDER --campaigns 15000
 
-FOLDER keeps what is simulated and every network that is done: an interrupted training goes on where it stopped, and a
-larger one begins with what is there. With a new law in `model/terms` and in the library, the same command on another
-folder teaches it; `--no-simulation` only trains on what the folder holds. Hours on two cores.
+FOLDER keeps the simulations and every finished network: an interrupted training continues, and a larger one reuses
+them. With a new law in `model/terms` and in the library, the same command on another folder includes it;
+`--no-simulation` only trains on the folder's contents. Takes hours on two cores.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from straw.replay.diagnose.propose.simulate_campaigns import SPECIMENS, simulate
 from straw.replay.diagnose.systems.straw.library import causes
 from straw.replay.progress import progress_bar, say
 
-#: Every tenth group is held out, and as many again say where the familiar ends and how sure the answers may be.
+#: Every tenth group is held out for the test, and as many again calibrate the limits and the temperature.
 FOLDS, HELD_OUT, CALIBRATE = 10, 2, 3
 BATCH, EPOCHS, MEMBERS, DIRECTIONS, LEVELS = 48, 40, 3, 40, 201
 Indices = NDArray[np.int64]
@@ -53,7 +53,7 @@ def scaling_of(x: NDArray[np.float16]) -> Scaling:
 
 
 def scales_of(examples: Examples) -> Singles:
-    """Root mean square of every number where it is there, at least a little: what counts as one to the networks."""
+    """Root mean square of every number where present, with a lower bound: its unit for the networks."""
     known = np.isfinite(examples.values)
     square = np.nan_to_num(examples.values) ** 2
     mean_square = square.sum(axis=0) / np.maximum(known.sum(axis=0), 1)
@@ -82,7 +82,7 @@ def trained(examples: Examples, scaling: Scaling, seed: int, epochs: int = EPOCH
 
 
 def asked(members: list[Weights], scaling: Scaling, examples: Examples) -> NDArray[np.float32]:
-    """What every member says of all runs of each recording, (members, recordings, outputs)."""
+    """Every member's output for each recording, (members, recordings, outputs)."""
     out = []
     for k in range(0, len(examples), 256):
         raw = examples.batch(np.arange(k, min(k + 256, len(examples))))
@@ -91,14 +91,14 @@ def asked(members: list[Weights], scaling: Scaling, examples: Examples) -> NDArr
 
 
 def tempered(logits: NDArray[np.float32], present: NDArray[np.bool_]) -> float:
-    """The temperature (Guo et al. 2017) at which the ensemble's mean answers are likeliest."""
+    """The temperature (Guo et al. 2017) of maximum likelihood for the ensemble's mean."""
     tried = np.geomspace(0.5, 4.0, 43)
     losses = [np.mean(np.logaddexp(0, logits / t) - present * logits / t) for t in tried]
     return float(tried[int(np.argmin(losses))])
 
 
 def familiar_of(x: NDArray[np.float16], scaling: Scaling, calibrate: Examples) -> Familiar:
-    """Principal directions of the training's runs, and how far out held-out campaigns lie."""
+    """Principal directions of the training's runs, and the distances of held-out campaigns."""
     some = scaling(x[:: max(1, len(x) // 12_000)])
     variance, directions = np.linalg.eigh(some.T @ some / len(some))
     order = np.argsort(variance)[::-1][:DIRECTIONS]
@@ -127,17 +127,17 @@ def top(scores: NDArray[np.floating[Any]], present: NDArray[np.bool_]) -> dict[s
 
 
 def main() -> None:
-    """Simulate, learn, write."""
+    """Simulate, train, write."""
     ask = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    ask.add_argument(
-        "folder", type=Path, help="for what is simulated and learned on the way; 2 GB for 15,000 campaigns"
-    )
+    ask.add_argument("folder", type=Path, help="for simulations and networks; 2 GB for 15,000 campaigns")
     ask.add_argument("--campaigns", type=int, default=15_000)
     ask.add_argument("--seed", type=int, default=0, help="of the first group and network")
     ask.add_argument("--times", type=int, default=1, help="recordings, with other noise and faults, of each specimen")
-    ask.add_argument("--no-simulation", action="store_true", help="train on what the folder holds")
+    ask.add_argument("--no-simulation", action="store_true", help="train on the folder's contents")
     ask.add_argument(
-        "--curve", action="store_true", help="show what an eighth, a quarter and a half of it teach; write nothing"
+        "--curve",
+        action="store_true",
+        help="show the result with an eighth, a quarter and a half of the data; write nothing",
     )
     ask.add_argument("--out", type=Path, default=SHIPPED)
     args = ask.parse_args()
@@ -149,7 +149,7 @@ def main() -> None:
                 update(k + 1, groups)
     rest = tuple(k for k in range(FOLDS) if k not in (HELD_OUT, CALIBRATE))
     examples, calibrate, held = (gathered(args.folder, args.times, f) for f in (rest, (CALIBRATE,), (HELD_OUT,)))
-    say(f"{len(examples)} recordings to learn from, {len(held)} held out")
+    say(f"{len(examples)} training recordings, {len(held)} held out")
     if args.curve:
         _curve(examples, held, args.seed)
         return
@@ -157,7 +157,7 @@ def main() -> None:
 
 
 def write(args: argparse.Namespace, examples: Examples, calibrate: Examples, held: Examples) -> None:
-    """Train the ensemble, calibrate it, say how good it is, save it."""
+    """Train, calibrate, test and save the ensemble."""
     scaling = scaling_of(examples.x)
     members = [_kept(args.folder, examples, scaling, args.seed + k) for k in range(MEMBERS)]
     straw, causes_known = StrawParameters(), examples.present.shape[1]
@@ -183,7 +183,7 @@ def write(args: argparse.Namespace, examples: Examples, calibrate: Examples, hel
 
 
 def _kept(folder: Path, examples: Examples, scaling: Scaling, seed: int) -> Weights:
-    """A network of the folder if it learned from just these examples in just this way, else a new one."""
+    """The folder's network if it was trained on these examples with these settings, else a new one."""
     how = hash_of_code(network) + f"{BATCH} {EPOCHS}"
     of = hashlib.sha256(examples.values.tobytes() + examples.x[::97].tobytes() + how.encode()).hexdigest()[:12]
     path = folder / f"network-{of}-{seed}.npz"

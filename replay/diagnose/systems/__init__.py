@@ -1,1 +1,1 @@
-"""Systems that can be diagnosed, a room each."""
+"""Systems that can be diagnosed, a folder each."""

@@ -17,7 +17,7 @@ from straw.rig.tables.table import Reading, Table
 class Format:
     """One format. ``recognises`` looks at a path and the file's bytes; ``read`` makes the table, or a RigError.
 
-    The lowest ``rank`` that recognises a file reads it: the more a format is sure of itself, the lower.
+    The format of lowest ``rank`` that recognises a file reads it; the more specific a format, the lower its rank.
     """
 
     name: str
@@ -29,15 +29,15 @@ class Format:
 
 @cache
 def formats() -> dict[str, Format]:
-    """All formats by name, in the order in which they are asked."""
+    """All formats by name, in the order in which they are tried."""
     names = [module.name for module in pkgutil.iter_modules(__path__) if not module.name.startswith("_")]
     found: list[Format] = [importlib.import_module(f"{__name__}.{name}").FORMAT for name in names]
     return {one.name: one for one in sorted(found, key=lambda one: (one.rank, one.name))}
 
 
 def format_of(path: Path, data: bytes, named: str | None = None) -> Format:
-    """The format of a file; RigError where nobody reads it. ``named``: one of those known, or the file of a reader."""
-    from straw.rig.tables.reader import reader_formats, reader_in  # made of what is above
+    """The format of a file; RigError where none reads it. ``named``: one of those known, or the file of a reader."""
+    from straw.rig.tables.reader import reader_formats, reader_in  # imported late, as it uses the classes above
 
     if named is not None and named.endswith(".py"):
         return reader_in(Path(named))

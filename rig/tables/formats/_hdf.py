@@ -1,4 +1,4 @@
-"""HDF5 files out of their bytes, with h5py, which is optional."""
+"""HDF5 files from their bytes, with h5py, which is optional."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers as people and programs write them: decimal commas, thousands, minus signs, words for nothing."""
+"""Numbers as people and programs write them: decimal commas, thousands, minus signs, words for missing values."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _GROUPS = re.compile(r"[-+]?\d{1,3}([.,]\d{3})+$")
 
 
 def is_nothing(text: str) -> bool:
-    """Whether a cell says that there is no value."""
+    """Whether a cell stands for a missing value."""
     return text.strip().casefold() in NOTHING
 
 
@@ -29,7 +29,7 @@ def looks_like_data(text: str) -> bool:
 
 
 def number(text: str, decimal: str, thousands: str) -> float | None:
-    """A cell as a number, NaN where it says nothing, None where it is none.
+    """A cell as a number, NaN for a missing value, None where it is no number.
 
     ``thousands`` may be the decimal mark itself: then the last one is the decimal mark.
     """
@@ -55,7 +55,7 @@ def number(text: str, decimal: str, thousands: str) -> float | None:
 
 
 def marks(cells: Iterable[str], separator: str | None) -> tuple[str, str, str]:
-    """Decimal mark, thousands mark, and in words what is doubtful about it, of cells that look numeric."""
+    """Decimal mark and thousands mark of cells that look numeric, and a description of what is ambiguous."""
     commas: list[str] = []
     points: list[str] = []
     both: list[str] = []

@@ -24,7 +24,7 @@ MOST_TORN = 0.05
 
 @dataclass
 class Grid:
-    """Cells of a text file: one list a row, all of one length; ``top`` is what stands above, ``torn`` line numbers."""
+    """Cells of a text file: one list a row, all of one length; ``top``: lines above, ``torn``: line numbers."""
 
     names: list[str]
     rows: list[list[str]]
@@ -160,12 +160,12 @@ def _numbers(column: tuple[str, ...], decimal: str, thousands: str) -> list[floa
         try:
             return list(map(float, column))
         except ValueError:
-            pass  # some of them need a closer look
+            pass  # some of the columns are ambiguous
     return [number(cell, decimal, thousands) for cell in column]
 
 
 def _mostly(column: tuple[str, ...]) -> bool:
-    """Four of five of what is there: a torn cell is no reason to call a column of numbers one of words."""
+    """At least four of five non-empty cells: a torn cell does not make a column of numbers one of words."""
     there = [cell for cell in column if not is_nothing(cell)]
     return not there or sum(map(looks_numeric, there)) >= 0.8 * len(there)
 
@@ -214,7 +214,7 @@ def _names(above: list[tuple[list[str], str]], width: int, separator: str) -> li
             continue
         names = row
         break
-    if not names and units:  # a heading that happens to be letters which are units, too: x, m, s
+    if not names and units:  # a heading whose letters happen to be units, too: x, m, s
         names, units = units, []
     names = [name or f"column {k}" for k, name in enumerate(names, 1)] or [f"column {k}" for k in range(1, width + 1)]
     if units and any(units):
@@ -223,7 +223,7 @@ def _names(above: list[tuple[list[str], str]], width: int, separator: str) -> li
 
 
 def unique(names: list[str]) -> list[str]:
-    """The same names, with a number behind those that stand there twice."""
+    """The same names, with a number appended to repeated ones."""
     seen: Counter[str] = Counter()
     out = []
     for name in names:

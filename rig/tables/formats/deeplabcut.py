@@ -1,7 +1,7 @@
 """DeepLabCut's CSV and H5: scorer, bodyparts, coords on top; x, y and likelihood of each body part in px.
 
 The H5 is pandas' ``to_hdf(key="df_with_missing", format="table")`` (or "fixed"): it is read with h5py alone, and the
-pickled column names in it by an unpickler that can make nothing but lists, tuples and words.
+pickled column names in it by an unpickler that can only make lists, tuples and strings.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ def _from_csv(path: Path, data: bytes, reading: Reading) -> tuple[list[tuple[str
 
 
 class _Words(pickle.Unpickler):
-    """Unpickles what is made of lists, tuples, numbers and words; anything else is refused."""
+    """Unpickles lists, tuples, numbers and strings; anything else is refused."""
 
     def find_class(self, module: str, name: str) -> Any:
         raise pickle.UnpicklingError(f"{module}.{name}")

@@ -1,4 +1,4 @@
-"""CSV, TSV and what else a logger or a spreadsheet writes as text, one row a line; also serial logs of a terminal."""
+"""CSV, TSV and other text tables of loggers and spreadsheets, one row a line; also serial logs of a terminal."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ from straw.rig.tables.units import unit_in
 
 
 def recognises(path: Path, data: bytes) -> bool:
-    """By what MATLAB writes first; version 4 has no such words, so its suffix is asked."""
+    """By MATLAB's header; version 4 has none, so its suffix decides."""
     return data.startswith(b"MATLAB") or (path.suffix.casefold() == ".mat" and not data[:4].isalpha())
 
 
@@ -57,7 +57,7 @@ def _from_mat(path: Path, data: bytes) -> Iterator[tuple[str, Any]]:
     try:
         stream: Any = io.BytesIO(data)
         held = loadmat(stream, squeeze_me=True, struct_as_record=True)
-    except Exception as error:  # SciPy leaks half a dozen kinds for a damaged file
+    except Exception as error:  # SciPy raises half a dozen kinds of exception for a damaged file
         raise RigError(
             f"{path.name}: is not a MAT file that can be read ({type(error).__name__}); save it again"
         ) from None

@@ -1,1 +1,1 @@
-"""A system that a user writes as a Python file: a function, or slopes that are integrated for them."""
+"""A system that a user writes as a Python file: a function, or slopes that are integrated."""

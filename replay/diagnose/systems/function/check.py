@@ -14,7 +14,7 @@ from straw.replay.errors import ReplayError
 
 
 def defects(path: Path) -> list[str]:
-    """What is wrong with a system file, each in one line with its cure; empty where it is sound."""
+    """Defects of a system file, each in one line with its cure; empty where there are none."""
     try:
         model = load_model(path)
     except ReplayError as problem:
@@ -30,7 +30,7 @@ def defects(path: Path) -> list[str]:
 def check_on(system: FunctionSystem, recordings: Sequence[Recorded]) -> None:
     """Raise ReplayError, one line, where the file's functions give no numbers where a recording starts.
 
-    There the base must be told: further on a trial may run away, which the fit can bear.
+    The base must be defined there; later on a trial may diverge, which the fit tolerates.
     """
     model = system.model
     for one in recordings:
@@ -83,7 +83,7 @@ def _gives_numbers(model: Model) -> list[str]:
 
 
 def _is_whole(model: Model) -> list[str]:
-    """Units of states are said."""
+    """Units of states are given."""
     return [
         f'{model.path}: state {s} has no unit; add units = {{"{s}": "..."}}'
         for s in model.states
@@ -92,7 +92,7 @@ def _is_whole(model: Model) -> list[str]:
 
 
 def _compiles(model: Model) -> list[str]:
-    """The march can be built."""
+    """The integrator can be built."""
     if not model.plain:
         _ = model.march
     return []

@@ -1,4 +1,4 @@
-"""How a user's functions and what is around them are compiled: numba, without the GIL."""
+"""How a user's functions and their integrator are compiled: numba, without the GIL."""
 
 from __future__ import annotations
 
@@ -9,5 +9,5 @@ import numba
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
 
-#: Gives back a function of the same signature. Division by zero gives inf as in NumPy.
+#: Returns a function of the same signature. Division by zero gives inf as in NumPy.
 compiled = cast(Callable[[_Function], _Function], numba.njit(nogil=True, error_model="numpy"))

@@ -1,4 +1,4 @@
-"""Integrates a user's slopes with laws at work: the classical Runge-Kutta rule, compiled together with the slopes."""
+"""Integrates a user's slopes with added laws: the classical Runge-Kutta rule, compiled together with the slopes."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from straw.replay.diagnose.systems.function.shapes import value
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Where a law may act, and over what. Columns of a law's row of integers: place, which, state, which, shape, first
-#: parameter, how many, number of its lagging state or -1.
+#: Places and states of a law. Columns of a law's row of integers: place, its number, state, its number, shape, first
+#: parameter, number of parameters, number of its lagging state or -1.
 RATE, FACTOR, CHANNEL, CLOCK, DELAY, STRENGTH, INPUT, SHIFT = range(8)
 OF_STATE, OF_RATE, OF_INPUT, OF_TIME, OF_NOTHING, OF_SHOWN = range(6)
 
 
 @compiled
 def inputs_at(k: int, share: float, late: Floats, t: Floats, inputs: Floats, out: Floats) -> None:
-    """Inputs (rows, n) between samples k and k + 1, each as it was so many seconds before."""
+    """Inputs (rows, n) between samples k and k + 1, each delayed by its own number of seconds."""
     for i in range(len(out)):
         if late[i] == 0.0:
             out[i] = inputs[i, k] * (1 - share) + inputs[i, k + 1] * share
@@ -64,10 +64,11 @@ def forces(
 
 
 def built(slopes: Callable[..., Any], shown: Callable[..., Any]) -> Callable[..., Any]:
-    """The march of a system: ``slopes(t, x, u, c, out)`` and ``shown(t, x, u, c, out)`` write into their last argument.
+    """The integrator of a system: ``slopes(t, x, u, c, out)`` and ``shown(t, x, u, c, out)`` write into their last
+    argument.
 
-    The march takes times (n,), inputs (rows, n; the user's first, then their rates), starts, constants, laws as rows
-    and parameters, the longest step, and gives shown (channels, n), states with lagging ones, their rates, and the
+    The integrator takes times (n,), inputs (rows, n; the user's first, then their rates), starts, constants, laws as
+    rows and parameters, the longest step, and gives shown (channels, n), states with lagging ones, their rates, and the
     inputs as felt.
     """
 
@@ -137,7 +138,7 @@ def built(slopes: Callable[..., Any], shown: Callable[..., Any]) -> Callable[...
         needs_rates, lagging = False, False
         for m in range(len(rows)):
             needs_rates |= rows[m, 2] == OF_RATE
-            if rows[m, 7] >= 0:  # a lagging state starts where what it follows is
+            if rows[m, 7] >= 0:  # a lagging state starts at the value it follows
                 lagging = True
         if lagging:
             inputs_at(0, 0.0, late, t, inputs, us)
@@ -150,7 +151,7 @@ def built(slopes: Callable[..., Any], shown: Callable[..., Any]) -> Callable[...
             k1[:] = 0.0
             rates_at(k1, t[k], x, us, *args)
             xs[:, k], rs[:, k] = x, k1
-            # constants and inputs as the laws have them show, too
+            # constants and inputs as modified by laws enter the channels, too
             c_work[:] = c
             u_work[:] = us
             if len(rows) > 0:

@@ -1,4 +1,4 @@
-"""A law that a file does not hold: where it acts, over which state, in which shape; its unknowns and parameters."""
+"""A law added to a file's model: its place, state and shape; its unknowns and parameters."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from straw.replay.diagnose.systems.function.shapes import CONSTANT, FADES, POWER
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: Deviation of the prior of a strength, in units of what moves its place by its own size: hardly any.
+#: Deviation of the prior of a strength, in units that change its place by its own size: nearly flat.
 WIDE = 10.0
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where a law may act: kind and number as the kernel counts them, how it is said, unit of the law's values."""
+    """A place of a law: kind and number as in the kernel, its description, unit of the law's values."""
 
     kind: int
     which: int
     name: str  # "rate:v", "constant:k", "channel:y", "clock:y", "input:u", "delay:u", "strength:1"
     says: str
     unit: str
-    size: float  # what is large there
+    size: float  # a large value there
 
 
 @dataclass(frozen=True)
 class State:
-    """Over what a law may act: kind and number, name, unit, and the span (low, high) that recordings visit.
+    """A state of a law: kind and number, name, unit, and the span (low, high) that recordings visit.
 
-    ``lag_s``: the state as it is felt later, through a first-order lag of this time; None for the state itself.
+    ``lag_s``: the state after a first-order lag of this time; None for the state itself.
     """
 
     kind: int
@@ -45,11 +45,11 @@ class State:
     low: float
     high: float
     lag_s: float | None = None
-    longest_s: float = np.inf  # of a lag: how long recordings last
+    longest_s: float = np.inf  # of a lag: the recordings' duration
 
     @property
     def span(self) -> float:
-        """Of what is visited."""
+        """Length of the visited span."""
         return self.high - self.low
 
 
@@ -70,7 +70,7 @@ class Law:
         return self.place.size / max(self._largest(), 1e-300)
 
     def _largest(self) -> float:
-        """The shape's largest value over what is visited, at strength one and its constants' starts."""
+        """The shape's largest value over the visited span, at strength one and its constants' starts."""
         p = self._parameters({}, "", 1.0)
         p = p[0 if self.state.lag_s is None else 1 :]
         return float(np.max(np.abs(values_of(self.shape, p, np.linspace(self.state.low, self.state.high, 21)))))
@@ -86,7 +86,7 @@ class Law:
             for constant, start, low, high, of in SHAPES[self.shape].constants:
                 out.append(self._constant(name + constant, start, low, high, of))
         if self.state.lag_s is not None:
-            # not below what a lag of a twentieth differs from none by, nor longer than ten times the recording
+            # between a lag of a twentieth, shorter than which it cannot be resolved, and ten times the recording
             ends = np.log(1 / 20), np.log(max(10 * self.state.longest_s / self.state.lag_s, 2.0))
             out.append(Unknown(f"{name}lag_s", 1.0, self.state.lag_s, "log", sd=1.5, low=ends[0], high=ends[1]))
         return tuple(out)
@@ -101,7 +101,7 @@ class Law:
         return Unknown(target, 1.0, start * scale, "log", sd=2.0, low=np.log(low / start), high=np.log(high / start))
 
     def start(self, number: int, units: float = 0.0) -> Floats:
-        """u of its unknowns at a strength of so many units, or a table of none."""
+        """u of its unknowns at a strength of so many units, or of a table of zeros."""
         return np.array([units if k.target.endswith("strength") else k.mean for k in self.unknowns(number)])
 
     def parameters(self, number: int, values: Mapping[str, float]) -> Floats:
@@ -129,7 +129,7 @@ class Law:
 
     @property
     def says(self) -> str:
-        """Where it acts and over what, in words."""
+        """Its place and state in words."""
         if self.shape == CONSTANT and self.state.lag_s is None:
             return self.place.says
         return f"{self.place.says}, over {self.over}"
@@ -143,7 +143,7 @@ class Law:
 
     @property
     def over(self) -> str:
-        """What it depends on, in words."""
+        """Its state in words."""
         return self.state.name if self.state.lag_s is None else f"the history of {self.state.name}"
 
     def tabled(self, at: Sequence[float]) -> Law:
@@ -152,7 +152,7 @@ class Law:
 
 
 def encoded(laws: Mapping[int, Law], values: Mapping[str, float]) -> tuple[Indices, Floats, int]:
-    """Rows and parameters of laws by number for the kernel, and how many lagging states they have."""
+    """Rows and parameters of laws by number for the kernel, and their number of lagging states."""
     rows, parts, at, lags = [], [np.zeros(1)], 1, 0
     order = list(laws)
     for number, law in laws.items():

@@ -1,4 +1,4 @@
-"""A user's system file, read and checked: constants, inputs, channels, states, and the functions that tie them.
+"""A user's system file, read and checked: constants, inputs, channels, states, and the functions that relate them.
 
 See `docs` in `describe.py` for what a file says. Times are in seconds, all else in the units that the file names.
 """
@@ -54,7 +54,7 @@ class Signal:
 
 @dataclass(frozen=True)
 class StartOf:
-    """Where a state starts: at ``value``, or free about a channel's first readings, or free within a range."""
+    """The start of a state: at ``value``, or free about a channel's first readings, or free within a range."""
 
     state: str
     value: float | None = None
@@ -65,7 +65,7 @@ class StartOf:
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """What a system file says. ``simulate`` is a plain function in place of slopes."""
+    """The contents of a system file. ``simulate`` is a plain function in place of slopes."""
 
     path: Path
     title: str
@@ -74,9 +74,9 @@ class Model:
     inputs: tuple[Signal, ...]
     channels: tuple[Signal, ...]
     starts: tuple[StartOf, ...]
-    says: Mapping[str, str]  # what constants, states and inputs are called in words
+    says: Mapping[str, str]  # names of constants, states and inputs in words
     module: ModuleType = field(repr=False)
-    given: tuple[tuple[str, float, float, float], ...] = ()  # constants known better than the file says
+    given: tuple[tuple[str, float, float, float], ...] = ()  # constants known better than in the file
 
     def __reduce__(self) -> tuple[Any, ...]:
         return load_model, (self.path, self.given)
@@ -97,7 +97,7 @@ class Model:
         return hashlib.sha256(self.path.read_bytes()).hexdigest()
 
     def get(self, name: str, default: Any = None) -> Any:
-        """Something else the file says."""
+        """Another entry of the file."""
         return getattr(self.module, name, default)
 
     def named(self, name: str) -> str:
@@ -112,7 +112,7 @@ class Model:
 
     @cached_property
     def march(self) -> Callable[..., Any]:
-        """The compiled march (`kernel.built`)."""
+        """The compiled integrator (`kernel.built`)."""
         return built(*self._wrapped())
 
     def _wrapped(self) -> tuple[Callable[..., Any], Callable[..., Any]]:
@@ -154,7 +154,7 @@ class Model:
     def asked(
         self, name: str, function: Callable[..., Any] | None = None, at: tuple[Floats, Floats] | None = None
     ) -> Any:
-        """What slopes or shown say at the base's constants, in plain Python; ReplayError where they raise.
+        """Values of slopes or shown at the base's constants, in plain Python; ReplayError where they raise.
 
         ``at``: states and inputs; 1 otherwise.
         """
@@ -164,12 +164,12 @@ class Model:
         c = C(*([one.value for one in self.constants] or [0.0]))
         try:
             return (function or getattr(self.module, name))(0.0, x, u, c)
-        except Exception as problem:  # it is the user's code
+        except Exception as problem:  # the user's code may raise anything
             raise ReplayError(f"{self.path}: {name}(t, x, u, c) raised {_told(problem)}") from problem
 
 
 def fields(kind: str, names: Sequence[str]) -> Callable[..., Any]:
-    """What a file's functions take: fields by name; numba wants at least one."""
+    """Arguments of a file's functions: fields by name; numba needs at least one."""
     return cast(Callable[..., Any], namedtuple(kind, tuple(names) or ("none",)))
 
 
@@ -202,9 +202,9 @@ def _told(problem: Exception) -> str:
 
 
 def load_model(path: Path, given: Sequence[tuple[str, float, float, float]] = ()) -> Model:
-    """A system file; ReplayError names what is wrong with it, where, and the cure.
+    """A system file; ReplayError names the defect, its place, and the cure.
 
-    ``given`` are constants known better than the file says: name, value, low, high.
+    ``given`` are constants known better than in the file: name, value, low, high.
     """
     path = Path(path)
     if not path.is_file():

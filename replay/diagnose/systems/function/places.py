@@ -1,4 +1,4 @@
-"""Where a law that nobody wrote may act in a user's system, and over what: everything, unless the file says less."""
+"""Places and states of unknown laws in a user's system: all, unless the file restricts them."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ from straw.replay.diagnose.systems.function.system import FunctionSystem
 
 Floats = NDArray[np.float64]
 
-#: Lags looked at: from two samples to this share of the longest recording, so many, evenly in their logarithm.
+#: Lags searched: from two samples to this share of the longest recording, and their number, evenly in the logarithm.
 LAGS, LAG_SHARE = 4, 0.25
 #: A state is a function of another where a broken line of so many pieces leaves less than this share of its variance.
 FUNCTION_BINS, FUNCTION = 20, 0.02
-#: A state is visited between its extremes, where these are not farther beyond these quantiles than this share of what
-#: lies between: a peak matters to what swings, a reading gone wrong to nothing.
+#: A state's span lies between its extremes, if these are not farther beyond these quantiles than this share of their
+#: distance: peaks of oscillations count, single faulty readings do not.
 VISITED, BEYOND = (0.002, 0.998), 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class Passed:
-    """What a recording passes through with a fit: states, their rates, shown and inputs, each (rows, n)."""
+    """The course of a recording with a fit: states, their rates, channels and inputs, each (rows, n)."""
 
     recording: Recorded
     states: Floats
@@ -71,7 +71,7 @@ def passed(system: FunctionSystem, recordings: Sequence[Recorded], values: dict[
 
 
 def smooth(recording: Recorded, channel: int) -> Floats:
-    """A channel (n,) with gaps closed and noise lessened."""
+    """A channel (n,) with gaps filled and noise smoothed."""
     row, t = recording.seen[channel], recording.time_s
     good = np.isfinite(row)
     return np.asarray(gaussian_filter1d(np.interp(t, t[good], row[good]), 1.0))
@@ -150,7 +150,7 @@ def states(system: FunctionSystem, seen: Sequence[Passed]) -> list[State]:
 
 
 def visited(values: Floats) -> tuple[float, float]:
-    """Between which values (n,) recordings are."""
+    """The span of values (n,) in the recordings."""
     values = values[np.isfinite(values)]
     low, high = np.quantile(values, VISITED)
     reach = BEYOND * (high - low)
@@ -158,9 +158,9 @@ def visited(values: Floats) -> tuple[float, float]:
 
 
 def together(state: State, others: Sequence[State], seen: Sequence[Passed]) -> list[str]:
-    """Other states that in all recordings are functions of this one, so that which of them matters is not told.
+    """Other states that in all recordings are functions of this one, so that they cannot be distinguished.
 
-    Time is not among them: it goes with everything in a recording that does not repeat itself.
+    Time is not among them: it correlates with everything in a recording without repetition.
     """
     if state.kind in (OF_TIME, OF_NOTHING, OF_SHOWN):
         return []
@@ -180,7 +180,7 @@ def together(state: State, others: Sequence[State], seen: Sequence[Passed]) -> l
 
 
 def _off_a_line(x: Floats, y: Floats) -> float:
-    """Sum of squares that a straight line through points (n,) leaves."""
+    """Residual sum of squares of a straight line through points (n,)."""
     x, y = x - x.mean(), y - y.mean()
     power = float(x @ x)
     slope = float(x @ y) / power if power > 0 else 0.0
@@ -188,14 +188,14 @@ def _off_a_line(x: Floats, y: Floats) -> float:
 
 
 def _is_a_state(which: int, seen: Sequence[Passed]) -> bool:
-    """Whether a rate is one of the states, as a height's is the speed: then it is looked at once."""
+    """Whether a rate is one of the states, as a height's is the speed: then it is searched once."""
     rate = np.concatenate([p.simulated[1][which] for p in seen])
     rows = np.concatenate([p.simulated[0] for p in seen], axis=1)
     return bool(np.any(np.max(np.abs(rows - rate), axis=1) <= 1e-9 * np.max(np.abs(rate))))
 
 
 def makes_sense(place: Place, state: State) -> bool:
-    """Whether a law is looked for here: clocks over time, delays as they are, an equation over anything."""
+    """Whether a law is searched here: clocks over time, delays as constants, an equation over anything."""
     if place.kind == CLOCK:
         return state.kind in (OF_TIME, OF_NOTHING)
     if place.kind in (DELAY, SHIFT):
@@ -208,13 +208,13 @@ def makes_sense(place: Place, state: State) -> bool:
     if place.kind == STRENGTH:
         return state.kind not in (OF_NOTHING, OF_SHOWN) and state.lag_s is None
     if place.kind == RATE:
-        # over its own rate a law is a factor on all else, and is looked for as such
+        # over its own rate a law is a factor on all other terms, and is searched as such
         return state.kind != OF_SHOWN and not (state.kind == OF_RATE and state.which == place.which)
     return True
 
 
 def values_over(state: State, seen: Sequence[Passed]) -> Floats:
-    """All values of a state (without its lag) that recordings pass."""
+    """All values of a state (without its lag) in the recordings."""
     rows = {
         OF_STATE: lambda p: p.states[state.which],
         OF_RATE: lambda p: p.rates[state.which],
@@ -227,7 +227,8 @@ def values_over(state: State, seen: Sequence[Passed]) -> Floats:
 
 
 def points(place: Place, state: State, seen: Sequence[Passed]) -> tuple[float, ...]:
-    """Points of a table, half way between even and where recordings are most; many over a clock's time."""
+    """Points of a table, half way between even and proportional to the recordings' density; many over a clock's
+    time."""
     many = 24 if place.kind == CLOCK else 12 if state.kind == OF_TIME else 8
     even = np.linspace(state.low, state.high, many)
     often = np.clip(np.quantile(values_over(state, seen), np.linspace(0, 1, many)), state.low, state.high)

@@ -1,4 +1,4 @@
-"""A plain function of a user's, ``simulate(t, u, c)`` of whole recordings, with laws at work in it."""
+"""A user's plain function, ``simulate(t, u, c)`` of whole recordings, with added laws."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def plain_march(
     try:
         said = model.module.simulate(t, U(*(list(u[: len(model.inputs)]) or [0.0])), C(*constants))
         shown[:] = np.asarray(said, dtype=np.float64).reshape(shown.shape)
-    except Exception as problem:  # it is the user's code
+    except Exception as problem:  # the user's code may raise anything
         raise ReplayError(f"{model.path}: simulate(t, u, c): {type(problem).__name__}: {problem}") from problem
     for m in range(len(rows)):
         if rows[m, 0] == CHANNEL:
@@ -64,7 +64,7 @@ def plain_march(
 
 
 def lagged(t: Floats, s: Floats, tau_s: float) -> Floats:
-    """A signal (n,) through a first-order lag, from where it starts: exact for one that is linear between samples."""
+    """A signal (n,) through a first-order lag, from its first value: exact for one that is linear between samples."""
     out = np.empty_like(s)
     z = out[0] = s[0]
     for k in range(len(t) - 1):

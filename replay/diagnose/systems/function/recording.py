@@ -1,4 +1,4 @@
-"""A table of readings as a recording of a user's system: inputs and their rates, channels, noise, what is held out."""
+"""A table of readings as a recording of a user's system: inputs and their rates, channels, noise, held-out samples."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from straw.replay.errors import ReplayError
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-#: Readings a recording has at least.
+#: Least number of readings of a recording.
 SHORTEST = 4
-#: The rate of an input is taken over so few readings that noise makes at most this share of its deviation, and over at
-#: most this share of the recording.
+#: The window of an input's rate is the shortest in which noise makes at most this share of its deviation, and at most
+#: this share of the recording.
 RATE_NOISE, RATE_WINDOW = 0.1, 0.02
-#: Readings of a window in which a channel may be quiet: half of them tell the noise.
+#: Readings of a window for the noise; the quieter half of all windows is used.
 QUIET = 8
-#: In a recording of fewer readings, most of which may be a transient, a fifth of windows half as long do.
+#: In a recording of fewer readings, most of which may be a transient, a fifth of windows half as long is used.
 SHORT = 64
-#: Orders of differences that may tell it.
+#: Orders of differences for the noise.
 ORDERS = (2, 3, 4, 6)
-#: Parts that a recording without a hold-out of its own is cut into; every third is held out where there is one only.
+#: Parts of a single recording without a hold-out of its own, of which every third is held out.
 PARTS = 12
 
 
@@ -41,7 +41,7 @@ class Recorded:
     """One run: channels ``seen`` (channels, n), NaN where there is none, at ``time_s`` (n,) from its first reading.
 
     ``inputs`` (2 inputs, n) are the inputs and their rates; ``noise`` (channels,); ``fitted`` (n,) marks the samples
-    that are not held out, ``tells_start`` (n,) those from which starts may be told.
+    that are not held out, ``tells_start`` (n,) those from which starts may be estimated.
     """
 
     name: str
@@ -55,7 +55,7 @@ class Recorded:
 
     @property
     def events_s(self) -> Floats:
-        """None are looked for."""
+        """No events."""
         return np.empty(0)
 
     @property
@@ -65,7 +65,7 @@ class Recorded:
 
     @property
     def held(self) -> Flags:
-        """Samples that no fit sees, (n,)."""
+        """Held-out samples, (n,)."""
         return ~self.fitted & ~np.isnan(self.seen).all(axis=0)
 
     def sigma(self) -> Floats:
@@ -77,13 +77,13 @@ class Recorded:
         return self.sigma()
 
     def stretches(self) -> list[Stretch]:
-        """Eighths of the recording: nothing else is known of it."""
+        """Eighths of the recording, as its events are unknown."""
         ends = np.linspace(self.time_s[0], self.time_s[-1], 9)
         words = [f"{k} of 8" for k in range(1, 9)]
         return [Stretch(f"part {w}", float(a), float(b)) for w, a, b in zip(words, ends[:-1], ends[1:], strict=True)]
 
     def every(self, step: int) -> Recorded:
-        """Every so many of its samples."""
+        """Evenly thinned samples."""
         from dataclasses import replace
 
         cut = slice(None, None, step)
@@ -102,7 +102,7 @@ class Recorded:
 
 
 def read_recordings(model: Model, paths: Sequence[Path], hold_out: Sequence[str] = ()) -> list[Recorded]:
-    """Recordings from files, as the system's ``read`` or a table's columns say; ReplayError for bad input."""
+    """Recordings from files, by the system's ``read`` or a table's columns; ReplayError for bad input."""
     tables: dict[str, tuple[str, Mapping[str, Any]]] = {}
     if not paths:
         raise ReplayError("no recordings; give at least one file")
@@ -119,7 +119,7 @@ def read_recordings(model: Model, paths: Sequence[Path], hold_out: Sequence[str]
 def recordings_of(
     model: Model, tables: Mapping[str, tuple[str, Mapping[str, Any]]], hold_out: Sequence[str] = ()
 ) -> list[Recorded]:
-    """Recordings of tables by name, each with where it comes from; ReplayError for bad input."""
+    """Recordings of tables by name, each with its file; ReplayError for bad input."""
     out = [_recorded(model, name, path, table) for name, (path, table) in tables.items()]
     return _held_out(model, out, hold_out, {name: table for name, (_, table) in tables.items()})
 
@@ -209,17 +209,17 @@ def noise_of(values: Floats) -> float:
 
 
 def _white(values: Floats, order: int) -> float:
-    """White noise as differences of an order tell it; a smooth signal adds less to them the higher it is."""
+    """White noise from differences of an order; a smooth signal adds less to them the higher the order is."""
     squares = np.diff(values, order) ** 2 / comb(2 * order, order)
     few = len(squares) < SHORT
     if len(squares) < QUIET:
-        return 0.0  # not told: all of it may be a transient
+        return 0.0  # unknown: all of it may be a transient
     windows = np.array_split(squares, max(1, len(squares) // (QUIET // 2 if few else QUIET)))
     return float(np.sqrt(np.quantile([np.mean(w) for w in windows], 0.2 if few else 0.5)))
 
 
 def rate(time_s: Floats, values: Floats) -> Floats:
-    """Rate of an input (n,): the slope of a cubic over so few readings that noise does not make it."""
+    """Rate of an input (n,): the slope of a cubic over the shortest window in which noise does not dominate."""
     if np.ptp(values) == 0 or len(values) < 7:
         return np.asarray(np.gradient(values, time_s))
     step_s, noise = float(np.median(np.diff(time_s))), noise_of(values)
@@ -236,7 +236,7 @@ def rate(time_s: Floats, values: Floats) -> Floats:
 
 
 def _asked_to_hold(model: Model, one: Recorded, table: Mapping[str, Any]) -> Flags:
-    """What the file's hold_out says of a recording, (n,); ReplayError where it raises or says it of other samples."""
+    """The file's hold_out of a recording, (n,); ReplayError where it raises or has another length."""
     where = f"{model.path}: hold_out({one.name!r}, t, table)"
     try:
         held = np.asarray(model.get("hold_out")(one.name, one.time_s, table), dtype=bool)
@@ -252,7 +252,7 @@ def _asked_to_hold(model: Model, one: Recorded, table: Mapping[str, Any]) -> Fla
 def _held_out(
     model: Model, recordings: list[Recorded], patterns: Sequence[str], tables: Mapping[str, Mapping[str, Any]]
 ) -> list[Recorded]:
-    """Marks what is held out: names by the command, what the file says, or else every third recording or part."""
+    """Marks held-out samples: by the command's names, by the file, or else every third recording or part."""
     from dataclasses import replace
 
     said = model.get("hold_out")
@@ -268,7 +268,7 @@ def _held_out(
             held = (np.arange(len(one.time_s)) * PARTS // len(one.time_s)) % 3 == 1
         mask = np.broadcast_to(np.asarray(held, dtype=bool), one.time_s.shape)
         start = one.fitted & ~mask
-        if not start.any():  # a recording nobody fits: its start from its first readings
+        if not start.any():  # a recording that is not fitted: its start from its first readings
             first_s = float(model.get("start_from_s", one.time_s[min(9, len(one.time_s) - 1)]))
             start = np.isfinite(one.seen).any(axis=0) & (one.time_s <= first_s)
         out.append(replace(one, fitted=one.fitted & ~mask, tells_start=start))

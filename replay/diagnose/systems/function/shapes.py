@@ -1,4 +1,4 @@
-"""Shapes that a law may have over one state: a table, and the formulas that are tried in its place."""
+"""Shapes of a law over one state: a table, and the formulas that may replace it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TABLE, CONSTANT, LINEAR, SQUARE, CUBE, QUADRATIC, SIGN, ROOT, POWER, SATURATES, 
 
 @dataclass(frozen=True)
 class Shape:
-    """A formula over a state s: how it is written, its constants beside the strength, and where these start.
+    """A formula over a state s: its text, its constants beside the strength, and their starts.
 
     ``constants`` are (name, start, low, high) in units of the state's span (``span``) or plain (""); ``unit`` is the
     power of the state's unit that the strength is divided by. ``odd`` ones change their sign with the state.

@@ -1,7 +1,7 @@
 """A user's system for the diagnosis: its constants as unknowns, recordings against it, laws added to it.
 
-States that nobody knows the start of are constants of each recording alone; they are profiled out inside a recording's
-misfit (variable projection: Golub and Pereyra 1973), so the engine never meets them.
+Unknown starts of states are constants of each recording alone; they are profiled out inside a recording's misfit
+(variable projection: Golub and Pereyra 1973), so that the engine does not see them.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from straw.replay.diagnose.systems.function.recording import Recorded
 
 Floats = NDArray[np.float64]
 
-#: Steps to a start, the step of its differences, how wide its prior is in units of its scale, and the share of the
-#: cost that a step must gain.
+#: Steps to a start, the step of its differences, the width of its prior in units of its scale, and the least gain of a
+#: step as a share of the cost.
 START_ROUNDS, START_STEP, START_SD, START_GAIN = 5, 1e-3, 30.0, 1e-3
-#: A start about a channel's first readings is looked for in units of its noise, or of this share of what the channel
-#: spans, and at most so many of these away: farther, it would stand in for what is missing.
+#: Scale of a start about a channel's first readings: its noise, or this share of the channel's span, and the largest
+#: distance in these; a farther start would compensate for a missing law.
 START_SHARE, START_UNITS = 2e-3, 5.0
 #: Starts of the base that are followed.
 FOLLOWED = 3
@@ -43,8 +43,8 @@ FOLLOWED = 3
 class FunctionSystem(System):
     """A model with laws added to it.
 
-    ``fixed`` are values by target that are no unknowns here; ``sigma`` (channels,) what counts as one sigma, the
-    recordings' noise where it is empty; ``longest_s`` the longest step of the integration.
+    ``fixed`` are values by target that are no unknowns here; ``sigma`` (channels,), the recordings' noise where it is
+    empty; ``longest_s`` the longest step of the integration.
     """
 
     model: Model
@@ -53,7 +53,7 @@ class FunctionSystem(System):
     sigma: tuple[float, ...] = ()
     longest_s: float = np.inf
     library: Mapping[str, Law] = field(default_factory=dict)
-    #: What was profiled last of each recording, by values: a search asks twice at the same point.
+    #: Last profiled result of each recording, by values, as a search evaluates a point twice.
     _last: dict[str, tuple[Any, Any]] = field(init=False, repr=False, default_factory=dict)
 
     @property
@@ -74,7 +74,7 @@ class FunctionSystem(System):
 
     @property
     def causes(self) -> tuple[str, ...]:
-        """The file's optional laws, and what instruments may do."""
+        """The file's optional laws, and faults of instruments."""
         return (*self.model.get("laws", {}), *self.library)
 
     @property
@@ -97,7 +97,7 @@ class FunctionSystem(System):
         return Hypothesis(tuple(names), tuple(unknowns), (first, *signs), self.faults)
 
     def with_laws(self, *laws: Law) -> FunctionSystem:
-        """The system with these laws at work, in place of those it has."""
+        """The system with these laws in place of its present ones."""
         return replace(self, laws=tuple(laws))
 
     def at(self, values: Mapping[str, float]) -> FunctionSystem:
@@ -116,7 +116,7 @@ class FunctionSystem(System):
         return np.array([values.get(f"constant.{c.name}", value) for c, value in named] or [0.0])
 
     def played(self, recording: Recorded, values: Mapping[str, float], start: Floats) -> tuple[Floats, Floats, Floats]:
-        """Shown (channels, n), states and their rates (states with lagging ones, n); NaN where it runs away.
+        """Shown (channels, n), states and their rates (states with lagging ones, n); NaN where it diverges.
 
         ``start`` (states,) is where the states start.
         """
@@ -149,7 +149,7 @@ class FunctionSystem(System):
         return [i for i, one in enumerate(self.model.starts) if one.low < one.high]
 
     def started(self, recording: Recorded) -> tuple[Floats, Floats]:
-        """Where the states start as far as is known, and the scale on which that is looked for, (states,)."""
+        """Known or estimated starts of the states, and their scale, (states,)."""
         start, scale = np.zeros(len(self.model.starts)), np.ones(len(self.model.starts))
         names = [y.name for y in self.model.channels]
         for i, one in enumerate(self.model.starts):
@@ -174,7 +174,7 @@ class FunctionSystem(System):
         return y.copy(), at, columns
 
     def _profiled(self, recording: Recorded, values: Mapping[str, float]) -> tuple[Floats, Floats, Floats]:
-        """Gauss-Newton whose columns are worked out again only where a step with the old ones does not help."""
+        """Gauss-Newton whose columns are recomputed only where a step with the old ones does not help."""
         start, scale = self.started(recording)
         free = self.free_starts()
         near = np.array([START_UNITS * scale[i] if self.model.starts[i].channel else np.inf for i in free])
@@ -232,7 +232,7 @@ class FunctionSystem(System):
         level: Level = Level.FINE,
         derivatives: bool = False,
     ) -> Differences | None:
-        """Samples that are not held out, starts profiled out; None where the model runs away."""
+        """Samples that are not held out, starts profiled out; None where the model diverges."""
         y, at, own = self.profiled(recording, self.values(unknowns, u))
         if not np.isfinite(y).all():
             return None
@@ -262,7 +262,7 @@ class FunctionSystem(System):
         return np.array([0.0 if k.kind == "log" else known[k.target].value / k.scale for k in self.base])
 
     def fit_base(self, campaign: Campaign, proposed: Sequence[Floats]) -> tuple[Fit, Fit]:
-        """From the file's values and from across their ranges."""
+        """From the file's values and from points of their ranges."""
         unknowns = self.base
         points = [self.given(), *proposed, *scattered(unknowns)]
         best = np.argsort(logarithmic(campaign, points), kind="stable")[:FOLLOWED]
@@ -310,5 +310,5 @@ def unknown_of(constant: Constant, *, strength: bool = False) -> Unknown:
 
 
 def _acts(number: int, values: Mapping[str, float]) -> bool:
-    """Whether anything is said of a law."""
+    """Whether a target is a law's."""
     return any(target.startswith(f"law.{number}.") for target in values)

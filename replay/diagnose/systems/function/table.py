@@ -1,4 +1,4 @@
-"""Reads a table of readings: separators, decimal commas, units in headers and missing values as loggers write them."""
+"""Reads a table of readings: separators, decimal commas, units in headers and missing values of loggers."""
 
 from __future__ import annotations
 
@@ -60,8 +60,8 @@ def _number(cell: str, separator: str) -> float | None:
 
 
 def column(path: str, table: Mapping[str, Floats], name: str, wanted_by: str, unit: str = "") -> Floats:
-    """A column by its name, ignoring case and what stands in brackets; ReplayError names those there are, and says it
-    where the heading names another unit than is wanted."""
+    """A column by its name, ignoring case and brackets; ReplayError names the existing ones, or the heading's unit
+    where it differs from the required one."""
     if name in table:
         return _numbers(path, table, name)
 

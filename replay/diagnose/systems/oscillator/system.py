@@ -24,7 +24,7 @@ RATE_HZ, FINE = 750.0, 8  # output rate; steps of the input and of the integrati
 MASS_KG = 2.0
 #: Noise of y: band-limited, 8e-3 mm, as in the benchmark.
 SIGMA_M = 8e-6
-#: A velocity (m/s) below which dry friction is not there yet; a few per cent of what occurs.
+#: Velocity (m/s) over which dry friction sets in; a few per cent of the usual ones.
 SLIDES_M_PER_S = 5e-3
 
 TARGETS = (
@@ -100,12 +100,12 @@ class Record:
         return [Stretch("the record", float(self.time_s[0]), float(self.time_s[-1]))]
 
     def conditions(self) -> Mapping[str, float]:
-        """How hard it is driven."""
+        """The amplitude of the force."""
         return {"the size of the force": float(np.std(self.force_n))}
 
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
-#: Numba's compiler, which gives back a function of the same signature; without the GIL, so that threads help.
+#: Numba's compiler, which returns a function of the same signature; without the GIL, so that threads help.
 _compiled = cast(Callable[[_Function], _Function], numba.njit(nogil=True))
 
 
@@ -147,7 +147,7 @@ UNITS = {
     "quadratic_damping.c2": "N s^2/m^2", "friction.f": "N", "branch.k1": "N/m", "branch.tau": "s",
     "bouc_wen.grow": "1/m", "bouc_wen.turn": "1/m", "clock_offset.t": "s",
 }  # fmt: skip
-#: An oscillator that swings farther than this, m, is not followed.
+#: An oscillator that swings farther than this, m, counts as diverged.
 FARTHEST_M = 1.0
 
 
@@ -193,7 +193,7 @@ class OscillatorSystem(System):
         level: Level = Level.FINE,
         derivatives: bool = False,
     ) -> Differences | None:
-        """Differences of a record, all samples; None where the oscillator swings out of sight."""
+        """Differences of a record, all samples; None where the oscillator diverges."""
 
         def in_sigmas(at: Floats) -> Floats | None:
             y = _seen(recording, unknowns, at)

@@ -1,4 +1,4 @@
-"""The base model's fit: channel and damping of a specimen nobody has measured yet, from anywhere."""
+"""The base model's fit: channel and damping of an unmeasured specimen, from any start."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from straw.replay.diagnose.systems.straw.of import straw_of
 
 Floats = NDArray[np.float64]
 
-#: Channel radius (m), axial (N s/m) and angular damping (N m s/rad) looked at; the paper's are 0.315 to 0.43 mm,
+#: Channel radius (m), axial (N s/m) and angular damping (N m s/rad) searched; the paper's are 0.315 to 0.43 mm,
 #: 0.1 to 620 and 0.7e-3 to 3e-3.
 R_CH = tuple(0.28e-3 * 1.06**k for k in range(12))
 C_ZETA = (1.0, 4.0, 8.0, 16.0, 32.0, 64.0, 150.0, 600.0)
 C_PHI = (0.4e-3, 0.8e-3, 1.6e-3, 3.2e-3, 6.4e-3, 12.8e-3)
-#: Runs looked at, and starts followed.
+#: Runs used, and starts followed.
 LOOKED_AT = 3
 
 
 def base_fit(campaign: Campaign, proposed: Sequence[Floats] = ()) -> tuple[Fit, Fit]:
     """The base fitted to all samples, and to the coarse comparison: multi-start over channel and damping.
 
-    The volume that has come in, so X, tells the channel's radius whatever the damping; then damping is looked for on a
-    grid, in a few runs, and the best starts are followed.
+    The inflow, and so X, determines the channel's radius whatever the damping; then damping is searched on a grid, in a
+    few runs, and the best starts are followed.
     """
     unknowns = base_unknowns(straw_of(campaign))
     few = campaign.only(_most_telling(campaign.observations)).coarse()
@@ -48,13 +48,13 @@ def base_fit(campaign: Campaign, proposed: Sequence[Floats] = ()) -> tuple[Fit, 
 
 
 def logarithmic(campaign: Campaign, unknowns: Sequence[Unknown], points: list[Floats]) -> list[float]:
-    """Misfit of each point as a sum of logarithms, which hardly minds how far off what is far off is."""
+    """Misfit of each point as a sum of logarithms, which is insensitive to the size of large differences."""
     return [float(np.sum(np.log1p((r / 10) ** 2))) for r in campaign.residuals(unknowns, points)]
 
 
 def telling_runs(campaign: Campaign, fit: Fit) -> list[str]:
-    """A few runs that differ most, one that does not snap, and of the other start configurations that of which the fit
-    leaves most, if more than noise: what only shows there is seen nowhere else."""
+    """A few runs that differ most, one without a snap, and of the other start configurations the one with the largest
+    misfit, if above noise, as it may show effects that no other run shows."""
     observations, left = campaign.observations, run_by_run(campaign, fit)
     few = different_runs(observations)
     seen = {o.kind for o in observations if o.name in few}
@@ -91,7 +91,7 @@ def _moved(unknowns: Sequence[Unknown], u: Floats, **values: float) -> Floats:
 
 
 def _lengths(campaign: Campaign, unknowns: Sequence[Unknown], points: list[Floats]) -> list[float]:
-    """How far X alone is off at each point, m; what cannot be simulated is far off."""
+    """Error of X alone at each point, m; large where a run cannot be simulated."""
     return [
         float(sum(1.0 if one is None else np.mean(np.abs(one.plain[0] - np.median(one.plain[0]))) for one in row))
         for row in campaign.misfits(unknowns, points)

@@ -30,8 +30,8 @@ MEASUREMENT = (
     "gauge_gain",
 )
 
-#: A specimen's elasticity and geometry are not further than this from what is given, in deviations of their prior: with
-#: only a prior against it, a tenth less of E with a tenth more of h stands in for whatever is missing.
+#: Bound of a specimen's elasticity and geometry about the given ones, in deviations of their prior: with the prior
+#: alone, a tenth less of E with a tenth more of h would compensate for missing laws.
 NEAR_SD = 2.5
 
 
@@ -58,20 +58,20 @@ def base_unknowns(straw: StrawParameters) -> tuple[Unknown, ...]:
     )
 
 
-#: What runs of one straw differ by, one standard deviation as a step in u: wear and warmth in E and damping, mounting.
-#: Wider would swallow effects, narrower would take the difference of two repeats for physics.
+#: Differences between runs of one straw, one standard deviation as a step in u: wear and temperature in E and damping,
+#: mounting. A larger one would absorb effects, a smaller one would take the difference of two repeats for physics.
 REPEATS = {"straw.E_pa": 1.5e-3, "straw.c_zeta_n_s_per_m": 0.03, "straw.c_phi_n_m_s_per_rad": 0.03}
 REPEATS_MOUNT = Unknown("straw.mount_rad", 2e-4, kind="linear")
 
 
 def repeat_steps(unknowns: Sequence[Unknown]) -> dict[int, float]:
-    """One standard deviation of what repeats differ by as a step in u, by the place of each unknown they differ in."""
+    """One standard deviation between repeats as a step in u, by the index of each unknown that varies."""
     return {k: REPEATS[one.target] / one.scale for k, one in enumerate(unknowns) if one.target in REPEATS}
 
 
 def along(where: str, cells: int) -> Floats:
-    """How a constant differs from cell to cell, (cells,): in one cell by its number, or smoothly from -1 at the base to
-    1 at the tip (``tilt``), or bent (``bow``); neither of these two changes the mean of a long straw.
+    """Profile of a constant over the cells, (cells,): one cell by its number, or linear from -1 at the base to 1 at the
+    tip (``tilt``), or quadratic (``bow``); neither of these two changes the mean of a long straw.
     """
     u = np.linspace(-1.0, 1.0, cells)
     if where == "tilt":
@@ -115,7 +115,7 @@ def applied(straw: StrawParameters, unknowns: Sequence[Unknown], at: Floats) -> 
 
 
 def walls_known(straw: StrawParameters) -> bool:
-    """Whether there are finite elements near the straw's geometry, as far as the base's constants may move it."""
+    """Whether there is a finite-element table near the straw's geometry, within the bounds of the base's constants."""
     near = [one for one in base_unknowns(straw) if np.isfinite(one.low)]
     try:
         for ends in ([one.low for one in near], [one.high for one in near]):

@@ -1,4 +1,4 @@
-"""Functions a missing force may be a sum of, by the kind of state it depends on; all over the state in SI."""
+"""Functions whose sum may describe a missing force, by the kind of its state; all over the state in SI."""
 
 from __future__ import annotations
 
@@ -42,7 +42,10 @@ def atoms(state: State, at: Floats) -> tuple[Atom, ...]:
 
 def _powers(x: str, most: int) -> tuple[Atom, ...]:
     texts = ("", x, *(f"{x}^{n}" for n in range(2, most + 1)))
-    return tuple(Atom(text, n, lambda v, n=n: v**n, code=f"x**{n}" if n else "1.0") for n, text in enumerate(texts))  # type: ignore[misc]
+    return tuple(
+        Atom(text, n, lambda v, n=n: v**n, code=f"x**{n}" if n else "1.0")  # type: ignore[misc]
+        for n, text in enumerate(texts)
+    )
 
 
 def _middles(at: Floats) -> Floats:
@@ -65,7 +68,7 @@ def _beyond(x: str, edge: float, unit: str) -> Atom:
 
 
 def _near_folded(x: str, folded: float) -> tuple[Atom, ...]:
-    """What acts between faces that nearly touch: over the gap from the folded rest height (m), for several ranges."""
+    """Forces between faces that nearly touch: over the gap from the folded rest height (m), for several ranges."""
     gap = f"{x} {'+' if folded < 0 else '-'} {1e3 * abs(folded):.2f} mm"
     out = []
     for reach in (0.1e-3, 0.2e-3, 0.4e-3, 0.8e-3):

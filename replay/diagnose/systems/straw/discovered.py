@@ -1,4 +1,4 @@
-"""What was missing, in the contract's words: the place, the state, the formula, the curve, and a law file to edit."""
+"""The missing law in the contract's words: place, state, formula, curve, and a law file to edit."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PLACES = {
     "gauge over time": ("instrument:pressure", "time"),
     "clock over time": ("instrument:clock", "time"),
 }
-#: How a frustum's law is made of its state x and the formula f(x): state, force and moment, whether it stores energy.
+#: A frustum's law from its state x and the formula f(x): state, force and moment, whether it stores energy.
 FRUSTUM_LAWS = {
     "height": ("f.zeta", "value, 0.0", True),
     "angle": ("f.phi", "0.0, value", True),
@@ -50,7 +50,7 @@ def discovered(missing: Missing, cells: Sequence[int]) -> dict[str, Any]:
 
 
 def law_file(missing: Missing) -> str:
-    """Text of a law file for `--laws`; empty where the place takes no law of one's own (the table is in the straw)."""
+    """Text of a law file for `--laws`; empty where the place takes no user's law (the table is in the straw)."""
     state, formula = missing.curve.state, missing.formula
     if formula is None or state.name not in FRUSTUM_LAWS or not all(atom.code for atom in formula.atoms):
         return ""

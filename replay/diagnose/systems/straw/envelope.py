@@ -1,7 +1,7 @@
-"""A signal's slow part and the envelope of its ringing, which change smoothly with a straw's constants from afar.
+"""A signal's slow part and the envelope of its ringing, which vary smoothly with a straw's constants.
 
-Point by point, a ringing tip agrees only with a straw that rings in phase, so damping and frequency can be found only
-from close by. How strongly it swings has no phase: its logarithm is nearly linear in damping, from afar too.
+Sample by sample, a ringing tip agrees only with a straw that rings in phase, so damping and frequency can be found only
+from close starts. The amplitude has no phase: its logarithm is nearly linear in damping over a wide range.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ Floats = NDArray[np.float64]
 
 #: The averages' standard deviation, s: longer than half a period of the tip's slowest swing, some 10 Hz.
 AVERAGED_S = 0.035
-#: What is averaged is slow: every so many of these one value is kept.
+#: Averages vary slowly: one value is kept every so many of these.
 KEPT_S = 0.025
-#: What moves may be off by this in time, s, and a swing by this in its logarithm.
+#: Tolerance of motion in time, s, and of an amplitude in its logarithm.
 LATE_S, SWING = 5e-3, 0.15
-#: Channels whose swing is looked at: X, which is axial, and Phi, which bends.
+#: Channels whose amplitude is compared: X, which is axial, and Phi, which bends.
 SWINGING = (0, 2)
 
 
@@ -28,15 +28,15 @@ SWINGING = (0, 2)
 class Envelope:
     """Of tip (3, n): slow (3, k) m, m, rad, and swing (2, k), logarithms; with the sigma of each at ``time_s`` (n,)."""
 
-    time_s: Floats  # even grid on which it is looked at
-    floor: Floats  # (3, 1) noise, which swings as well
+    time_s: Floats  # even grid of the comparison
+    floor: Floats  # (3, 1) noise, which has an amplitude as well
     slow: Floats
     swing: Floats
     sigma: Floats  # (3, k) of slow
     sigma_swing: Floats  # (2, k)
 
     def differs(self, tip: Floats) -> Floats:
-        """How far slow part and envelope of another tip (3, n), at ``time_s``, are off: in sigmas, one vector."""
+        """Differences of slow part and envelope from another tip (3, n), at ``time_s``: in sigmas, one vector."""
         slow, swing = _parts(self.time_s, tip, self.floor)
         swing = np.log(np.hypot(np.exp(swing), self.floor[SWINGING, :]))  # the other has no noise of its own
         slow, swing = (slow - self.slow) / self.sigma, (swing - self.swing) / self.sigma_swing
@@ -51,7 +51,7 @@ class Envelope:
         power = gaussian_filter1d(fast**2, width, axis=1)[:, ::every]
         d_power = gaussian_filter1d(2 * fast[:, :, None] * d_fast, width, axis=1)[:, ::every]
         floor2 = self.floor[SWINGING, :] ** 2
-        d_power[power < floor2 / 4] = 0.0  # below the noise no envelope is told
+        d_power[power < floor2 / 4] = 0.0  # below the noise the envelope is unknown
         total = np.maximum(power, floor2 / 4) + floor2
         d_swing = d_power / (2 * total[:, :, None] * self.sigma_swing[:, :, None])
         columns = d_tip.shape[-1]
@@ -75,7 +75,7 @@ def envelope_of(time_s: Floats, tip: Floats, at_rest: Floats) -> Envelope:
     even = np.stack([np.interp(grid, time_s, row) for row in tip])
     slow, swing = _parts(grid, even, floor)
     rate = np.gradient(slow, KEPT_S, axis=1)
-    noise = floor[SWINGING, :] / np.exp(swing)  # what is no louder than noise says nothing of a swing
+    noise = floor[SWINGING, :] / np.exp(swing)  # an amplitude below the noise is not informative
     return Envelope(grid, floor, slow, swing, np.hypot(floor, rate * LATE_S), np.hypot(SWING, noise))
 
 

@@ -1,4 +1,4 @@
-"""Which experiment tells: protocols played by every hypothesis that survives, and how far apart they then are."""
+"""The most informative experiment: protocols simulated by every surviving hypothesis, and their separation."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from straw.rig.protocol_toml import protocol_from_toml
 
 Floats = NDArray[np.float64]
 
-#: Noise the difference is measured in: m, m, rad, with what repeats differ by; and how long noise lasts, s.
+#: Unit of the difference: m, m, rad, including differences between repeats; and the noise's correlation time, s.
 SIGMA, LASTS_S = np.array([40e-6, 60e-6, 3e-3]), 0.1
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """A protocol the rig can run as it is, and why."""
+    """A protocol that the rig can run as it is, and its reason."""
 
     protocol: str
     initial_deployed: str
@@ -48,14 +48,15 @@ class Experiment:
 
 @dataclass(frozen=True, eq=False)
 class Rated:
-    """A protocol, how many sigmas each pair of hypotheses is apart under it (k, k), and how many cells snap at most."""
+    """A protocol, the separation of each pair of hypotheses under it in sigmas (k, k), and the largest number of
+    snaps."""
 
     protocol: PressureProtocol
     separation: Floats
     snaps: int
 
     def information(self, probability: Sequence[float]) -> float:
-        """What it is expected to tell of which hypothesis holds, nats, at least; ``probability`` (k,) before it.
+        """Lower bound of its expected information about the hypothesis, nats; ``probability`` (k,) before it.
 
         The bound of Kolchinsky and Tracey (Entropy 19, 361, 2017) for a mixture of normal distributions of one
         covariance, s sigma apart, whose Bhattacharyya distance is s^2 / 8: I >= -sum_i p_i ln sum_j p_j exp(-s_ij^2/8).
@@ -67,7 +68,7 @@ class Rated:
 def next_experiment(campaign: Campaign, survivors: Sequence[Contestant], *, explain: bool = True) -> Experiment | None:
     """Of the menu, that with the largest smallest separation of the survivors; None with fewer than two of them.
 
-    ``explain``: whether they explain the runs, or only come nearest of all that do not.
+    ``explain``: whether they explain the runs, or are only the nearest of those that do not.
     """
     if len(survivors) < 2:
         return None
@@ -97,9 +98,9 @@ def next_experiment(campaign: Campaign, survivors: Sequence[Contestant], *, expl
 
 
 def rated(campaign: Campaign, survivors: Sequence[Contestant], protocols: Iterable[str]) -> list[Rated | None]:
-    """Protocols (TOML) as these hypotheses see them, worked out by the campaign's workers.
+    """Protocols (TOML) simulated by these hypotheses on the campaign's workers.
 
-    None where fewer than two can play it; a pair of which one cannot is NaN sigmas apart.
+    None where fewer than two can simulate it; the separation of a pair of which one cannot is NaN.
     """
     read = [protocol_from_toml(text, "an experiment") for text in protocols]
     straw = straw_of(campaign)
@@ -118,7 +119,7 @@ def rated(campaign: Campaign, survivors: Sequence[Contestant], protocols: Iterab
 
 
 def _played(base: StrawParameters, contestant: Contestant, protocol: PressureProtocol) -> Floats | None:
-    """Tip (3, n) under a protocol as a hypothesis sees it; None where it cannot be played."""
+    """Tip (3, n) under a protocol by a hypothesis; None where it cannot be simulated."""
     straw, instrument = applied(base, contestant.fit.unknowns, contestant.fit.u)
     grid = np.arange(0.0, protocol.duration_s, SIMULATED_EVERY_S)
     outlet = Outlet(protocol)
@@ -138,13 +139,13 @@ def _played(base: StrawParameters, contestant: Contestant, protocol: PressurePro
 
 
 def _snaps(pose: Floats) -> int:
-    """How often a tip (3, n) shows a snap."""
+    """Number of snaps in a tip's motion (3, n)."""
     grid: Floats = np.arange(pose.shape[1], dtype=np.float64) * SIMULATED_EVERY_S
     return len(crossings(grid, pose[2], levels_of(pose[2]))[::2])
 
 
 def _separation(a: Floats, b: Floats) -> float:
-    """How many sigmas two predictions are apart, a stretch as long as noise lasts counting once."""
+    """Separation of two predictions in sigmas, where an interval of the noise's correlation time counts once."""
     n = min(a.shape[1], b.shape[1])
     scaled = (a[:, :n] - b[:, :n]) / SIGMA[:, None]
     return float(np.sqrt(np.sum(scaled**2) * SIMULATED_EVERY_S / LASTS_S))

@@ -1,4 +1,4 @@
-"""Takes a gauge's noise out of its readings where the pressure is steady, and nothing where it is not."""
+"""Smooths a gauge's readings where the pressure is steady, and nowhere else."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ Floats = NDArray[np.float64]
 
 #: Half widths of the windows tried, in readings.
 HALF_WIDTHS = (1, 2, 4, 8, 16, 32, 64)
-#: A wider mean that differs from a narrower one by more than so many of the narrower's sigmas is not of noise alone.
+#: A wider mean is rejected if it differs from a narrower one by more than so many of the narrower's sigmas.
 APART = 2.5
 
 
 def quieted(measured: PressureLog, command: PressureLog | None) -> PressureLog:
     """The log with each reading replaced by the mean of the widest window that only noise distinguishes from all
-    narrower ones (Lepski's rule), within what lies between two commands. The noise is told by second differences.
+    narrower ones (Lepski's rule), within what lies between two commands. The noise is estimated from second
+    differences.
     """
     pressure_pa = measured.pressure_pa
     if len(pressure_pa) < 4:
@@ -34,7 +35,7 @@ def quieted(measured: PressureLog, command: PressureLog | None) -> PressureLog:
 
 
 def _steady(readings: Floats, sigma: float) -> Floats:
-    """Readings (n,) of one stretch, each averaged as widely as noise of this sigma allows; windows shrink at ends."""
+    """Readings (n,) of one interval, each averaged as widely as noise of this sigma allows; windows shrink at ends."""
     n = len(readings)
     total = np.concatenate([[0.0], np.cumsum(readings)])
     best, open_ = readings.copy(), np.ones(n, dtype=bool)

@@ -1,4 +1,4 @@
-"""What camera, clock and gauge may do to a run: the contract's measurement faults, applied to what a straw does."""
+"""Faults of camera, clock and gauge: the contract's measurement faults, applied to a straw's motion."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-#: A curve as pairs (where, value), rising; none says zero.
+#: A curve as pairs (where, value), rising; empty for zero.
 Curve = tuple[tuple[float, float], ...]
 
 
@@ -21,8 +21,8 @@ class Instrument:
     A camera with a late clock stamps t + ``clock_offset_s`` + ``clock_drift`` t. A gauge shows
     (1 + ``gauge_gain``) p + ``gauge_offset_pa``. The camera's picture is turned by ``camera_roll_rad`` in the sense of
     growing Phi, stretched by 1 + ``length_scale``, and the tip is taken ``tip_offset_m`` too far along its axis.
-    Faults without a law are curves: what the gauge shows too much over what it shows (Pa) and over the run's time,
-    and how late the camera stamps over what it stamps (s).
+    Faults without a law are curves: the gauge's excess over its reading (Pa) and over the run's time, and the lateness
+    of the camera's stamps over the stamp (s).
     """
 
     clock_offset_s: float = 0.0
@@ -54,7 +54,7 @@ class Instrument:
         return (stamped_s - self.clock_offset_s - _at(self.clock_curve_s, stamped_s)) / (1 + self.clock_drift)
 
     def stamped(self, true_s: Floats) -> Floats:
-        """What the camera stamps (n,) when something happens; late by the curve as where it would stamp without."""
+        """The camera's stamps (n,) of true times; the curve of lateness is taken at the stamp without it."""
         stamped_s = true_s * (1 + self.clock_drift) + self.clock_offset_s
         return stamped_s + _at(self.clock_curve_s, stamped_s)
 
@@ -64,7 +64,7 @@ class Instrument:
         return (shown_pa - wrong) / (1 + self.gauge_gain)
 
     def shown_pressure(self, true_pa: float) -> float:
-        """What the gauge shows (Pa) at a pressure (Pa)."""
+        """The gauge's reading (Pa) at a pressure (Pa)."""
         return (1 + self.gauge_gain) * true_pa + self.gauge_offset_pa
 
     def seen(self, pose: Floats) -> Floats:

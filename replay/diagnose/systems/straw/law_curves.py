@@ -21,13 +21,14 @@ Floats = NDArray[np.float64]
 
 #: Points of a curve; heights are drawn to so many times the unloaded height, angles to this (rad).
 POINTS, REACH, ANGLE_RAD = 81, 1.15, 0.3
-#: A law that only acts on what moves is shown as a damping at this speed, m/s; a memory in a swing of this period, s.
+#: A law that acts on motion only is shown as a damping at this speed, m/s; one with memory in a swing of this period,
+#: s.
 SPEED_M_PER_S, PERIOD_S = 0.01, 1.0
 #: Pressure (Pa), time (s) over which an instrument's fault is shown.
 PRESSURES_PA, TIMES_S = (-30e3, 40e3), (0.0, 4.0)
 STEP = 1e-4
 ODD = "e, modulus of the odd frusta over the even"
-#: Over what, what, at (n,), and values (n,) for a straw and an instrument.
+#: Labels of both axes, points (n,), and values (n,) for a straw and an instrument.
 Curve = tuple[str, str, Floats, Callable[[StrawParameters, Instrument], Floats]]
 
 INSTRUMENT_LAWS = {
@@ -62,7 +63,7 @@ def law_curve(straw: StrawParameters, term: Term, fit: Fit, covariance: Floats) 
 
 
 def instrument_law(cause: str, straw: StrawParameters, fit: Fit, covariance: Floats) -> Law | None:
-    """What an instrument shows too much, over what it shows or the run's time."""
+    """An instrument's excess, over its reading or the run's time."""
     if cause == "odd_frusta_compliance":
         return Law("E_odd = e E", "the odd frusta give way, too", {"odd_E": ODD})
     if cause not in INSTRUMENT_LAWS:
@@ -88,7 +89,7 @@ def instrument_law(cause: str, straw: StrawParameters, fit: Fit, covariance: Flo
 
 
 def about_instrument(cause: str) -> str:
-    """What the constant of such a cause is."""
+    """Description of the constant of such a cause."""
     return INSTRUMENT_LAWS[cause][1] if cause in INSTRUMENT_LAWS else ODD
 
 
@@ -129,7 +130,7 @@ def _at(straw: StrawParameters, zeta: float, phi: float, d_zeta: float) -> Frust
 
 
 def _frustum(straw: StrawParameters, term: Term) -> list[Curve]:
-    """Force over height, moment over height, moment over angle, damping over height: the first that is not nothing."""
+    """Force over height, moment over height, moment over angle, damping over height: the first that is not zero."""
     zeta0 = float(np.mean(straw.zeta0_m[:, 1]))
     zeta, phi = np.linspace(zeta0 * REACH, -zeta0 * REACH, POINTS), np.linspace(-ANGLE_RAD, ANGLE_RAD, POINTS)
     force = getattr(term.force, "py_func", term.force)
@@ -181,7 +182,7 @@ def _flow_m3_per_s(straw: StrawParameters) -> Floats:
 
 
 def _line(straw: StrawParameters, term: str, name: str, over: str, at: Floats, shown: float) -> Curve:
-    """A pressure in proportion to what is at (n,); shown per SI."""
+    """A pressure proportional to the state at (n,); shown per SI."""
     return over, "pressure / kPa", shown * at, lambda s, _: float(s.terms[term][name]) * at / 1e3
 
 

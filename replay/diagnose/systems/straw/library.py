@@ -1,4 +1,4 @@
-"""The library: every cause of the contract as unknowns with priors, and from where to look for each."""
+"""The library: every cause of the contract as unknowns with priors and starts."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from straw.model.term import Law
 from straw.model.terms import CAUSES
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
 
-#: Sizes from which to look for a cause are this far from each other, in units of u.
+#: Distance of a cause's starting sizes, in units of u.
 NEXT_SIZE = 0.6
-#: Smallest size from which a law is looked for that nobody wrote starts for, in its units: as most of those below.
+#: Smallest starting size of a law without starts of its own, in its units: as for most of those below.
 LEAST = 0.3
 #: The largest, as u: a step before the bound.
 MOST = 7.4
@@ -34,13 +34,13 @@ def _shape(target: str, start: float, low: float, high: float) -> Unknown:
 
 
 def _walls_at_most() -> float:
-    """u of the top of the share's range: far beyond either of the two energies there is no wall."""
+    """u of the top of the share's range: far beyond either of the two energies no wall is possible."""
     return float(np.arcsinh(CAUSES["wall_elasticity"].constants[0].high / WALL_SHARE))
 
 
 def _sizes(least: float, most: float) -> tuple[float, ...]:
-    """Sizes of a cause so near to each other that the base's constants can follow from one to the next: each shifts
-    every snap, and looks worse than nothing until they have."""
+    """Sizes of a cause so close that the base's constants can follow from one to the next: each shifts every snap, and
+    fits worse than its absence until they have."""
     steps = int(np.ceil((np.arcsinh(most) - np.arcsinh(least)) / NEXT_SIZE))
     return tuple(float(np.sinh(u)) for u in np.linspace(np.arcsinh(least), np.arcsinh(most), steps + 1))
 
@@ -50,7 +50,7 @@ def _one_weak(cells: int, units: float) -> tuple[tuple[float, ...], ...]:
 
 
 def _weak_beside_strong(cells: int, units: float) -> tuple[tuple[float, ...], ...]:
-    """Starts for every two cells: which of two snaps first no descent changes, as both paths there lead uphill."""
+    """Starts for every pair of cells: no descent changes which of two snaps first, as every path there leads uphill."""
     return tuple(
         tuple(units * ((c == strong) - (c == weak)) for c in range(cells))
         for weak, strong in itertools.permutations(range(cells), 2)
@@ -86,7 +86,7 @@ def causes(cells: int) -> dict[str, tuple[tuple[Unknown, ...], tuple[tuple[float
                     t + "crease_stiffness.bending_hardens_per_rad2", 5.0, kind="linear", low=0.0, high=10.0, sd=3.0
                 ),
             ),
-            # what does not harden the base's own elasticity nearly takes up
+            # a law that does not harden is nearly compensated by the base's elasticity
             tuple((size, size, hard, hard) for hard in (2.0, 0.0) for size in _sizes(1.0, 5.0)),
         ),
         "squeeze_film": (
@@ -199,9 +199,9 @@ def causes(cells: int) -> dict[str, tuple[tuple[Unknown, ...], tuple[tuple[float
 def library_of(law: Law) -> tuple[tuple[Unknown, ...], tuple[tuple[float, ...], ...]]:
     """Unknowns and starts of a law that has none above, from its constants' plausible ranges.
 
-    A strength is in units of the bottom of its range, which is what is well seen of it, or of a tenth of its top where
-    the range has no bottom; it starts small and goes to the top, to both sides where its range does. All others start
-    from their default: over the range on a log scale where it has a bottom, else linear.
+    A strength is in units of the lower end of its range, which is well visible, or of a tenth of the upper end where
+    the range has no lower one; its starts go from small to the upper end, to both sides where the range does. All
+    others start from their default: on a log scale over the range where it has a lower end, else linear.
     """
     unknowns: list[Unknown] = []
     alike: list[bool] = []

@@ -1,9 +1,8 @@
-"""Which of a prediction's snaps is which of a recording's, where one shows some that the other does not.
+"""Matches a prediction's snaps with a recording's, where one shows some that the other does not.
 
-Phi of a snap that rings may just reach the level at which it counts, in the recording and not in the prediction; told
-by their number, all that follow would then be taken for each other. Nor does the nearest do, by which
-`straw.replay.metrics` pairs whole snaps to report them: where a model is late, its first snap may be nearest to the
-second one recorded.
+Phi of a ringing snap may just reach the threshold in the recording and not in the prediction; if snaps were matched by
+their number, all later ones would be mismatched. Matching the nearest, as `straw.replay.metrics` does to report whole
+snaps, fails too: where a model is late, its first snap may be nearest to the second one recorded.
 """
 
 from __future__ import annotations
@@ -14,16 +13,16 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-#: To leave out one crossing costs as much as to take one for another that is this late, s.
+#: Cost of an unmatched crossing, as the lateness of a match, s.
 LEFT_OUT_S = 0.3
-#: What is this much later or earlier than the others may be a ring taken for an end, s.
+#: A crossing this much later or earlier than the others may be a ring taken for an end, s.
 ODD_S = 0.03
 
 
 def matched(seen_s: Floats, told_s: Floats) -> tuple[Indices, Indices]:
-    """Crossings of a recording (n,) and a prediction (k,) that belong to each other, as indices of both.
+    """Matching crossings of a recording (n,) and a prediction (k,), as indices of both.
 
-    Both begin, end, begin, ...: begins go with begins. As many belong to each other one by one, however late; else
+    Both alternate between begin and end, and begins match begins. Equal numbers match one by one, however late; else
     with least lateness in all, in order (dynamic programming, as sequences are aligned by Needleman and Wunsch).
     """
     n, k = len(seen_s), len(told_s)
@@ -51,6 +50,6 @@ def matched(seen_s: Floats, told_s: Floats) -> tuple[Indices, Indices]:
 
 
 def without_odd(late_s: Floats) -> NDArray[np.bool_]:
-    """Which of matched crossings (k,) are about as late as the others, or as the first of two."""
+    """Which matched crossings (k,) are about as late as the others, or as the first of two."""
     usual = float(np.median(late_s)) if len(late_s) > 2 else late_s[:1]
     return np.asarray(np.abs(late_s - usual) <= ODD_S)

@@ -1,4 +1,4 @@
-"""Protocols that may be proposed: a menu of proven kinds, and others drawn and varied within the rig's limits."""
+"""Protocols that may be proposed: a menu of proven kinds, and random and varied ones within the rig's limits."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ import numpy as np
 
 from straw.rig.limits import STRAW_LIMITS, PressureLimits
 
-#: Levels are whole multiples of this, kPa, and times of this, s: what a person reads and a controller follows.
+#: Levels are whole multiples of this, kPa, and times of this, s, for readability and the controller's resolution.
 LEVEL_KPA, TIME_S = 0.5, 0.1
-#: How long a hold may be, s: a snap is over after some 0.3 s, and a straw comes to rest in some two.
+#: Range of a hold's duration, s: a snap is over after some 0.3 s, and a straw comes to rest in some two.
 SHORTEST_S, LONGEST_S = 0.3, 6.0
-#: How far a variation goes from what is varied, as one standard deviation of a logarithm.
+#: Size of a variation, as one standard deviation of a logarithm.
 VARIES = 0.2
 
 
 @dataclass(frozen=True)
 class Choice:
-    """An entry of the menu: holds of (kPa, s), cells deployed, and what it is good for."""
+    """An entry of the menu: holds of (kPa, s), cells deployed, and its purpose."""
 
     name: str
     deployed: tuple[int, ...]
@@ -59,14 +59,14 @@ def drawn(rng: np.random.Generator, cells: int, limits: PressureLimits = STRAW_L
 
 
 def varied(choice: Choice, rng: np.random.Generator, limits: PressureLimits = STRAW_LIMITS) -> Choice:
-    """The same with other levels and times, near by."""
+    """A variation with other levels and times nearby."""
     factors = np.exp(VARIES * rng.normal(size=(len(choice.holds), 2)))
     holds = tuple((kpa * f, s * g) for (kpa, s), (f, g) in zip(choice.holds, factors, strict=True))
     return _neat(replace(choice, holds=holds), limits)
 
 
 def _neat(choice: Choice, limits: PressureLimits) -> Choice:
-    """With round numbers within the limits, and a name that says what it is."""
+    """With round numbers within the limits, and a descriptive name."""
     low, high = np.ceil(limits.min_pa / 1e3 / LEVEL_KPA), np.floor(limits.max_pa / 1e3 / LEVEL_KPA)
     holds = tuple(
         (

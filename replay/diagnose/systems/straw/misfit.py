@@ -1,8 +1,8 @@
 """Residuals of a run: prediction against recording, registered at the snaps, in sigmas, with their Jacobian.
 
-A snap 30 ms late differs by all of its height, whatever was the cause. So prediction and recording are registered by
-their landmarks, the snaps (curve registration: Ramsay and Silverman, Functional Data Analysis, chapter 7): how late
-each is counts as timing, what then still differs as shape. Both change almost linearly with the straw's constants.
+A snap 30 ms late differs by all of its height, whatever the cause. So prediction and recording are registered by their
+landmarks, the snaps (curve registration: Ramsay and Silverman, Functional Data Analysis, chapter 7): their lateness
+counts as timing, the remaining difference as shape. Both change almost linearly with the straw's constants.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ Floats = NDArray[np.float64]
 class Misfit:
     """Differences between prediction and observation in sigmas: shape (3, n), white for a right model; timing (k,).
 
-    ``timing`` has an entry for each of the observation's snap times (begin, end, begin, ...), one for all that the
-    prediction shows beside them, and one for what the gauge reads on a vented line; ``late_s`` (k - 2,) are the first
-    of them in seconds, NaN where the prediction has none. ``plain`` (3, n) is what differs without registration, m and
-    rad. ``jacobian`` (3 n + k, unknowns) has no columns where no derivatives were asked for. ``steps`` is how many the
-    simulation took.
+    ``timing`` has an entry for each of the observation's snap times (begin, end, begin, ...), one for all
+    additional ones of the prediction, and one for the gauge's reading on a vented line; ``late_s`` (k - 2,) are the
+    first of them in seconds, NaN where the prediction has none. ``plain`` (3, n) is the difference without
+    registration, m and rad. ``jacobian`` (3 n + k, unknowns) has no columns where no derivatives were asked for.
+    ``steps``: of the simulation.
     """
 
     shape: Floats
@@ -112,7 +112,7 @@ def coarse_misfit(
     derivatives: bool = False,
 ) -> tuple[Floats, Floats, int]:
     """Residual (m,), Jacobian (m, unknowns) and steps of a run by its slow part, the envelope of its ringing and its
-    snap times: what leads from afar to a good fit."""
+    snap times, which lead to a good fit from distant starts."""
     seen = simulated(observed, straw, unknowns, at, derivatives=derivatives, tolerance_m=COARSE_TOLERANCE_M)
     curve, envelope = _Curve(seen), observed.envelope
     vent, d_vent = vent_residual(observed.vent_pa, observed.start_s, straw, unknowns, at)
@@ -158,8 +158,8 @@ class _Curve:
 
 @dataclass(frozen=True, eq=False)
 class Registration:
-    """One way to take a prediction's snaps for those of a recording, at ``snaps_s`` (k,): how late each is, NaN where
-    none is taken for it, its derivatives (k, unknowns), and how many of the prediction's are left over."""
+    """One matching of a prediction's snaps with those of a recording, at ``snaps_s`` (k,): the lateness of each, NaN if
+    unmatched, its derivatives (k, unknowns), and the number of the prediction's unmatched ones."""
 
     snaps_s: Floats
     late_s: Floats
@@ -177,15 +177,15 @@ class Registration:
         return self.d_late[self.shown]
 
     def bent(self, time_s: Floats) -> Floats:
-        """Times (n,) at which to look into the prediction."""
+        """Times (n,) at which the prediction is evaluated."""
         return np.asarray(time_s + self.basis(time_s) @ self.late_s[self.shown])
 
     def basis(self, time_s: Floats) -> Floats:
-        """How much each shown snap's lateness moves the time at which to look, (n, shown)."""
+        """Derivative of `times` by each shown snap's lateness, (n, shown)."""
         return bend_basis(time_s, self.snaps_s[self.shown], self.late_s[self.shown])
 
     def timing(self, sigma_s: float) -> Floats:
-        """How late each is, in sigmas, and all that are left (k + 1,)."""
+        """Lateness of each, in sigmas, and the number of unmatched ones (k + 1,)."""
         late = np.where(self.shown, self.late_s / sigma_s, MISSING_EVENT_SIGMAS)
         return np.append(late, MISSING_EVENT_SIGMAS * np.sqrt(self.left))
 
@@ -196,7 +196,7 @@ class Registration:
 
 
 def registrations(observed: Observation, seen: Simulated) -> list[Registration]:
-    """Ways in which the prediction's snaps are those of the recording: all that match, and without one that is odd."""
+    """Matchings of the prediction's snaps with the recording's: all that match, and without an outlier."""
     mine, others = matched(observed.snaps_s, seen.events_s)
     late = np.full(len(observed.snaps_s), np.nan)
     late[mine] = seen.events_s[others] - observed.snaps_s[mine]
@@ -214,7 +214,7 @@ def registrations(observed: Observation, seen: Simulated) -> list[Registration]:
 
 def bend_basis(time_s: Floats, snaps_s: Floats, late_s: Floats) -> Floats:
     """Hat functions (n, k) over the recording's time: one at each snap, constant a little before the first and after
-    the last, zero far from all. They fade more slowly where a snap is so late that time would run back."""
+    the last, zero far from all. They fade more slowly where a snap is so late that time would run backwards."""
     if len(snaps_s) == 0:
         return np.zeros((len(time_s), 0))
     fade = np.maximum(REGISTRATION_FADES_S, 3 * np.abs(late_s))
@@ -226,10 +226,10 @@ def bend_basis(time_s: Floats, snaps_s: Floats, late_s: Floats) -> Floats:
 
 
 def whitened(scaled: Floats, time_s: Floats) -> Floats:
-    """Differences in sigmas (3, n, ...) with the lasting part of a track's noise filtered out: unit variance, white.
+    """Differences in sigmas (3, n, ...) with the correlated part of a track's noise filtered out: unit variance, white.
 
     White noise plus a first-order process, each at its share of the variance, is an ARMA(1, 1) process: its own
-    one-step prediction is subtracted (Box and Jenkins). Offsets that last count as the few independent looks they are.
+    one-step prediction is subtracted (Box and Jenkins). Constant offsets then count as few independent samples.
     """
     fade = float(np.exp(-np.median(np.diff(time_s)) / LASTS_S))
     drive, white = LASTING * (1 - fade**2), 1 - LASTING
@@ -238,7 +238,7 @@ def whitened(scaled: Floats, time_s: Floats) -> Floats:
     half = -lag0 / (2 * lag1)
     theta = half - np.sqrt(half**2 - 1)
     innovation = -lag1 / theta
-    # started as if the first difference had lasted for long
+    # started as if the first difference had been constant before
     first = scaled[:, :1] * (1 - fade) / (1 - theta)
     zi = (theta * first) - fade * scaled[:, :1]
     out, _ = lfilter([1.0, -fade], [1.0, -theta], scaled, axis=1, zi=zi)

@@ -1,7 +1,7 @@
 """The missing force where no hypothesis explains the runs: a curve over the state that explains most, and a formula.
 
-The curve is a table of values, fitted beside the base's constants and charged for being rough. Over which state it
-explains the runs best is tried out; what explains nothing is said to.
+The curve is a table of values, fitted beside the base's constants with a roughness penalty. All states are tried; a
+curve that explains nothing is reported as such.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ from straw.replay.diagnose.systems.straw.states import STATES, State, points
 
 Floats = NDArray[np.float64]
 
-#: How far a point of a curve may be off the line between its neighbours, in units of the state, one sigma.
+#: Prior deviation of a curve's point from the line between its neighbours, in units of the state.
 ROUGH = 1.5
 #: States that are fitted, that are carried to the end; rounds of the first fit and of the last.
 FITTED, FINISHED, FIRST_ROUNDS, ROUNDS = 4, 2, 8, 10
 
 
-#: Steps of the search to a force as large as the first slopes want it, and how many units that may be.
+#: Steps of the search to the size of force that the first slopes predict, and its limit in units.
 STEPS, LARGEST = 3.0, 1000.0
 #: Another state is a rival while its first fit costs less than this many times the best's.
 RIVAL = 1.5
-#: A curve that takes away less of the base's unexplained misfit explains nothing.
+#: A curve that explains less than this share of the base's misfit counts as explaining nothing.
 TELLS = 0.5
 #: Constants of the base that are taken from its fit; elasticity and geometry start as given.
 TAKEN_ALONG = ("straw.r_ch_m", "straw.c_zeta_n_s_per_m", "straw.c_phi_n_m_s_per_rad")
@@ -50,7 +50,7 @@ TAKEN_ALONG = ("straw.r_ch_m", "straw.c_zeta_n_s_per_m", "straw.c_phi_n_m_s_per_
 class Curve:
     """A state's curve fitted beside the base's constants; ``campaign`` holds the straw with the curve's points.
 
-    ``smooth`` (k, unknowns) are the rows that charge the curve for being rough, by u.
+    ``smooth`` (k, unknowns) are the rows of the roughness penalty, by u.
     """
 
     state: State
@@ -75,7 +75,7 @@ def rows_for(state: State, at: Floats, free: NDArray[np.bool_]) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class _Start:
-    """A state's curve at zero, beside the base's fit: the cost its slopes promise."""
+    """A state's curve at zero, beside the base's fit: the cost predicted by its slopes."""
 
     curve: Curve
     promise: float
@@ -91,8 +91,8 @@ class Missing:
     sigmas: Floats  # (n,) one deviation, the base's constants free
     matters: Floats  # (n,) sigmas by which the runs would miss each point's value
     formula: Formula | None
-    explains: float  # share of the base's unexplained misfit that the curve takes away
-    others: tuple[tuple[str, float], ...]  # what curves over other states take away
+    explains: float  # share of the base's misfit that the curve explains
+    others: tuple[tuple[str, float], ...]  # shares that curves over other states explain
 
     @property
     def says(self) -> str:
@@ -181,7 +181,7 @@ def _unit(state: State, power: float) -> str:
 def curves(campaign: Campaign, null: Fit, told: Told = silent, states: Sequence[State] = STATES) -> list[Curve]:
     """Curves over the states that promise most, the best first; the best few are carried to their end."""
     wide = campaign.only(telling_runs(campaign, null)).coarse()
-    # what is missing has dragged the base's constants away: damping and channel are taken at their word, no others
+    # the missing force has biased the base's constants: only damping and channel are kept
     calm = np.where([k.target in TAKEN_ALONG for k in null.unknowns], null.u, 0.0)
     known = evaluated(wide, null.unknowns, calm)
     starts: list[_Start] = []
@@ -205,7 +205,7 @@ def curves(campaign: Campaign, null: Fit, told: Told = silent, states: Sequence[
 
 
 def _carried_on(curve: Curve, campaign: Campaign, rounds: int, share: float) -> Curve:
-    """The curve fitted further, perhaps to other runs; with no rounds only looked at there."""
+    """The curve's fit continued, perhaps on other runs; with no rounds only evaluated there."""
     fit, smooth = curve.fit, curve.smooth
     fit = fitted(campaign, fit.unknowns, fit.u, rounds=rounds, share=share, smooth=smooth)
     return replace(curve, campaign=campaign, fit=fit)
@@ -214,7 +214,7 @@ def _carried_on(curve: Curve, campaign: Campaign, rounds: int, share: float) -> 
 def _starts(
     campaign: Campaign, null: Fit, observations: Sequence[Any], told: Told, states: Sequence[State]
 ) -> Iterator[_Start]:
-    """Every state's curve at zero with its slopes; its points lie where all of the observations pass."""
+    """Every state's curve at zero with its slopes; its points lie where all observations pass."""
     base = null.unknowns
     straw, _ = applied(straw_of(campaign), base, null.u)
     seen = [(o, simulated(o, straw_of(campaign), base, null.u).prediction) for o in observations]
@@ -231,7 +231,7 @@ def _starts(
         u = np.concatenate([null.u, np.zeros(len(unknowns) - len(base))])
         fit = evaluated(here, unknowns, u, smooth)
         unit, wanted = unknowns[-1].scale, -_downhill(fit, smooth)[0][len(base) :]
-        # in units of what is wanted a large force is no further away than a small one
+        # in units of the predicted size a large force is as near as a small one
         larger = float(np.clip(np.max(np.abs(wanted)) / STEPS, 1.0, LARGEST))
         slopes = fit.slopes.copy()
         slopes[:, len(base) :] *= larger
@@ -241,7 +241,7 @@ def _starts(
 
 
 def _downhill(fit: Fit, smooth: Floats) -> tuple[Floats, float]:
-    """Minus the step that would end the search were everything linear, and what it would gain."""
+    """Minus the step to the optimum of the linearised problem, and its gain."""
     w = weights(fit.residual)
     sd, mean = np.array([k.sd for k in fit.unknowns]), np.array([k.mean for k in fit.unknowns])
     curvature = (fit.slopes * w[:, None]).T @ fit.slopes + np.diag(1 / sd**2) + smooth.T @ smooth

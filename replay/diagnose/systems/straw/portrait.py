@@ -1,4 +1,4 @@
-"""The straw from the side, with clamp, line, gauge and camera, and what a finding is about marked."""
+"""The straw from the side, with clamp, line, gauge and camera, and the places of a finding marked."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PLACES = {
 
 
 def place_of(cause: str) -> str:
-    """What of the picture a cause acts on; empty where that is not known."""
+    """The parts of the picture that a cause acts on; empty where unknown."""
     if cause in TERMS:
         kind = {"flow": "flow", "body": "tip"}.get(TERMS[cause].kind, "frusta")
         return "tip" if "tip" in cause else kind

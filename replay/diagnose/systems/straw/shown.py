@@ -1,4 +1,4 @@
-"""What the page of a diagnosis shows of a straw: its portrait, its laws, its motion, the next protocol."""
+"""The straw's contents of a diagnosis page: its portrait, its laws, its motion, the next protocol."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from straw.rig.protocol_toml import protocol_from_toml
 
 Floats = NDArray[np.float64]
 
-#: Colours of the hypotheses that an experiment would tell apart.
+#: Colours of the hypotheses that an experiment would distinguish.
 COLOURS = (AFTER, BEFORE, INK, SOFT)
 
 
@@ -37,11 +37,12 @@ class StrawShown(Shown):
         self.straw = straw
 
     def picture(self, model: StrawParameters, places: Sequence[int], causes: Sequence[str]) -> Drawing:
-        """The straw from the side; what the causes act on is marked, of frusta those whose snaps differ most."""
+        """The straw from the side, with the parts marked that the causes act on; of frusta those whose snaps differ
+        most."""
         return portrait(self.straw, places, causes)
 
     def about(self, cause: str) -> dict[str, str]:
-        """What the constants of a term are; those of single cells, and of a term that a cause brings along, too."""
+        """Descriptions of a term's constants, with those of single cells and of terms that belong to the cause."""
         if cause not in TERMS:
             return {k.target.partition(".")[2]: about_instrument(cause) for k in hypothesis([cause], 1).unknowns}
         about = {c.name: c.about for c in TERMS[cause].constants}
@@ -53,14 +54,14 @@ class StrawShown(Shown):
         return about
 
     def law(self, cause: str, fit: Fit, covariance: Floats) -> Law | None:
-        """A term's law and what its constants are; of an instrument what it shows too much."""
+        """A term's law and constants; of an instrument its excess."""
         if cause in TERMS:
             term = TERMS[cause]
             return Law(term.law, term.source, self.about(cause), law_curve(self.straw, term, fit, covariance))
         return instrument_law(cause, self.straw, fit, covariance)
 
     def played(self, recording: Observation, fit: Fit) -> dict[str, Any]:
-        """Shape and pressure as the replay page has them."""
+        """Shape and pressure as on the replay page."""
         run = recording.run
         assert run.pressure is not None
         seen = simulated(recording, self.straw, fit.unknowns, fit.u).prediction
@@ -77,7 +78,7 @@ class StrawShown(Shown):
         }
 
     def experiment(self, proposed: Experiment) -> Drawing:
-        """What is commanded, and below it the tip as each hypothesis that survives predicts it."""
+        """The command, and below it the tip's prediction by each surviving hypothesis."""
         protocol = protocol_from_toml(proposed.protocol, "the experiment")
         figure, rows = axes_of(5.8, 4.4 if proposed.seen else 2.4, nrows=2 if proposed.seen else 1, sharex=True,
                                squeeze=False)  # fmt: skip

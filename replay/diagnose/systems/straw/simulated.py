@@ -57,7 +57,7 @@ def simulated(
     derivatives: bool = False,
     tolerance_m: float = TOLERANCE_M,
 ) -> Simulated:
-    """What the straw with the unknowns at u does in this run; ModelError where it cannot be simulated."""
+    """The straw's motion in this run with the unknowns at u; ModelError where it cannot be simulated."""
     changed, instrument = applied(straw, unknowns, at)
     seen, by = _until_it_snaps(observed, straw, changed, instrument, unknowns, at, derivatives, tolerance_m)
     pose = np.stack([seen.x_m, seen.z_m, seen.phi_rad])
@@ -78,7 +78,7 @@ def simulated(
                 d_shown[:, :, k] = (high[1].seen(pose) - low[1].seen(pose)) / step
                 d_stamped[:, k] = (high[1].stamped(seen.time_s) - low[1].stamped(seen.time_s)) / step
                 d_late[:, k] = (high[1].stamped(true_events_s) - low[1].stamped(true_events_s)) / step
-        # at a fixed stamped time: what the clock shifts is what the tip moves meanwhile
+        # at a fixed stamped time: a shift of the clock moves the tip by its rate
         rate = np.gradient(shown, stamped_s, axis=1)
         d_shown -= rate[:, :, None] * d_stamped
         d_true_s = d_true_s * (1 + instrument.clock_drift) + d_late
@@ -100,7 +100,8 @@ def _until_it_snaps(
     derivatives: bool,
     tolerance_m: float,
 ) -> tuple[Prediction, tuple[list[int], Derivatives] | None]:
-    """The simulation, a little longer where the recording shows more snaps, and the columns of what moves the straw."""
+    """The simulation, a little longer where the recording shows more snaps, and its derivatives by the straw's
+    unknowns."""
     deployed = observed.run.initial_deployed
     assert deployed is not None
     cycle, table = float(observed.run.cycle), observed.pressure
@@ -144,7 +145,7 @@ def _directions(
     shown_s: Floats,
     cycle: float,
 ) -> tuple[list[int], list[Direction]]:
-    """Which unknowns move the straw, and how they move its constants or the pressure that drives it."""
+    """The unknowns that affect the straw, and the directions in its constants or driving pressure."""
     moving, directions = [], []
     for k, unknown in enumerate(unknowns):
         if unknown.target.startswith(("straw.", "term.")):
@@ -163,7 +164,7 @@ def _directions(
 def _beside(
     straw: StrawParameters, unknowns: Sequence[Unknown], at: Floats, k: int
 ) -> tuple[tuple[StrawParameters, Instrument], tuple[StrawParameters, Instrument], float]:
-    """Straw and instrument a little below and above in one unknown, within its bounds, and how far they are apart."""
+    """Straw and instrument a little below and above in one unknown, within its bounds, and their distance."""
     low, high = at.copy(), at.copy()
     low[k], high[k] = max(at[k] - SECANT, unknowns[k].low), min(at[k] + SECANT, unknowns[k].high)
     return applied(straw, unknowns, low), applied(straw, unknowns, high), float(high[k] - low[k])

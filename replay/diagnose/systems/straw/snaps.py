@@ -1,4 +1,4 @@
-"""Snaps as the tip shows them: Phi leaves its rest level while a frustum stands bent, and comes back or stays."""
+"""Snaps in the tip's motion: Phi leaves its rest level while a frustum is bent, and returns or stays."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from straw.replay.diagnose.system import Stretch
 
 Floats = NDArray[np.float64]
 
-#: Shares of the run's largest excursion of Phi at which a snap has begun and at which it is over (a Schmitt trigger:
-#: what rings stays between them).
+#: Shares of the run's largest excursion of Phi at which a snap begins and ends (a Schmitt trigger: ringing stays
+#: between them).
 LEAVES, RETURNS = 0.5, 0.25
 #: Smallest excursion of Phi that is a snap, rad; a frustum that snaps bends by 0.2.
 SMALLEST_RAD = 0.08
 SMOOTHED_S = 4e-3
 #: A snap that begins this soon after another has ended is its ringing, s.
 RINGS_S = 0.06
-#: A snap's stretch begins this long before Phi shows it and ends this long after; shorter ones are none, s.
+#: A snap's interval begins this long before Phi shows it and ends this long after; shorter ones are ignored, s.
 BEFORE_S, AFTER_S, SHORTEST_S = 0.12, 0.05, 0.01
-#: A cell has passed to the other side when zeta is beyond this, m; what Phi shows this near belongs to it, s.
+#: A cell has snapped when zeta is beyond this, m; a crossing of Phi this near belongs to it, s.
 PASSED_M, NEAR_S = 1e-3, 0.05
 
 
 @dataclass(frozen=True)
 class Levels:
-    """Angles (rad) a run's snaps are told by: Phi at rest, and the excursions at which snaps begin and end."""
+    """Angles (rad) that define a run's snaps: Phi at rest, and the excursions at which snaps begin and end."""
 
     rest: float
     leaves: float  # signed
@@ -74,14 +74,14 @@ def crossings(time_s: Floats, phi_rad: Floats, levels: Levels) -> Floats:
 
 
 def _without_rings(crossed_s: Floats) -> Floats:
-    """Begins and ends of snaps, where one that follows the last at once is the same snap ringing."""
+    """Begins and ends of snaps, where one that follows the last immediately is its ringing."""
     gaps = crossed_s[2::2] - crossed_s[1:-1:2]
     drop = 2 * np.flatnonzero(gaps < RINGS_S) + 1
     return np.delete(crossed_s, np.concatenate([drop, drop + 1]))
 
 
 def stretches(time_s: Floats, snaps_s: Floats) -> list[Stretch]:
-    """Stretches before, during and after each snap of a run with samples at times (n,) and these snap times (k,)."""
+    """Intervals before, during and after each snap of a run with samples at times (n,) and these snap times (k,)."""
     begins, ends = snaps_s[::2], snaps_s[1::2]
     start, end = float(time_s[0]), float(time_s[-1])
     if len(begins) == 0:

@@ -1,4 +1,4 @@
-"""What a missing force may depend on: every state it is looked for over, where its points lie, how it is said."""
+"""States that a missing force may depend on, the points of its curve, and their descriptions."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from straw.replay.diagnose.systems.straw.observation import Observation
 
 Floats = NDArray[np.float64]
 
-#: Speeds are looked at from the fastest down to this share of it, evenly in their logarithm.
+#: Speeds are covered from the fastest down to this share of it, evenly in their logarithm.
 SLOWEST = 1 / 60
 #: Points of a curve are at least this share of its range apart.
 APART = 1 / 25
 #: A curve over so few values is none.
 FEWEST = 3
-#: Deviation of the prior of a value in units: hardly any.
+#: Deviation of the prior of a value in units: nearly flat.
 WIDE = 100.0
 
 
@@ -31,7 +31,7 @@ WIDE = 100.0
 class State:
     """One state and the curve over it: a table in a term of the model, or a curve of the instrument.
 
-    ``values`` and ``points`` are patterns of targets and constants; ``unit`` is about the smallest value that is seen.
+    ``values`` and ``points`` are patterns of targets and constants; ``unit`` is about the smallest visible value.
     """
 
     name: str
@@ -43,9 +43,9 @@ class State:
     values: str
     points: str
     unit: float
-    visited: Callable[[StrawParameters, Observation, Prediction], Floats]  # what the runs pass through
-    odd: bool = False  # over the size of the state, through zero
-    zero: bool = False  # nothing where the state is zero
+    visited: Callable[[StrawParameters, Observation, Prediction], Floats]  # values in the runs
+    odd: bool = False  # odd: over the magnitude of the state, through zero
+    zero: bool = False  # zero where the state is zero
     scale: Callable[[StrawParameters], float] = lambda straw: 1.0  # SI value of a point at 1
 
     @property
@@ -54,7 +54,7 @@ class State:
         return self.values.split(".")[1] if self.values.startswith("term.") else ""
 
     def straw_with(self, straw: StrawParameters, at: Floats) -> StrawParameters:
-        """The straw with the table's points (n,) in it, ones nobody passes before them, and all values zero."""
+        """The straw with the table's points (n,), unused ones before them, and all values zero."""
         if not self.term:
             return straw
         before = at[0] - np.arange(POINTS - len(at), 0, -1)
@@ -62,7 +62,7 @@ class State:
         return straw.with_term(self.term, amount=1.0, **where)
 
     def unknowns(self, at: Floats) -> tuple[Unknown, ...]:
-        """Unknowns for the values at points (n,), less those where there is nothing to find."""
+        """Unknowns for the values at points (n,), without those fixed at zero."""
         first = 1 + POINTS - len(at)
         return tuple(
             Unknown(self.values.format(n if self.term else f"{x:.6g}"), self.unit, kind="linear", sd=WIDE)
@@ -158,7 +158,8 @@ STATES: tuple[State, ...] = (
 
 
 def points(state: State, visited: Sequence[Floats]) -> Floats | None:
-    """Points (n,), at most POINTS, of a state's curve, dense where the runs are often; None where they pass too little.
+    """Points (n,), at most POINTS, of a state's curve, dense where the runs are frequent; None where they cover too
+    little.
 
     Even in the mean of the share of samples below x and the share of the range below x.
     """

@@ -1,4 +1,4 @@
-"""The straw as a system: its constants, causes and ways of being looked at, for the diagnosis."""
+"""The straw as a system of the diagnosis: its constants, causes, misfits and page."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ CHANNELS = (
 )
 #: The cause that needs finite elements of the straw's own geometry.
 WALLS = "wall_elasticity"
-#: Units of what is found in instruments.
+#: Units of instruments' constants.
 UNITS = {
     "clock_offset_s": "s",
     "clock_drift": "1",
@@ -54,7 +54,7 @@ UNITS = {
     "gauge_offset_pa": "Pa",
     "gauge_gain": "1",
 }
-#: Equations by the base's constants: what it says if one of them would have to differ from run to run.
+#: Equations of the base's constants, for a message where one would have to vary from run to run.
 EQUATIONS = {
     "r_ch_m": ("flow through the channel (equation 2)", "channel radius r_ch"),
     "c_zeta_n_s_per_m": ("axial dissipation (equation 4)", "damping c_zeta"),
@@ -68,7 +68,7 @@ EQUATIONS = {
 
 @dataclass(frozen=True, eq=False)
 class StrawSystem(System):
-    """A straw with the constants it is taken to have."""
+    """A straw with its assumed constants."""
 
     straw: StrawParameters
 
@@ -90,7 +90,7 @@ class StrawSystem(System):
 
     @property
     def most_work(self) -> float:
-        """As many steps as take about 180 s on two idle cores."""
+        """Steps that take about 180 s on two idle cores."""
         return MOST_WORK
 
     @property
@@ -121,7 +121,7 @@ class StrawSystem(System):
         return Differences(vector, jacobian, np.empty((len(CHANNELS), 0)), steps)
 
     def size(self, recording: Observation, level: Level) -> int:
-        """Shape, or slow part and envelope; each snap time, one for what is beside them, one for the vented gauge."""
+        """Shape, or slow part and envelope; each snap time, one for additional snaps, one for the vented gauge."""
         shaped = recording.envelope.size if level is Level.COARSE else recording.tip.size
         return int(shaped + len(recording.snaps_s) + 2)
 
@@ -141,7 +141,7 @@ class StrawSystem(System):
         return base_fit(campaign, proposed)
 
     def telling(self, campaign: Campaign, fit: Fit) -> list[str]:
-        """Runs that differ most, one without a snap, and what is left most."""
+        """Runs that differ most, one without a snap, and the one with the largest misfit."""
         return telling_runs(campaign, fit)
 
     def repeats(self, campaign: Campaign, fit: Fit) -> Floats | None:
@@ -151,7 +151,7 @@ class StrawSystem(System):
         return np.column_stack([at.slopes[:, -1], at.slopes[:, list(steps)] * list(steps.values())])
 
     def cannot_follow(self, recording: Observation) -> str:
-        """Most likely the start configuration is not what the file says."""
+        """Most likely the start configuration in the file is wrong."""
         return (
             f"run {recording.name}: the straw cannot be simulated from where this run starts, neither with the "
             "constants given nor with those that fit; check initial_deployed and the straw, or leave the run out"
@@ -170,7 +170,7 @@ class StrawSystem(System):
         return ("odd_frusta_compliance" if name == "odd_E" else cause), name, UNITS.get(name, "1")
 
     def equation(self, unknown: Unknown) -> tuple[str, str] | None:
-        """Which of the paper's equations a constant stands in."""
+        """The paper's equation of a constant."""
         return EQUATIONS.get(unknown.target.split(".")[1])
 
     def places(self, campaign: Campaign, fit: Fit, recording: Observation) -> tuple[int, ...]:

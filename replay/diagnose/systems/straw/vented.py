@@ -1,4 +1,4 @@
-"""What the gauge reads before anything is commanded: a sound one reads nothing on a vented line."""
+"""The gauge's reading before the first command: a correct one reads zero on a vented line."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from straw.rig.run import PressureLog
 
 Floats = NDArray[np.float64]
 
-#: How far a sound gauge may read from nothing on a vented line, Pa: 0.1 % of a range of 100 kPa, chosen without a
-#: maker's figure; an offset of three times as much is noticed in a single run.
+#: Standard uncertainty of a correct gauge's zero, Pa: 0.1 % of a range of 100 kPa, chosen without a manufacturer's
+#: figure; an offset of three times as much is noticed in a single run.
 VENTED_PA = 100.0
-#: Readings that are needed to tell an offset, and standard errors by which it must differ from nothing: a regulator
-#: that trusts the same gauge makes it read nothing whatever its offset, so that is no evidence of a sound one.
+#: Least number of readings, and of standard errors by which an offset must differ from zero: a regulator that uses the
+#: same gauge makes it read zero whatever its offset, so a zero reading is no evidence of a correct gauge.
 FEWEST, APART = 10, 5.0
 
 
 def vented(measured: PressureLog, command: PressureLog | None) -> float | None:
-    """Mean reading (Pa) before the first pressure is commanded; None where noise may account for it, where it still
-    changes, or where nothing is known of what was commanded."""
+    """Mean reading (Pa) before the first command; None where noise may explain it, where it still changes, or where the
+    commands are unknown."""
     if command is None:
         return None
     told = np.flatnonzero(command.pressure_pa != 0)
@@ -43,7 +43,7 @@ def vented(measured: PressureLog, command: PressureLog | None) -> float | None:
 def vent_residual(
     vent_pa: float | None, start_s: float, straw: StrawParameters, unknowns: Sequence[Unknown], at: Floats
 ) -> tuple[float, Floats]:
-    """What a gauge, its faults taken off, says is in the vented line, in sigmas, and its derivatives by u."""
+    """The corrected gauge pressure of the vented line, in sigmas, and its derivatives by u."""
     slopes = np.zeros(len(unknowns))
     if vent_pa is None:
         return 0.0, slopes

@@ -1,0 +1,11 @@
+"""Names of hypotheses in words."""
+
+from __future__ import annotations
+
+#: Judged names that are no causes.
+NO_CAUSE = {"complete": "nothing missing", "unknown": "something no hypothesis holds"}
+
+
+def words(name: str) -> str:
+    """A hypothesis' name: ``squeeze_film+gauge_offset`` is squeeze film and gauge offset."""
+    return NO_CAUSE.get(name) or name.replace("_", " ").replace("+", " and ")
