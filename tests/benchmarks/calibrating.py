@@ -48,7 +48,7 @@ OFF = Calibration(
     missed=1.5,
 )
 LOGARITHMIC = ("scale", "other", "form", "power", "chance", "second_chance", "missed")
-#: What one of two causes alone must leave for both to be the only truth, sigmas squared: what noise may leave of a base.
+#: What one of two causes alone must leave for only both to be the truth, sigmas squared: what noise leaves of a base.
 ALONE = 150.0
 #: Probabilities are at most this: a guess may be off by factors that lead beyond one.
 MOST = {"missed": 0.5, "other": 0.9, "chance": 0.5, "second_chance": 0.5}
