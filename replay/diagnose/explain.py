@@ -20,10 +20,9 @@ from straw.replay.diagnose.inquiry import Inquiry, Told
 from straw.replay.diagnose.judge import CALIBRATION, unexplained
 from straw.replay.diagnose.pairs import beside_best, find_pairs, seconds, telling
 from straw.replay.diagnose.propose.proposal import Proposal
-from straw.replay.diagnose.refine import finish, refine, refined
+from straw.replay.diagnose.refine import finish, refine
 from straw.replay.diagnose.screen import Start, screen
 from straw.replay.diagnose.settings import (
-    COARSE_ROUNDS,
     FAR,
     FIRST_ROUNDS,
     FOLLOWED,
@@ -77,7 +76,8 @@ def explain(
     if not far and _unexplained(found):
         _large(found, hypotheses, wide_known, proposal, steps)
     if _unexplained(found):
-        _pairs(found, names, proposal, steps)
+        steps("pairs", found)
+        find_pairs(found, names, _starts(campaign, proposal))
     elif not campaign.stop():
         steps("second causes that are small", found)
         seconds(found, names)
@@ -105,31 +105,11 @@ def _large(
         steps("causes that are large", found)
         refine(found, tournament(wide, known, group, given))
         finish(found)
-        alternate(found)
         if _unexplained(found):  # the truth is more often a second cause than one that the proposal puts behind others
             steps("second causes that are large", found)
-            beside_best(found, _first([h.name for h in hypotheses], proposal))
+            beside_best(found, [h.name for h in hypotheses])
         if not _unexplained(found):
             return
-
-
-def _pairs(found: Inquiry, names: Sequence[str], proposal: Proposal | None, steps: _Steps) -> None:
-    """Causes in pairs, second ones of the size that only a fit finds among those that the proposal puts first."""
-    steps("pairs", found)
-    find_pairs(found, names, _first(names, proposal), _starts(found.campaign, proposal))
-
-
-def alternate(found: Inquiry) -> None:
-    """The best fitted to the coarse comparison and to all samples in turn, while that halves the misfit.
-
-    The tournament compares only the most informative runs; its constants may be a local minimum for the others. Leaving
-    one takes away most of the misfit; a round that gains less is better spent on another hypothesis.
-    """
-    campaign, before = found.campaign, np.inf
-    while _unexplained(found) and (left := unexplained(campaign, found.best)) < before / 2:
-        best, before = found.contestants[0], left
-        coarse = fitted(campaign.coarse(), best.fit.unknowns, best.fit.u, rounds=COARSE_ROUNDS[-1])
-        found.keep(Contestant(best.hypothesis, refined(campaign, coarse, ROUNDS)))
 
 
 class _Steps:
@@ -170,14 +150,11 @@ def _starts(campaign: Campaign, proposal: Proposal | None) -> list[Start]:
     return out
 
 
-def _first(names: Sequence[str], proposal: Proposal | None) -> Sequence[str]:
-    """The causes that the proposal puts first; all of them where it has seen nothing like these runs."""
-    return list(proposal.scores)[:SHORTLIST] if proposal and proposal.familiar else names
-
-
 def _in_turn(hypotheses: Sequence[Hypothesis], proposal: Proposal | None) -> list[list[Hypothesis]]:
     """The hypotheses that the proposal puts first, and the others."""
-    first = _first([h.name for h in hypotheses], proposal)
+    if proposal is None or not proposal.familiar:
+        return [list(hypotheses)]
+    first = list(proposal.scores)[:SHORTLIST]
     groups = [[h for h in hypotheses if (h.name in first) is one] for one in (True, False)]
     return [group for group in groups if group]
 

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.fit import Contestant, evaluated, fitted
+from straw.replay.diagnose.fit import Contestant, Fit, cost_at, evaluated, fitted
 from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.judge import decisive, unexplained
 from straw.replay.diagnose.refine import finish, refine, refined
 from straw.replay.diagnose.screen import Start, screen
-from straw.replay.diagnose.settings import COARSE_ROUNDS, FAR, FIRST_ROUNDS, FOLLOWED, NOISE_LEAVES, ROUNDS
-from straw.replay.diagnose.tournament import fitted_contestant, tournament
+from straw.replay.diagnose.settings import COARSE_ROUNDS, FAR, FIRST_ROUNDS, FOLLOWED, NOISE_LEAVES, ROUNDS, SHORTLIST
+from straw.replay.diagnose.tournament import fitted_contestant, halved
 
 
 def telling(found: Inquiry) -> Campaign:
@@ -21,10 +22,10 @@ def telling(found: Inquiry) -> Campaign:
     return found.campaign.only(found.campaign.system.telling(found.campaign, found.null)).coarse()
 
 
-def find_pairs(found: Inquiry, names: Sequence[str], first: Sequence[str], proposed: Sequence[Start]) -> None:
-    """Second causes beside the best: fitted coarsely where its fit is poor (those among ``first``), to first order
-    where more than noise is left."""
-    beside_best(found, first)
+def find_pairs(found: Inquiry, names: Sequence[str], proposed: Sequence[Start]) -> None:
+    """Second causes beside the best: fitted coarsely where its fit is poor, to first order where more than noise is
+    left."""
+    beside_best(found, names)
     if not found.campaign.stop() and unexplained(found.campaign, found.best) > NOISE_LEAVES:
         screened_pairs(found, names, proposed)
         finish(found)
@@ -32,19 +33,55 @@ def find_pairs(found: Inquiry, names: Sequence[str], first: Sequence[str], propo
 
 
 def beside_best(found: Inquiry, names: Sequence[str]) -> None:
-    """Second causes beside the best single cause that is far off: a tournament as of single causes, once."""
+    """Second causes beside the best single cause whose fit is poor, once: those that gain most to first order in the
+    coarse comparison, which tells them from afar, in a tournament as of single causes."""
     if found.campaign.stop() or unexplained(found.campaign, found.best) <= FAR:
         return
     best = next((c for c in found.contestants if len(c.hypothesis.causes) == 1), None)
     if best is None or any(best.name in pair.hypothesis.causes for pair in found.pairs.values()):
         return
     wide = telling(found)
-    known = evaluated(wide, best.fit.unknowns, best.fit.u)
+    known = fitted(wide, best.fit.unknowns, best.fit.u, rounds=COARSE_ROUNDS[0])
     others = [found.campaign.hypothesis([name]) for name in names if name not in best.hypothesis.causes]
-    both = [Contestant(c.hypothesis.beside(best.hypothesis), c.fit) for c in tournament(wide, known, others, [])]
-    refine(found, both)
+    begun: dict[str, Contestant] = {}
+    for start in screen(wide, known, others, best.hypothesis):
+        if wide.stop() or (len(begun) == SHORTLIST and start.hypothesis.name not in begun):
+            continue
+        start = shortened(wide, known, start)
+        one = fitted_contestant(wide, start, COARSE_ROUNDS[0], found.null.unknowns)
+        begun[one.name] = min(begun.get(one.name, one), one, key=lambda c: c.cost)
+    refine(found, halved(wide, list(begun.values()), len(begun)))
     finish(found)
+    exchanged(found)
     nested(found)
+
+
+def shortened(campaign: Campaign, known: Fit, start: Start) -> Start:
+    """A start that first order leads to from a fit, on the way there where it is best: first order may lead too far."""
+    n, own = len(known.unknowns), start.hypothesis.unknowns[-(len(start.u) - len(known.unknowns)) :]
+    unknowns = (*known.unknowns, *own)
+    origin = np.concatenate([known.u, np.where([k.kind == "strength" for k in own], 0.0, start.u[n:])])
+    points = [origin + (start.u - origin) / 2**k for k in range(FOLLOWED)]
+    costs = [cost_at(unknowns, u, r) for u, r in zip(points, campaign.residuals(unknowns, points), strict=True)]
+    return replace(start, u=points[int(np.argmin(costs))])
+
+
+def exchanged(found: Inquiry) -> None:
+    """The second cause of the best pair beside the rival of its first: the cause that alone explains nearly as much."""
+    campaign, pair = found.campaign, found.contestants[0]
+    alone = sorted((found.singles[c] for c in pair.hypothesis.causes if c in found.singles), key=lambda one: one.cost)
+    if len(pair.hypothesis.causes) == 1 or not alone or campaign.stop():
+        return
+    rivals = [c for c in found.contestants if len(c.hypothesis.causes) == 1 and c.name not in pair.hypothesis.causes]
+    if not rivals or rivals[0].cost > alone[0].cost + FAR:
+        return
+    (other,) = (cause for cause in pair.hypothesis.causes if cause != alone[0].name)
+    second, rival = campaign.hypothesis([other]), rivals[0]
+    at = {unknown.target: float(u) for unknown, u in zip(pair.fit.unknowns, pair.fit.u, strict=True)}
+    u = np.concatenate([rival.fit.u, [at[unknown.target] for unknown in second.unknowns]])
+    start = evaluated(campaign.coarse(), (*rival.fit.unknowns, *second.unknowns), u)
+    refine(found, [Contestant(second.beside(rival.hypothesis), start)])
+    finish(found)
 
 
 def screened_pairs(found: Inquiry, names: Sequence[str], proposed: Sequence[Start]) -> None:

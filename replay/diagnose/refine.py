@@ -17,7 +17,7 @@ from straw.replay.diagnose.fit import Contestant, Fit, clipped, cost_at, fitted
 from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.judge import unexplained
 from straw.replay.diagnose.robust import weights
-from straw.replay.diagnose.settings import FIRST_ROUNDS, FOLLOWED, NOISE_LEAVES, ROUNDS, WIDENED
+from straw.replay.diagnose.settings import COARSE_ROUNDS, FIRST_ROUNDS, FOLLOWED, NOISE_LEAVES, ROUNDS, WIDENED
 from straw.replay.diagnose.starts import normal
 from straw.replay.diagnose.tournament import finished
 
@@ -54,13 +54,16 @@ def drawn(fit: Fit, known: int) -> list[Floats]:
 
 
 def refine(found: Inquiry, coarse: Sequence[Contestant]) -> None:
-    """Coarse fits continued to all samples: with draws where their excess over the best is below the best's own misfit,
-    beyond which hypotheses are not continued either (`reach`)."""
-    for one in coarse:
-        if one.cost < 2 * coarse[0].cost:
-            found.keep(Contestant(one.hypothesis, refined(found.campaign, one.fit, FIRST_ROUNDS)))
+    """Coarse fits, the best first, continued to all samples. The best two are fitted coarsely to all runs before, as
+    the most informative ones may leave others in a local minimum, and continued with draws, where the second costs no
+    more above the best than that leaves, beyond which hypotheses are not continued either (`reach`)."""
+    campaign = found.campaign
+    for k, one in enumerate(coarse):
+        if k < 2 and one.cost < 2 * coarse[0].cost:
+            fit = fitted(campaign.coarse(), one.fit.unknowns, one.fit.u, rounds=COARSE_ROUNDS[-1])
+            found.keep(Contestant(one.hypothesis, refined(campaign, fit, FIRST_ROUNDS)))
         else:
-            found.keep(finished(found.campaign, one, FIRST_ROUNDS))
+            found.keep(finished(campaign, one, FIRST_ROUNDS))
 
 
 def finish(found: Inquiry) -> None:

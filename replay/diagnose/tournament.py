@@ -35,9 +35,14 @@ def tournament(
         fits = [fitted_contestant(wide, start, COARSE_ROUNDS[0], known.unknowns) for start in starts]
         if fits:
             begun.append(min(fits, key=lambda c: c.cost))
+    return halved(wide, begun, len(hypotheses))
+
+
+def halved(wide: Campaign, begun: Sequence[Contestant], among: int) -> list[Contestant]:
+    """Contestants fitted on in rounds, the worse half of ``among`` left out after each; the best first."""
     going = sorted(begun, key=lambda c: c.cost)
     for rounds, share in zip(COARSE_ROUNDS[1:], HALVINGS, strict=True):
-        going = going[: max(3, round(share * len(hypotheses)))]
+        going = going[: max(3, round(share * among))]
         going = sorted((one if wide.stop() else finished(wide, one, rounds) for one in going), key=lambda c: c.cost)
     return going
 
