@@ -131,7 +131,7 @@ def test_poses_set_and_refused_by_hand_keep_their_reason(dotted, tmp_path):
     ("text", "said"),
     [
         ("", "contains no correction"),
-        ("[[wrong]]\nframes = '1'", "'wrong' is no kind of change"),
+        ("[[wrong]]\nframes = '1'", "unknown change 'wrong'"),
         ("[[invalid]]\nframes = '1-2'", "'reason' is missing"),
         ("[[invalid]]\nframes = 'x'\nreason = 'r'", "'frames' is 'x'"),
         ("[[invalid]]\nframes = '5-9999'\nreason = 'r'", "the video has 0 to"),
