@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 
+from straw.replay.diagnose.bootstrap import accept
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.explain import explain
 from straw.replay.diagnose.inquiry import Inquiry, Told, silent
@@ -42,4 +43,6 @@ def inquire(
     campaign.stop = stop  # later uses of the inquiry have a budget of their own
     if found.spent:  # unless each cause is fitted alone, one without effect would be named beside the other
         nested(found)
+    if found.whole:
+        accept(found, names)
     return found

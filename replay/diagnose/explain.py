@@ -18,7 +18,7 @@ from straw.replay.diagnose.fit import Contestant, Fit, evaluated, fitted
 from straw.replay.diagnose.hypothesis import Hypothesis
 from straw.replay.diagnose.inquiry import Inquiry, Told
 from straw.replay.diagnose.judge import CALIBRATION, unexplained
-from straw.replay.diagnose.pairs import pairs, seconds, telling
+from straw.replay.diagnose.pairs import beside_best, find_pairs, seconds, telling
 from straw.replay.diagnose.propose.proposal import Proposal
 from straw.replay.diagnose.refine import finish, refine, refined
 from straw.replay.diagnose.screen import Start, screen
@@ -37,7 +37,7 @@ from straw.replay.diagnose.tournament import fitted_contestant, tournament
 Floats = NDArray[np.float64]
 
 #: Largest number of stages of progress.
-STAGES = 8
+STAGES = 10
 
 
 def explain(
@@ -77,7 +77,7 @@ def explain(
     if not far and _unexplained(found):
         _large(found, hypotheses, wide_known, proposal, steps)
     if _unexplained(found):
-        _in_pairs(found, names, proposal, steps)
+        _pairs(found, names, proposal, steps)
     elif not campaign.stop():
         steps("second causes that are small", found)
         seconds(found, names)
@@ -105,24 +105,25 @@ def _large(
         steps("causes that are large", found)
         refine(found, tournament(wide, known, group, given))
         finish(found)
-        # if no single cause is likely, pairs are tried before the other causes
-        if next(iter(found.judgement().probability)) == "unknown":
-            _in_pairs(found, [h.name for h in hypotheses], proposal, steps)
         alternate(found)
+        if _unexplained(found):  # the truth is more often a second cause than one that the proposal puts behind others
+            steps("second causes that are large", found)
+            beside_best(found, _first([h.name for h in hypotheses], proposal))
         if not _unexplained(found):
             return
 
 
-def _in_pairs(found: Inquiry, names: Sequence[str], proposal: Proposal | None, steps: _Steps) -> None:
+def _pairs(found: Inquiry, names: Sequence[str], proposal: Proposal | None, steps: _Steps) -> None:
+    """Causes in pairs, second ones of the size that only a fit finds among those that the proposal puts first."""
     steps("pairs", found)
-    first = list(proposal.scores)[:SHORTLIST] if proposal and proposal.familiar else names
-    pairs(found, names, first, _starts(found.campaign, proposal))
+    find_pairs(found, names, _first(names, proposal), _starts(found.campaign, proposal))
 
 
 def alternate(found: Inquiry) -> None:
     """The best fitted to the coarse comparison and to all samples in turn, while that halves the misfit.
 
-    The tournament compares only the most informative runs; its constants may be a local minimum for the others.
+    The tournament compares only the most informative runs; its constants may be a local minimum for the others. Leaving
+    one takes away most of the misfit; a round that gains less is better spent on another hypothesis.
     """
     campaign, before = found.campaign, np.inf
     while _unexplained(found) and (left := unexplained(campaign, found.best)) < before / 2:
@@ -169,11 +170,14 @@ def _starts(campaign: Campaign, proposal: Proposal | None) -> list[Start]:
     return out
 
 
+def _first(names: Sequence[str], proposal: Proposal | None) -> Sequence[str]:
+    """The causes that the proposal puts first; all of them where it has seen nothing like these runs."""
+    return list(proposal.scores)[:SHORTLIST] if proposal and proposal.familiar else names
+
+
 def _in_turn(hypotheses: Sequence[Hypothesis], proposal: Proposal | None) -> list[list[Hypothesis]]:
     """The hypotheses that the proposal puts first, and the others."""
-    if proposal is None or not proposal.familiar:
-        return [list(hypotheses)]
-    first = list(proposal.scores)[:SHORTLIST]
+    first = _first([h.name for h in hypotheses], proposal)
     groups = [[h for h in hypotheses if (h.name in first) is one] for one in (True, False)]
     return [group for group in groups if group]
 

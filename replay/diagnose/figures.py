@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Contestant, Fit
 from straw.replay.diagnose.inquiry import Inquiry
-from straw.replay.diagnose.judge import CALIBRATION, decisive
+from straw.replay.diagnose.judge import decisive
 from straw.replay.diagnose.robust import weights
 from straw.replay.diagnose.settings import ONE_DEVIATION
 from straw.replay.diagnose.system import System
@@ -82,5 +82,5 @@ def smallest_seen(
         size = float(np.linalg.norm(column - shadow))
         if size > 0:
             _, name, unit = campaign.system.named(unknown)
-            out[c.name] = f"{name} {np.sqrt(decisive(CALIBRATION.cause)) / size:.2g} {unit}"
+            out[c.name] = f"{name} {np.sqrt(decisive()) / size:.2g} {unit}"
     return out

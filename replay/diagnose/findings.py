@@ -18,7 +18,7 @@ from straw.replay.diagnose.inquiry import Inquiry, Told, silent
 from straw.replay.diagnose.judge import Judgement, by_cause, surviving
 from straw.replay.diagnose.locate import Located, Wandering, locate, sentence, wandering
 from straw.replay.diagnose.said import Refuted, doubts, made_worse, says
-from straw.replay.diagnose.settings import MORE_THAN_NOT, NAMED_ALONE
+from straw.replay.diagnose.settings import NAMED_ALONE
 from straw.replay.diagnose.tolerance import Tolerance
 
 Floats = NDArray[np.float64]
@@ -205,9 +205,9 @@ def verdict_of(probability: Mapping[str, float], faults: Collection[str]) -> tup
     """The contract's verdict and the causes it names, from probabilities, largest first."""
     top = next(iter(probability))
     names = [n for n in surviving(probability) if n != "unknown"] or [top]
-    if top == "complete" and probability[top] > MORE_THAN_NOT:
+    if top == "complete" and probability[top] > 0.5:  # more probable than not
         return "complete", []
-    if top == "unknown" and probability[top] > MORE_THAN_NOT:
+    if top == "unknown" and probability[top] > 0.5:
         return "unknown_physics", ["unknown"]
     marginal = by_cause(probability)
     certain = [cause for cause, p in marginal.items() if p >= NAMED_ALONE]

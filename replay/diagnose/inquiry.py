@@ -17,6 +17,17 @@ def silent(_what: str, _done: int, _total: int) -> None:
     """Say nothing."""
 
 
+@dataclass(frozen=True)
+class Chance:
+    """What a second cause gains beside the ``first``, squared sigmas, and the most that one gains by chance in all but
+    2 % of ``simulated`` campaigns that hold the first alone (`straw.replay.diagnose.bootstrap`)."""
+
+    first: str
+    gain: float
+    most: float
+    simulated: int
+
+
 @dataclass(eq=False)
 class Inquiry:
     """The state of a search; usable at any time after the base fit."""
@@ -25,6 +36,7 @@ class Inquiry:
     null: Fit
     singles: dict[str, Contestant] = field(default_factory=dict)
     pairs: dict[str, Contestant] = field(default_factory=dict)
+    chance: dict[str, Chance] = field(default_factory=dict)  # of pairs that gain more than chance, by name
     whole: bool = False  # whether the search ended by itself; a stopped one settles nothing
     spent: bool = False  # whether it ended because its budget was spent
 

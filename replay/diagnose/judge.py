@@ -34,6 +34,8 @@ class Calibration:
     other: float  # probability that a right law has another form than the true one;
     form: float  # its misfit is then at least this share of what it explains,
     power: float  # the less probable by this power
+    chance: float  # probability that a wrong cause explains all that there is, and that a wrong second one explains all
+    second_chance: float  # that its first leaves
     missed: float  # probability that the search missed the truth, or that it is none of the hypotheses
 
 
@@ -100,14 +102,20 @@ def weighed(
     """Probabilities, largest first, of hypotheses that leave ``excess`` and have so many ``constants``, of "complete"
     (in ``excess``) and "unknown".
 
-    Prior times `_log_likelihood`, normalised, mixed with a uniform distribution for causes that the search missed.
+    Prior times likelihood, normalised, mixed with a uniform distribution for causes that the search missed. Likelihoods
+    are ratios: of the probability of this misfit under a right hypothesis to that under a wrong one.
     """
     base = excess["complete"]
-    log_p = {"complete": _log_likelihood(base, 0.0, by), "unknown": -by.unknown}
+    log_p = {"complete": -base / (2 * by.scale), "unknown": -by.unknown}
     for name, count in constants.items():
-        together = name.count("+") + 1
-        prior = by.cause + by.second * (together - 1) + by.constant * (min(count, MOST_COUNTED) - together)
-        log_p[name] = _log_likelihood(excess[name], base, by) - prior
+        causes = name.split("+")
+        prior = by.cause + by.second * (len(causes) - 1) + by.constant * (min(count, MOST_COUNTED) - len(causes))
+        log_p[name] = _log_ratio(excess[name], base, by.chance, by) - prior
+        if len(causes) > 1:  # one after the other, unless only both together explain something
+            first = min(base, *(excess.get(cause, base) for cause in causes))
+            alone = _log_ratio_of_form(first, base, by.chance, by)
+            both = alone + _log_ratio(excess[name], first, by.second_chance, by) - prior
+            log_p[name] = max(log_p[name], both)
     top = max(log_p.values())
     total = sum(np.exp(v - top) for v in log_p.values())
     even = by.missed / len(log_p)
@@ -115,28 +123,37 @@ def weighed(
     return dict(sorted(probability.items(), key=lambda kv: -kv[1]))
 
 
-def decisive(log_prior: float, base: float = 0.0, by: Calibration = CALIBRATION) -> float:
-    """Squared sigmas by which a hypothesis with this prior cost must be better, leaving no misfit, to be as probable,
-    where the base's excess is given; without it the alternative is the base itself."""
+def decisive(by: Calibration = CALIBRATION) -> float:
+    """Squared sigmas that the base, or a first cause of the true form, must leave for a cause of one constant that
+    leaves nothing to be as probable."""
     from scipy.optimize import brentq  # slow to import
 
-    most = 2 * by.scale * log_prior + by.form * base * np.expm1(log_prior / by.power)
-    return float(brentq(lambda excess: _log_likelihood(excess, base, by) + log_prior, 0.0, most + 1.0))
+    def odds(left: float) -> float:
+        return _log_ratio(0.0, left, by.chance, by) - by.cause + left / (2 * by.scale)
+
+    return float(brentq(odds, 0.0, 2 * by.scale * (by.cause + 1)))
 
 
-def _log_likelihood(excess: float, base: float, by: Calibration) -> float:
-    """Log likelihood ratio of this misfit under a right against a wrong hypothesis.
+def _log_ratio(excess: float, before: float, chance: float, by: Calibration) -> float:
+    """Log likelihood ratio of a hypothesis that leaves ``excess`` of a misfit ``before``: a mixture of laws of the true
+    form, which leave noise, and of laws of another form."""
+    noise = -excess / (2 * by.scale) - np.log(chance + (1 - chance) * _noise_share(before, by))
+    form = _log_ratio_of_form(excess, before, chance, by)
+    return float(np.logaddexp(np.log1p(-by.other) + noise, np.log(by.other) + form))
 
-    A mixture: laws of the true form leave noise; laws of another form leave a part in some ratio to what they explain,
-    with a power law that makes small ratios typical of right laws and rare among wrong ones. A base of 0 is one that
-    may be right: it has no other form, and leaves noise.
-    """
-    noise = -excess / (2 * by.scale)
-    if base == 0:
-        return float(noise)
-    explained = max(base - excess, 1e-9 * base)
-    other = np.log(by.other) - by.power * np.log1p(excess / (by.form * explained))
-    return float(np.logaddexp(np.log1p(-by.other) + noise, other))
+
+def _log_ratio_of_form(excess: float, before: float, chance: float, by: Calibration) -> float:
+    """Of laws of another form: they leave a part in some ratio to what they explain, with a power law that makes small
+    ratios typical of right laws. Wrong laws leave any share of the misfit, or, by ``chance``, nothing."""
+    width = max(by.form, _noise_share(before, by))
+    explained = max(before - excess, 1e-9 * before, 1e-9)
+    typical = -by.power * np.log1p(excess / (by.form * explained))
+    return float(typical - np.log(chance + (1 - chance) * width))
+
+
+def _noise_share(before: float, by: Calibration) -> float:
+    """The share of a misfit that is no more than noise."""
+    return 2 * by.scale / (2 * by.scale + before)
 
 
 def by_cause(probability: Mapping[str, float]) -> dict[str, float]:

@@ -9,7 +9,7 @@ import numpy as np
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Contestant, evaluated, fitted
 from straw.replay.diagnose.inquiry import Inquiry
-from straw.replay.diagnose.judge import CALIBRATION, decisive, unexplained
+from straw.replay.diagnose.judge import decisive, unexplained
 from straw.replay.diagnose.refine import finish, refine, refined
 from straw.replay.diagnose.screen import Start, screen
 from straw.replay.diagnose.settings import COARSE_ROUNDS, FAR, FIRST_ROUNDS, FOLLOWED, NOISE_LEAVES, ROUNDS
@@ -21,21 +21,20 @@ def telling(found: Inquiry) -> Campaign:
     return found.campaign.only(found.campaign.system.telling(found.campaign, found.null)).coarse()
 
 
-def pairs(found: Inquiry, names: Sequence[str], first: Sequence[str], proposed: Sequence[Start]) -> None:
+def find_pairs(found: Inquiry, names: Sequence[str], first: Sequence[str], proposed: Sequence[Start]) -> None:
     """Second causes beside the best: fitted coarsely where its fit is poor (those among ``first``), to first order
-    where that is valid."""
-    if unexplained(found.campaign, found.best) > FAR:
-        beside_best(found, first)
-        finish(found)
-        nested(found)
+    where more than noise is left."""
+    beside_best(found, first)
     if not found.campaign.stop() and unexplained(found.campaign, found.best) > NOISE_LEAVES:
-        in_pairs(found, telling(found), names, proposed)
+        screened_pairs(found, names, proposed)
         finish(found)
         nested(found)
 
 
 def beside_best(found: Inquiry, names: Sequence[str]) -> None:
-    """Second causes, large ones too, beside the best single cause: a tournament as of single causes, once."""
+    """Second causes beside the best single cause that is far off: a tournament as of single causes, once."""
+    if found.campaign.stop() or unexplained(found.campaign, found.best) <= FAR:
+        return
     best = next((c for c in found.contestants if len(c.hypothesis.causes) == 1), None)
     if best is None or any(best.name in pair.hypothesis.causes for pair in found.pairs.values()):
         return
@@ -44,11 +43,13 @@ def beside_best(found: Inquiry, names: Sequence[str]) -> None:
     others = [found.campaign.hypothesis([name]) for name in names if name not in best.hypothesis.causes]
     both = [Contestant(c.hypothesis.beside(best.hypothesis), c.fit) for c in tournament(wide, known, others, [])]
     refine(found, both)
+    finish(found)
+    nested(found)
 
 
-def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], proposed: Sequence[Start]) -> None:
-    """Second causes beside the best: to first order in all samples, and by a coarse tournament."""
-    campaign = found.campaign
+def screened_pairs(found: Inquiry, names: Sequence[str], proposed: Sequence[Start]) -> None:
+    """Second causes that gain most to first order beside the best two, and the ``proposed`` pairs."""
+    campaign, wide = found.campaign, telling(found)
     for first in [c for c in found.contestants if len(c.hypothesis.causes) == 1][:2]:
         others = [campaign.hypothesis([name]) for name in names if name not in first.hypothesis.causes]
         for start in screen(campaign, first.fit, others, first.hypothesis)[:FOLLOWED]:
@@ -61,16 +62,16 @@ def in_pairs(found: Inquiry, wide: Campaign, names: Sequence[str], proposed: Seq
 
 
 def seconds(found: Inquiry, names: Sequence[str]) -> None:
-    """Second causes below the noise of a sample that over all samples gain enough to make a pair as probable as its
-    first cause alone: selected to first order beside the best single causes, then fitted."""
-    campaign, before = found.campaign, len(found.pairs)
-    for first in found.contestants[:2]:
-        highest = min(found.null.cost - decisive(CALIBRATION.cause), found.best.cost + FAR)
-        if len(first.hypothesis.causes) > 1 or first.cost > highest:
+    """Second causes below the noise of a sample that over all samples gain enough to make a cause as probable as none:
+    selected to first order beside the best single causes, then fitted."""
+    campaign, before, least = found.campaign, len(found.pairs), decisive()
+    singles = [c for c in found.contestants if len(c.hypothesis.causes) == 1]
+    for first in singles[:2]:
+        if first.cost > min(found.null.cost - least, found.best.cost + FAR):
             continue
         others = [campaign.hypothesis([name]) for name in names if name not in first.hypothesis.causes]
         for start in screen(campaign, first.fit, others, first.hypothesis)[:FOLLOWED]:
-            if start.gain > decisive(CALIBRATION.second, found.null.cost - first.cost) and not campaign.stop():
+            if start.gain > least and not campaign.stop():
                 found.keep(fitted_contestant(campaign, start, ROUNDS, found.null.unknowns))
     if len(found.pairs) > before:
         nested(found)
@@ -79,8 +80,8 @@ def seconds(found: Inquiry, names: Sequence[str]) -> None:
 def nested(found: Inquiry) -> None:
     """Each cause of the best pair alone, from the pair's constants: if the other cause has no effect, the search for
     the single one had ended in another local minimum."""
-    best = found.contestants[0]
-    if len(best.hypothesis.causes) == 1:
+    best = found.contestants[0] if found.contestants else None
+    if best is None or len(best.hypothesis.causes) == 1:
         return
     at = {unknown.target: float(u) for unknown, u in zip(best.fit.unknowns, best.fit.u, strict=True)}
     for cause in best.hypothesis.causes:

@@ -54,7 +54,8 @@ def drawn(fit: Fit, known: int) -> list[Floats]:
 
 
 def refine(found: Inquiry, coarse: Sequence[Contestant]) -> None:
-    """Coarse fits continued to all samples, with more care near the best."""
+    """Coarse fits continued to all samples: with draws where their excess over the best is below the best's own misfit,
+    beyond which hypotheses are not continued either (`reach`)."""
     for one in coarse:
         if one.cost < 2 * coarse[0].cost:
             found.keep(Contestant(one.hypothesis, refined(found.campaign, one.fit, FIRST_ROUNDS)))
@@ -78,5 +79,6 @@ def _best_cost(found: Inquiry, done: set[str]) -> float:
 
 
 def reach(found: Inquiry) -> float:
-    """The largest excess cost over the best with which a hypothesis is still continued."""
+    """The largest excess cost over the best with which a hypothesis is still continued: the misfit of the best itself,
+    since a search that ended that far from noise may have ended in a local minimum for any of them."""
     return max(NOISE_LEAVES, unexplained(found.campaign, found.best))

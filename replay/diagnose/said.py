@@ -61,7 +61,10 @@ def says(
             )
         return f"{_not_told(causes, probability)}{tail}."
     what = "The recording is at fault:" if verdict == "measurement_fault" else "The model leaves out"
-    return f"{what} {named} (probability {_sure(causes, probability):.2f})."
+    judgement = found.judgement()
+    share = judgement.left_over / max(judgement.excess["complete"], judgement.left_over, 1e-300)
+    left = f"; {100 * share:.2g} % of the misfit remains unexplained" if share else ""
+    return f"{what} {named} (probability {_sure(causes, probability):.2f}){left}."
 
 
 def doubts(found: Inquiry) -> list[str]:
@@ -75,6 +78,12 @@ def doubts(found: Inquiry) -> list[str]:
     if len(runs) < 3:
         out.append(
             f"{len(runs)} run{'s' if len(runs) > 1 else ''}: nothing could be held out, and repeats are not known"
+        )
+    if chance := found.chance.get(next(iter(found.judgement().probability))):
+        first = words(chance.first)
+        out.append(
+            f"the second cause gains {chance.gain:.0f} squared standard deviations beside {first}; in 98 % of "
+            f"{chance.simulated} simulated campaigns with {first} alone, any second gains less than {chance.most:.0f}"
         )
     out += found.campaign.system.doubts(runs)
     if found.campaign.tally["failed"]:

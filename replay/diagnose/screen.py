@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,12 +29,20 @@ class Start:
 def screen(
     campaign: Campaign, known: Fit, hypotheses: Sequence[Hypothesis], beside: Hypothesis | None = None
 ) -> list[Start]:
-    """First-order fits of each hypothesis beside a given fit, the most promising first.
-
-    One Jacobian by the strengths of all hypotheses at zero strength (a score test, profiled over the known unknowns:
-    Rao 1948), once for each set of shapes among their starts.
-    """
+    """First-order fits of each hypothesis beside a given fit, the most promising first (a score test, profiled over the
+    known unknowns: Rao 1948)."""
     promised: list[Start] = []
+    for h, shape, slopes, columns in linearised_beside(campaign, known, hypotheses):
+        u, gain = _added(replace(known, slopes=slopes), h, shape, columns)
+        promised.append(Start(h.beside(beside) if beside else h, u, gain))
+    return sorted(promised, key=lambda start: -start.gain)
+
+
+def linearised_beside(
+    campaign: Campaign, known: Fit, hypotheses: Sequence[Hypothesis]
+) -> Iterator[tuple[Hypothesis, Floats, Floats, Floats]]:
+    """Each hypothesis in each of its shapes, next to nothing of it beside a fit: shape (k,), and Jacobians of the fit's
+    unknowns (m, n) and of its own (m, k). Those of all hypotheses are worked out in one simulation of each run."""
     for level in range(2):
         group = [(h, shape) for h in hypotheses for shape in _shapes(h)[level : level + 1]]
         unknowns = tuple(u for h, _ in group for u in h.unknowns)
@@ -46,10 +54,7 @@ def screen(
         for h, shape in group:
             columns = at.slopes[:, first : first + len(h.unknowns)]
             first += len(h.unknowns)
-            u, gain = _added(replace(known, slopes=at.slopes[:, : len(known.unknowns)]), h, shape, columns)
-            both = h.beside(beside) if beside else h
-            promised.append(Start(both, u, gain))
-    return sorted(promised, key=lambda start: -start.gain)
+            yield h, shape, at.slopes[:, : len(known.unknowns)], columns
 
 
 def _shapes(h: Hypothesis) -> list[Floats]:

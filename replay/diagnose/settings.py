@@ -93,8 +93,9 @@ MOST_COUNTED = 4
 COVERED = 0.95
 #: A hypothesis this probable is named alone; otherwise the surviving set is named.
 NAMED_ALONE = 0.8
-#: Nothing is called missing, or the cause unknown, when that is more probable than not.
-MORE_THAN_NOT = 0.5
+#: A second cause is accepted when fewer simulated campaigns with the first alone than this give one by chance: a false
+#: pair may be named in one of fifty.
+BY_CHANCE = 0.02
 #: Squared sigmas that are one deviation of a constant: six instruments' constants were 0.04 to 2.2 of these off.
 ONE_DEVIATION = 20.0
 #: An RMS is worse when it is larger by this factor: noise that lasts 50 ms leaves some 60 independent samples in a run

@@ -48,10 +48,11 @@ def look(wide: Campaign, known: Fit, h: Hypothesis) -> list[Start]:
     points = [clipped(unknowns, np.concatenate([known.u, start])) for start in h.starts]
     residuals = wide.residuals(unknowns, points)
     costs = [cost_at(unknowns, u, r) for u, r in zip(points, residuals, strict=True)]
-    for _ in range(2):
-        made = [_room(known, unknowns, u, r) for u, r in zip(points, residuals, strict=True)]
+    for going in (len(points), 2 * STARTS):  # room for all of them, and once more for the best
+        best = np.argsort(costs, kind="stable")[:going]
+        made = [_room(known, unknowns, points[k], residuals[k]) for k in best]
         shown = wide.residuals(unknowns, made)
-        for k, (u, r) in enumerate(zip(made, shown, strict=True)):
+        for k, u, r in zip(best, made, shown, strict=True):
             if (cost := cost_at(unknowns, u, r)) < costs[k]:
                 points[k], residuals[k], costs[k] = u, r, cost
     return [Start(h, points[k]) for k in np.argsort(costs, kind="stable")]

@@ -17,8 +17,9 @@ from .effects import INSTRUMENT, PHYSICS, REST, RESTS, UNKNOWN, Cause, Range
 from .plans import RUN_IDS
 
 #: ``strong`` holds single causes of the upper third of their ranges and beyond; ``rest`` a large cause, or one outside
-#: the library, beside a small smooth difference that nothing explains.
-Split = Literal["develop", "final", "strong", "rest"]
+#: the library, beside a small smooth difference that nothing explains; ``two`` sixty pairs of any two causes;
+#: ``outside`` sixty of what no library holds.
+Split = Literal["develop", "final", "strong", "rest", "two", "outside"]
 STEPS = tuple(run for run in RUN_IDS if run.startswith(("deploy", "fold")))
 ONE_STEP = tuple(run for run in RUN_IDS if run.startswith("deploy-35"))
 QUIET = ("staircase", "pulses", "fold-20kPa-2-5")
@@ -90,6 +91,8 @@ def deck(split: Split, seed: int) -> list[Case]:
     """The cases of a split in an order, and under names, that say nothing: 134 "final", 67 to "develop" with."""
     if split in ("strong", "rest"):
         return _of_one_kind(split, seed)
+    if split in ("two", "outside"):
+        return _sixty(split, seed)
     rng = np.random.default_rng([seed, 0 if split == "develop" else 1])
     final = split == "final"
     cases: list[Case] = []
@@ -129,6 +132,22 @@ def _of_one_kind(split: Split, seed: int) -> list[Case]:
         if split == "rest":
             truth.append(_sized(REST, RESTS, 0.0, 1.0, rng))
         cases.append(Case("", kind, tuple(truth), int(rng.integers(2**31))))
+    order = rng.permutation(len(cases))
+    return [replace(cases[k], name=f"{split}-{i:03d}") for i, k in enumerate(order)]
+
+
+def _sixty(split: Split, seed: int) -> list[Case]:
+    """Pairs of any two causes from the middle of their ranges up, or every form outside the library in turn."""
+    rng, known = np.random.default_rng([seed, 4 if split == "two" else 5]), {**PHYSICS, **INSTRUMENT}
+    cases, forms = [], list(UNKNOWN)
+    for k in range(60):
+        if split == "two":
+            names = [str(name) for name in rng.choice(list(known), size=2, replace=False)]
+            truth = tuple(_sized(name, known[name], 0.5, 1.0, rng) for name in names)
+        else:
+            form = forms[k % len(forms)]
+            truth = (_sized("unknown", UNKNOWN[form], 0.3, 1.0, rng, form),)
+        cases.append(Case("", "two" if split == "two" else "unknown", truth, int(rng.integers(2**31))))
     order = rng.permutation(len(cases))
     return [replace(cases[k], name=f"{split}-{i:03d}") for i, k in enumerate(order)]
 

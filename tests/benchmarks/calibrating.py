@@ -30,16 +30,35 @@ from tests.apparatus.cases import Case, deck
 
 Rows = Sequence[tuple[Case, Mapping[str, Any]]]
 #: What one would guess before any deck, and how many factors of e (of log priors: how many units) it may be off.
-GUESS = Calibration(scale=20, cause=4, second=4, constant=0.5, unknown=6, other=0.2, form=0.01, power=1.5, missed=0.05)
-OFF = Calibration(scale=1, cause=3, second=3, constant=1, unknown=3, other=1, form=1.5, power=0.5, missed=1.5)
-LOGARITHMIC = ("scale", "other", "form", "power", "missed")
+GUESS = Calibration(
+    scale=20, cause=4, second=4, constant=0.5, unknown=6, other=0.2, form=0.01, power=1.5, chance=0.003,
+    second_chance=0.003, missed=0.05,
+)  # fmt: skip
+OFF = Calibration(
+    scale=1,
+    cause=3,
+    second=3,
+    constant=1,
+    unknown=3,
+    other=1,
+    form=1.5,
+    power=0.5,
+    chance=1,
+    second_chance=1,
+    missed=1.5,
+)
+LOGARITHMIC = ("scale", "other", "form", "power", "chance", "second_chance", "missed")
+#: What one of two causes alone must leave for only both to be the truth, sigmas squared: what noise leaves of a base.
+ALONE = 150.0
+#: Probabilities are at most this: a guess may be off by factors that lead beyond one.
+MOST = {"missed": 0.5, "other": 0.9, "chance": 0.5, "second_chance": 0.5}
 
 
 def main() -> None:
     """Fit or tell."""
     ask = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     ask.add_argument("decks", nargs="+", metavar="SEED=FILE")
-    ask.add_argument("--limit", type=float, default=150.0, help="what noise leaves of the base, sigmas squared")
+    ask.add_argument("--limit", type=float, default=ALONE, help="what noise leaves of the base, sigmas squared")
     ask.add_argument("--tell", action="store_true", help="fit nothing")
     ask.add_argument("--write", action="store_true", help="into the package")
     args = ask.parse_args()
@@ -77,15 +96,21 @@ def probability(row: Mapping[str, Any], by: Calibration) -> dict[str, float]:
     return weighed(row["excess"], counts, by)
 
 
-def of_truth(case: Case, p: Mapping[str, float], by: Calibration) -> float:
-    """Probability given to what says nothing false: the truth, or one of two causes whose other may be too small to be
-    seen; where no search looked at any, that of what was missed."""
-    return max(sum(v for name, v in p.items() if right(case, name)), by.missed / len(p))
+def of_truth(case: Case, row: Mapping[str, Any], p: Mapping[str, float], by: Calibration) -> float:
+    """Probability given to the truth; where no search looked at it, that of what was missed."""
+    return max(sum(v for name, v in p.items() if right(case, name, row)), by.missed / len(p))
 
 
-def right(case: Case, name: str) -> bool:
-    """Whether a hypothesis names only causes that are there."""
-    return set(name.split("+")) <= set(case.label or ("complete",))
+def right(case: Case, name: str, row: Mapping[str, Any]) -> bool:
+    """Whether a hypothesis names only causes that are there, and both of two where each alone leaves more than
+    `ALONE` that both together explain."""
+    truth, excess = set(case.label or ("complete",)), row["excess"]
+    if len(truth) == 2:
+        both = next((left for other, left in excess.items() if set(other.split("+")) == truth), None)
+        least = min((excess[cause] for cause in truth if cause in excess), default=0.0)
+        if both is not None and least - both > ALONE:
+            return set(name.split("+")) == truth
+    return set(name.split("+")) <= truth
 
 
 def calibrated(rows: Rows) -> Calibration:
@@ -100,13 +125,13 @@ def at(x: NDArray[np.float64]) -> Calibration:
     for field, step in zip(dataclasses.fields(GUESS), x, strict=True):
         guess, off = getattr(GUESS, field.name), getattr(OFF, field.name) * step
         values[field.name] = float(guess * np.exp(off)) if field.name in LOGARITHMIC else float(guess + off)
-    return Calibration(**{**values, "missed": min(values["missed"], 0.5), "other": min(values["other"], 0.9)})
+    return Calibration(**{**values, **{name: min(values[name], most) for name, most in MOST.items()}})
 
 
 def loss(rows: Rows, x: NDArray[np.float64]) -> float:
     """Minus the logarithm of the posterior of x."""
     by = at(x)
-    return float(0.5 * np.sum(x**2) - sum(np.log(of_truth(c, probability(row, by), by)) for c, row in rows))
+    return float(0.5 * np.sum(x**2) - sum(np.log(of_truth(c, row, probability(row, by), by)) for c, row in rows))
 
 
 def rounded(found: Calibration) -> Calibration:
@@ -122,10 +147,10 @@ def toml(found: Calibration) -> str:
 def told(rows: Rows, by: Calibration) -> str:
     """Mean logarithm of what the truth was given, and how often what was said was right."""
     p = [probability(row, by) for _, row in rows]
-    log = np.mean([np.log(of_truth(case, one, by)) for (case, _), one in zip(rows, p, strict=True)])
+    log = np.mean([np.log(of_truth(case, row, one, by)) for (case, row), one in zip(rows, p, strict=True)])
     top = np.array([next(iter(one.values())) for one in p])
-    true = np.array([right(case, next(iter(one))) for (case, _), one in zip(rows, p, strict=True)])
-    lines = [f"  {len(rows)} campaigns: nothing false first in {true.sum()}, mean log probability of it {log:.3f}"]
+    true = np.array([right(case, next(iter(one)), row) for (case, row), one in zip(rows, p, strict=True)])
+    lines = [f"  {len(rows)} campaigns: the truth first in {true.sum()}, mean log probability of it {log:.3f}"]
     for low, high in itertools.pairwise((0.0, 0.5, 0.8, 0.95, 1.0001)):
         here = (top >= low) & (top < high)
         if here.any():

@@ -49,6 +49,7 @@ def score(cases: Sequence[Case], told: Mapping[str, Row], limit: float | None = 
                     f"{kind}, {what}: first {_share(first, len(some))}, among three {_share(third, len(some))}, "
                     f"in the surviving set {_share(survives, len(some))}"
                 )
+    lines += _of_two(done, limit)
     unknown = [(c, r) for c, r in done if c.kind == "unknown"]
     if unknown:
         seen = [(c, r) for c, r in unknown if _base_leaves(r) > limit]
@@ -94,6 +95,35 @@ def ablated(cases: Sequence[Case], told: Mapping[str, Row]) -> str:
     wrong = [(c, r) for c, r in done if r["verdict"] in ("missing_physics", "measurement_fault")]
     lines += [f"  {c.name}: {_truth(c)} taken for {'+'.join(r['causes'])}" for c, r in wrong]
     return "\n".join(lines)
+
+
+def _of_two(done: Sequence[tuple[Case, Row]], limit: float) -> list[str]:
+    """Of two causes: are both named, or one, and something else? Both can be where each alone leaves more than the
+    ``limit`` beyond what both leave; where no search fitted both, they count as such."""
+    two = [(c, r) for c, r in done if c.kind == "two"]
+    if not two:
+        return []
+    named = [set(r["causes"]) if r["verdict"] in ("missing_physics", "measurement_fault") else set() for _, r in two]
+    seen = [_each_alone_leaves(c, r) > limit for c, r in two]
+    both = [one == set(c.label) for one, (c, _) in zip(named, two, strict=True)]
+    one = [bool(some) and some < set(c.label) for some, (c, _) in zip(named, two, strict=True)]
+    wrong = sum(not some <= set(c.label) for some, (c, _) in zip(named, two, strict=True))
+    can = [k for k, yes in enumerate(seen) if yes]
+    return [
+        f"two, each needed: both named {_share(sum(both[k] for k in can), len(can))}, one {sum(one[k] for k in can)}",
+        f"two, all: both named {sum(both)}, one {sum(one)}, something else {_share(wrong, len(two))}, nothing "
+        f"{len(two) - sum(both) - sum(one) - wrong}",
+    ]
+
+
+def _each_alone_leaves(case: Case, row: Row) -> float:
+    """What the better of two causes alone leaves beyond both, sigmas squared; endless where no search fitted both."""
+    excess = row["excess"]
+    both = next((left for name, left in excess.items() if set(name.split("+")) == set(case.label)), None)
+    alone = min((excess[cause] for cause in case.label if cause in excess), default=np.inf)
+    if both is None:
+        return float(alone if alone < _base_leaves(row) else np.inf)
+    return float(alone - both)
 
 
 def _truth(case: Case) -> str:

@@ -218,12 +218,18 @@ def test_where_no_hypothesis_explains_much_it_is_unknown_but_never_more_surely_t
     assert verdict_of(probability, MEASUREMENT) == ("unknown_physics", ["unknown"])
 
 
-def test_a_second_cause_with_the_decisive_gain_is_as_probable_as_none():
-    gain = decisive(CALIBRATION.second, 1e6)
-    probability = weighed(
-        {"complete": 1e6, "cohesion": gain, "cohesion+line_lag": 0.0}, {"cohesion": 1, "cohesion+line_lag": 2}
-    )
-    assert probability["cohesion+line_lag"] == pytest.approx(probability["cohesion"])
+def test_a_cause_of_one_constant_that_gains_what_is_decisive_is_as_probable_as_none():
+    probability = weighed({"complete": decisive(), "line_lag": 0.0}, {"line_lag": 1})
+    assert probability["line_lag"] == pytest.approx(probability["complete"])
+
+
+def test_a_pair_that_explains_all_of_what_either_cause_leaves_much_of_is_named_and_not_its_first_cause_alone():
+    excess = {"complete": 8e4, "trapped_gas": 3.1e4, "camera_roll": 5.4e4, "camera_roll+trapped_gas": 0.0}
+    counts = {"trapped_gas": 1, "camera_roll": 1, "camera_roll+trapped_gas": 2}
+    verdict, causes = verdict_of(weighed(excess, counts), MEASUREMENT)
+    assert (verdict, set(causes)) == ("missing_physics", {"trapped_gas", "camera_roll"})
+    beside_noise = excess | {"trapped_gas": 60.0}  # which leaves nothing for a second cause
+    assert verdict_of(weighed(beside_noise, counts), MEASUREMENT) == ("missing_physics", ["trapped_gas"])
 
 
 def test_the_first_order_gain_is_nil_for_an_absent_cause_and_largest_for_the_present_one(plain):

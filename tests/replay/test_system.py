@@ -17,7 +17,7 @@ from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.diagnosis import inquire
 from straw.replay.diagnose.explain import absent
 from straw.replay.diagnose.findings import conclude
-from straw.replay.diagnose.fit import Contestant, fitted
+from straw.replay.diagnose.fit import Contestant, evaluated, fitted
 from straw.replay.diagnose.heldout import Held
 from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.pairs import nested
@@ -114,6 +114,23 @@ def test_a_spent_budget_still_tries_each_cause_of_the_best_pair_alone(monkeypatc
         found = diagnosis.inquire(stiffening(5e9), Hurried(), executor=pool)
     assert found.spent
     assert found.singles["cubic_stiffness"].cost < found.pairs["cubic_stiffness+dry_friction"].cost + 1.0
+
+
+def test_a_base_fit_that_is_stuck_starts_from_what_fewer_runs_left_as_well(monkeypatch):
+    records, system = stiffening(0.0), OscillatorSystem()
+    with ThreadPoolExecutor() as pool:
+        before = diagnosis.inquire(records[:1], system, library=(), executor=pool)
+
+        def stuck(_self, campaign, _starts):
+            far = evaluated(campaign, campaign.system.base, np.array([3.0, 3.0]))  # no descent returns from there
+            return far, far
+
+        monkeypatch.setattr(OscillatorSystem, "fit_base", stuck)
+        alone = diagnosis.inquire(records, system, library=(), executor=pool)
+        both = diagnosis.inquire(records, system, library=(), executor=pool, before=before)
+    samples = sum(len(record.y_m) for record in records)
+    assert alone.null.cost > 2 * samples  # stuck
+    assert both.null.cost < samples + 5 * np.sqrt(2 * samples)  # noise: chi-square of the samples
 
 
 def test_derivatives_of_the_oscillator_are_those_of_wider_differences():

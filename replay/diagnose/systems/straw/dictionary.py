@@ -42,8 +42,10 @@ def atoms(state: State, at: Floats) -> tuple[Atom, ...]:
 
 def _powers(x: str, most: int) -> tuple[Atom, ...]:
     texts = ("", x, *(f"{x}^{n}" for n in range(2, most + 1)))
-    # type: ignore[misc]
-    return tuple(Atom(text, n, lambda v, n=n: v**n, code=f"x**{n}" if n else "1.0") for n, text in enumerate(texts))
+    return tuple(
+        Atom(text, n, lambda v, n=n: v**n, code=f"x**{n}" if n else "1.0")  # type: ignore[misc]
+        for n, text in enumerate(texts)
+    )
 
 
 def _middles(at: Floats) -> Floats:

@@ -47,8 +47,7 @@ class Instrument:
                 curves.setdefault(name, []).append((float(where), value))
             else:
                 plain[name] = value
-        # type: ignore[arg-type]
-        return cls(**plain, **{name: tuple(sorted(points)) for name, points in curves.items()})
+        return cls(**plain, **{name: tuple(sorted(points)) for name, points in curves.items()})  # type: ignore[arg-type]
 
     def true_time(self, stamped_s: Floats) -> Floats:
         """When something happened (s since the run's zero) that the camera stamped (n,)."""
