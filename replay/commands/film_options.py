@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from straw.replay.options import command, json_option, straw_options
+from straw.replay.options import Parser, command, json_option, straw_options
 
 
-def calibrate_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def calibrate_command(commands: argparse._SubParsersAction[Parser]) -> None:
     """Register straw calibrate."""
     p = command(commands, "calibrate", "calibrate a lens from videos or stills of a checkerboard")
     p.add_argument("pictures", type=Path, nargs="+", metavar="VIDEO|IMAGE")
@@ -21,7 +21,7 @@ def calibrate_command(commands: argparse._SubParsersAction[argparse.ArgumentPars
     json_option(p)
 
 
-def track_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def track_command(commands: argparse._SubParsersAction[Parser]) -> None:
     """Register straw track."""
     p = command(commands, "track", "track the tip's X, Z and Phi in a video")
     p.add_argument("videos", type=Path, nargs="+", metavar="VIDEO", help="a file, or the chapters of one recording")
@@ -83,7 +83,7 @@ def track_command(commands: argparse._SubParsersAction[argparse.ArgumentParser])
     json_option(p)
 
 
-def clock_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def clock_command(commands: argparse._SubParsersAction[Parser]) -> None:
     """Register straw clock."""
     p = command(commands, "clock", "find the camera's clock relative to the host's, from an LED or from the motion")
     p.add_argument("video", type=Path, metavar="VIDEO|TIP.mcap", help="a video with the LED in view, or a track")

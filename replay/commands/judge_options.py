@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from straw.replay.options import command, identified_options, json_option, straw_options, workers_options
+from straw.replay.options import Parser, command, identified_options, json_option, straw_options, workers_options
 
 
-def identify_commands(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def identify_commands(commands: argparse._SubParsersAction[Parser]) -> None:
     """Register straw identify with its kinds of measurement."""
     identify = commands.add_parser("identify", help="determine constants of a straw from measurements")
     kinds = identify.add_subparsers(title="commands", metavar="COMMAND", required=True)
@@ -53,7 +53,7 @@ def identify_commands(commands: argparse._SubParsersAction[argparse.ArgumentPars
     identified_options(p)
 
 
-def diagnose_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def diagnose_command(commands: argparse._SubParsersAction[Parser]) -> None:
     """Register straw diagnose."""
     p = command(
         commands, "diagnose", "find what the model leaves out, or which instrument is wrong, and show the improvement"
@@ -103,7 +103,7 @@ def diagnose_command(commands: argparse._SubParsersAction[argparse.ArgumentParse
     json_option(p)
 
 
-def replay_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def replay_command(commands: argparse._SubParsersAction[Parser]) -> None:
     """Register straw replay."""
     p = command(commands, "replay", "compare recordings with the model's prediction: metrics and a page")
     p.add_argument("runs", type=Path, nargs="+", metavar="RUN.mcap", help="runs, and tracks derived from them")

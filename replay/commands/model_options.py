@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from straw.replay.options import command, json_option, straw_options
+from straw.replay.options import Parser, command, json_option, straw_options
 from straw.replay.shell.options import design_options, shell_options, solid_options
 
 
-def simulate_command(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def simulate_command(commands: argparse._SubParsersAction[Parser]) -> None:
     """Register straw simulate."""
     p = command(commands, "simulate", "predict what a straw does under a protocol")
     straw_options(p)
@@ -20,7 +20,7 @@ def simulate_command(commands: argparse._SubParsersAction[argparse.ArgumentParse
     json_option(p)
 
 
-def model_commands(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def model_commands(commands: argparse._SubParsersAction[Parser]) -> None:
     """Register straw paper, shell, design, solid, check and terms."""
     p = command(commands, "paper", "print the paper's numbers beside the model's, and redraw its figures")
     p.add_argument("--out", type=Path, default=Path("paper"), metavar="DIR", help="folder for the figures (paper)")
