@@ -111,7 +111,7 @@ class Timeline:
         whole_s = sum(lengths) / self._slow
         if max(from_s, 0.0) >= min(to_s, whole_s):
             what = f"{self.paths[0]}: no frame lies between {max(from_s, 0.0):g} and {min(to_s, whole_s):g} s"
-            raise TrackingError(f"{what}; the film is {whole_s:.3f} s long")
+            raise TrackingError(f"{what}; the video is {whole_s:.3f} s long")
         if math.isfinite(from_s) or math.isfinite(to_s):
             part_s = min(to_s, whole_s) - max(from_s, 0.0)
             self.expected = min(self.expected, round(part_s / self.period_s))

@@ -13,7 +13,7 @@ const unpackRows = ({ data, scale, width }) => {
   return rows;
 };
 const $ = (selector) => document.querySelector(selector);
-// Colours of the theme, asked for once: a style is costly to look up thirty times a second.
+// Colours of the theme, looked up once, as that is costly thirty times a second.
 const colors = {};
 const color = (name) => {
   const key = document.documentElement.dataset.theme + name;

@@ -5,7 +5,7 @@ const axis = (size, label, space) => ({
   labelSize: label ? 18 : 0, font: "12px system-ui, sans-serif", labelFont: "11px system-ui, sans-serif",
 });
 
-// A hairline where the recording says something happened; where a cell snapped a mark: filled the model's, open the camera's.
+// A hairline at each event of the recording, and a mark at each snap: filled for the model, open for the camera.
 const marks = (run) => ({
   hooks: {
     draw: [(u) => {
@@ -46,7 +46,7 @@ const shareZoom = (u) => {
     if (other !== u && (other.scales.x.min !== min || other.scales.x.max !== max)) other.setScale("x", { min, max });
   }
   if (moving) return;
-  moving = true; // the same moment is elsewhere now
+  moving = true; // the same moment has another place on the axis
   requestAnimationFrame(() => { moving = false; moveCursors(now); });
 };
 
@@ -111,7 +111,7 @@ function drawCharts(run) {
       ...title, height: 150, series: [hidden, hidden, line("measured", "measured", 3.2), ...(q.before ? [line("base", "before", 1.3)] : []), line(run.who || "model", "predicted", 1.3)],
       bands: [{ series: [1, 2], fill: color("band") }],
     }, () => [a.time, high, low, q.measured, ...(q.before ? [q.before] : []), q.predicted]);
-    // The residual's scale never shrinks below 4 sigma, so that noise looks like noise.
+    // The residual's scale is at least 4 sigma, so that noise is recognised as noise.
     const off = (said) => said.map((v, k) => (v === null || q.measured[k] === null ? null : (v - q.measured[k]) / (known ? q.sigma[k] : 1)));
     const residual = off(q.predicted), others = q.before ? [off(q.before)] : [];
     const least = known ? 4 : 0;
@@ -124,7 +124,7 @@ function drawCharts(run) {
     title: "Pressure", note: "gauge; the measured one drives the model", last: run.brief, height: 150, unit: "kPa",
     series: [line("measured", "measured", 3.2), line("command", "command", 1.4, [6, 4]), line("inside", "inside", 1.6, [2, 3])],
   }, () => [a.pressureTime, a.pressure, a.command, resample(a.shapeTime, a.inside, a.pressureTime)]);
-  // What other channels and sensors show, where there are any.
+  // Other channels and sensors, if any.
   for (const name of Object.keys(a.others || {})) {
     add({ title: html(name.split(" / ")[0]), note: "", height: 90, unit: name.split(" / ")[1] || "", series: [line("measured", "measured", 1.6)] }, () => [a.pressureTime, a.others[name]]);
   }

@@ -1,4 +1,4 @@
-// A run that goes on: rows arrive 30 times a second and everything grows; the view follows until somebody moves it.
+// A run in progress: rows arrive 30 times a second; the view follows until the user moves it.
 let following = true, waiting = false, updates = 0;
 const TOLD = ["time", "measured", "command", "inside", "x_m", "z_m", "phi_rad", "zeta", "phi", "others"];
 
@@ -19,7 +19,7 @@ function take(run, rows) {
       if (!a.others[name]) { a.others[name] = a.time.slice(1).map(() => null); run.changed = true; }
       a.others[name].push(value);
     }
-    // a cell that bends is one that snaps: from now on it has a colour
+    // a cell that bends is one that snaps: from here on it has a colour
     r.phi.forEach((phi, n) => {
       if (Math.abs(phi) < known || run.snapping.includes(n + 1)) return;
       run.snapping.push(n + 1);
@@ -68,7 +68,7 @@ function follow(run) {
 const sentence = (text) => { $(".sentence").textContent = text; };
 const order = (what) => { if (orders.readyState === WebSocket.OPEN) orders.send(JSON.stringify({ do: what, who: "the run's own page" })); };
 
-// What a person can do about a run from its own page; within the lab's page only what the lab does not have.
+// Orders to a run from its own page; within the lab's page only those that the lab does not have.
 function drawOrders(run) {
   $("header").insertAdjacentHTML("beforeend", `<p id="orders">${run.orders ? `<button class="vent" data-do="vent">VENT <kbd>V</kbd></button>
     <button data-do="hold">hold</button> <button data-do="resume">go on</button> <button data-do="stop">stop and vent</button>` : ""} <span id="state"></span></p>`);

@@ -1,4 +1,4 @@
-// The page itself: which run is shown, and drawing it anew when something about the window changes.
+// The page itself: which run is shown, and redrawing it when the window changes.
 const runs = JSON.parse(document.getElementById("data").textContent);
 let shown = 0;
 
@@ -32,4 +32,4 @@ window.addEventListener("beforeprint", () => { themeBefore = document.documentEl
 window.addEventListener("afterprint", () => { document.documentElement.dataset.theme = themeBefore; redraw(); });
 if (!runs[0].live) drawTable(runs);
 redraw(true);
-document.documentElement.dataset.ready = Math.round(performance.now()); // ms, for whoever asks how long it took
+document.documentElement.dataset.ready = Math.round(performance.now()); // ms, for the benchmark

@@ -25,7 +25,7 @@ const shellEnergy = (f, zeta, phi) => {
   }
   return stored;
 };
-// What the walls store, with the pressure on a sealed straw's frustum, J.
+// Energy of the walls and of the pressure on a sealed straw's frustum, J.
 const energyOf = (f, zeta, phi, pressure) => {
   const share = f.wall.length ? f.wall[3] : 0;
   let stored = -f.area * pressure * zeta;

@@ -20,7 +20,7 @@ function prepareTime(run) {
   slider.min = start;
   slider.max = end;
   prepareFilm(run);
-  // begin where there is something to see: at the first snap, else at the end
+  // start at the first snap, else at the end
   setTime(run.at ?? (run.snaps.length ? Math.min(...run.snaps.map(([t]) => t)) + 0.05 : run.live ? end : start));
 }
 
@@ -55,7 +55,7 @@ function step(samples) {
   setTime(times[Math.min(times.length - 1, Math.max(0, indexAt(times, now + 1e-6) + samples))]);
 }
 
-// To the next or previous thing that happened.
+// To the next or previous event.
 function jump(direction) {
   const times = [...shownRun.events.map(([t]) => t), ...shownRun.snaps.map(([t]) => t)].sort((p, q) => p - q);
   const next = direction > 0 ? times.find((t) => t > now + 1e-3) : times.reverse().find((t) => t < now - 1e-3);

@@ -1,4 +1,4 @@
-// What the page of a diagnosis has in place of the replay page's table and plane: a button for each recording.
+// The diagnosis page's replacement of the replay page's table and plane: a button for each recording.
 const drawPlane = () => {}, drawNumbers = () => {};
 
 function drawTable(runs) {
@@ -11,7 +11,7 @@ function drawTable(runs) {
   if (!runs[0].pressure) document.querySelectorAll(".pressure").forEach((e) => e.remove());
 }
 
-// Also after drawing: charts begin at the stretch in which the models part.
+// Also after drawing: charts start at the interval in which the models differ most.
 function markChosen() {
   document.querySelectorAll("#multiples button").forEach((e) => e.classList.toggle("chosen", Number(e.dataset.run) === shown));
   const run = runs[shown];

@@ -26,7 +26,7 @@ function reachOf(run) {
   if (run.reach) return run.reach;
   const a = arraysOf(run), s = run.straw;
   const b = { x: [-0.006, 0.006], z: [-s.rO * 1.15, s.rO * 1.15] };
-  if (run.live) { // what is to come is not known: room for all cells deployed, and a swing
+  if (run.live) { // the rest of the motion is unknown: room for all cells deployed, and a swing
     const long = s.cells * (s.zeta0[0] + 3e-3) + s.board, [sin, cos] = [Math.sin(s.phi0), Math.cos(s.phi0)], swing = 0.35 * long;
     for (const [u, v] of [[long * sin + swing * cos, long * cos - swing * sin], [long * sin - swing * cos, long * cos + swing * sin]]) {
       b.x = [Math.min(b.x[0], u), Math.max(b.x[1], u)];

@@ -1,4 +1,4 @@
-// Tables: all runs at once with small pictures of each, and what the numbers say of the one that is shown.
+// Tables: all runs at once with small pictures of each, and the metrics of the one that is shown.
 const COLUMNS = [
   ["run", (r) => html(r.id), (r) => r.id], ["", (r) => html(r.role), (r) => r.role],
   ...[["x_m", "X", "µm", 1e6, 1], ["z_m", "Z", "µm", 1e6, 1], ["phi_rad", "Φ", "mrad", 1e3, 2]].map(([n, title, unit, f, digits]) => [
@@ -37,7 +37,7 @@ function drawTable(runs) {
   if (runs.length > 1) drawMultiples(runs);
 }
 
-// X, Z and Phi of every run in one glance; each row scaled to what was measured.
+// X, Z and Phi of every run side by side; each row scaled to the measurement.
 function drawMultiples(runs) {
   $("#multiples").innerHTML = runs.map((run, i) => {
     const rows = Object.values(run.signals).map((s, row) => {

@@ -1,4 +1,4 @@
-// The keys that vent: V outside a text field, Escape twice within a second anywhere. Never asks, never locked.
+// The keys that vent: V outside a text field, Escape twice within a second anywhere. Without confirmation, never disabled.
 let escapedAt = -Infinity;
 function onVentKey(vent) {
   document.addEventListener("keydown", (e) => {

@@ -116,7 +116,7 @@ def test_no_snap_and_nothing_to_see_it_by_are_one_line_and_leave_the_straw_vente
         with pytest.raises(RigError, match=r"nothing snapped between 0 and 3 kPa"):
             snap_search(controller, SnapPlan(0.0, 3e3), MotionWatcher(lambda _: (straw.volume_m3,), 1e-9), None)
         assert emulation.wire.received[-1][1] == b"<PRESS!:0:0\n"
-        with pytest.raises(RigError, match="need somebody who resets the straw"):
+        with pytest.raises(RigError, match="need a reset of the straw"):
             snap_search(controller, SnapPlan(0.0, 3e3, repeats=2), MotionWatcher(lambda _: (0.0,)), None)
     with pytest.raises(RigError, match="two different pressures"):
         SnapPlan(1e3, 1e3)

@@ -105,7 +105,7 @@ def test_from_python_the_same_track_is_an_object(place):
     assert "<svg" in found._repr_html_()
     assert len(repr(found)) < 200
     for wrong, words in (({"rest": (22.1, 0, 87.7)}, "looks like mm and degrees"), ({"rest": (1, 2)}, "give .x_m"),
-                         ({}, "nothing says where the camera stands; give rest=")):  # fmt: skip
+                         ({}, "the camera's place is unknown; give rest=")):  # fmt: skip
         with pytest.raises(straw.ReplayError, match=words):
             straw.track(place / "v.mp4", place / "lens.json", **wrong)
 

@@ -105,5 +105,7 @@ def test_check_reads_every_channel_and_vents_without_and_with_pressure(
     assert main(["rig", "check", "--rig", str(bench)]) == 0
     said = capsys.readouterr().out
     for channel in (1, 2):
-        assert re.search(rf"channel {channel}: well: vented from 0 kPa .* told 2 kPa .* vented from 2 kPa", said)
+        assert re.search(
+            rf"channel {channel}: well: vented from 0 kPa .* at a command of 2 kPa .* vented from 2 kPa", said
+        )
     assert "flow" in said

@@ -30,7 +30,7 @@ def test_gopro_chapters_are_put_in_order_and_others_left_alone():
 @pytest.mark.parametrize(
     ("names", "says"),
     [
-        (["GH010012.MP4", "GH030012.MP4"], "each in between"),
+        (["GH010012.MP4", "GH030012.MP4"], "every chapter in between"),
         (["GH010012.MP4", "GH020013.MP4"], "two recordings"),
         (["GH010012.MP4", "GH010012.MP4"], "once"),
         ([], "no video"),
@@ -133,7 +133,7 @@ def test_a_part_of_a_film_keeps_its_times(tmp_path):
         assert timeline.expected == 15
     assert [index for index, _ in frames] == list(range(15))
     np.testing.assert_allclose([time_s for _, time_s in frames], np.arange(10, 25) * period, rtol=1e-9)
-    with pytest.raises(TrackingError, match=r"nothing lies between 3.*0\.167 s long"):
+    with pytest.raises(TrackingError, match=r"no frame lies between 3.*0\.167 s long"):
         Timeline([tmp_path / "v.mp4"], 0.0, 3.0)
 
 

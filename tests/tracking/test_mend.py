@@ -130,11 +130,11 @@ def test_poses_set_and_refused_by_hand_keep_their_reason(dotted, tmp_path):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "mends nothing"),
-        ("[[wrong]]\nframes = '1'", "'wrong' is no kind of change"),
+        ("", "contains no correction"),
+        ("[[wrong]]\nframes = '1'", "unknown change 'wrong'"),
         ("[[invalid]]\nframes = '1-2'", "'reason' is missing"),
         ("[[invalid]]\nframes = 'x'\nreason = 'r'", "'frames' is 'x'"),
-        ("[[invalid]]\nframes = '5-9999'\nreason = 'r'", "the film has 0 to"),
+        ("[[invalid]]\nframes = '5-9999'\nreason = 'r'", "the video has 0 to"),
         ("[[invalid]]\nframes = '5'\nreason = 'r'\ncolour = 1", "'colour' is not known"),
         (
             "[[pose]]\nframe=1\nx_mm=1\nz_mm=1\nphi_deg=1\nsigma_mm=0\nsigma_deg=1\nreason='r'",

@@ -9,7 +9,7 @@ const selected = new Map(); // name -> row
 const keepView = () => history.replaceState(null, "", "?" + new URLSearchParams(Object.entries(look).filter(([, v]) => v)));
 function query(offset) { return pageOf("/api/runs", { ...Object.fromEntries(Object.entries(look).filter(([, v]) => v)), offset, limit: WINDOW }); }
 
-// A view begins again: at its top unless only the recordings changed.
+// Redraw a view, from its top unless only the recordings changed.
 async function load(keep) {
   const mine = ++asked, offset = keep ? Math.max(0, Math.floor($("#table").scrollTop / HEIGHT) - 20) : 0;
   try {
@@ -95,7 +95,7 @@ function cellOf(row, name, value, flags) {
   return `<td class="${mark}${wide}" title="${html(name === "status" ? row.problem || "" : value ?? "")}">${html(cut ?? "")}${flags}</td>`;
 }
 
-// What can be done with the selected.
+// Actions on the selected recordings.
 function drawChosen() {
   const box = $("#chosen"), n = selected.size;
   box.hidden = n === 0;

@@ -1,4 +1,4 @@
-// What every page of the lab has: its line to the server, its line to the run itself, VENT, names, small helpers.
+// Common to every page of the lab: the connections to the server and to the run itself, VENT, names, small helpers.
 const here = new URLSearchParams(location.search);
 const state = { bench: null, listeners: [] };
 const onState = (listener) => { state.listeners.push(listener); if (state.bench) listener(state); };
@@ -20,7 +20,7 @@ async function tell(action, body) {
   if (!answer.ok) throw new Error(said.error);
   return said;
 }
-// What a person asked for; when it is refused the reason is shown.
+// A request of the user; if it is refused the reason is shown.
 const attempt = async (does) => { try { return await does(); } catch (error) { toast(error.message, null, true); return null; } };
 let toastGone;
 function toast(text, undo, bad) {
@@ -38,7 +38,7 @@ function toast(text, undo, bad) {
   toastGone = setTimeout(() => { box.hidden = true; }, undo ? 12000 : 6000);
 }
 
-// The line to the lab's server: it tells how the rig is; silence is said after a second and a half.
+// The connection to the lab's server, which sends the rig's state; silence is reported after a second and a half.
 let line, heardAt = performance.now(), refused = 0;
 function connect() {
   line = new WebSocket(`ws://${location.host}/ws`);
@@ -54,7 +54,7 @@ function connect() {
   };
   line.onclose = () => { refused++; setTimeout(connect, Math.min(3000, 300 * refused)); };
 }
-// The line to the run's own process, which needs no lab: it vents while the lab is frozen or gone.
+// The connection to the run's own process, which is independent of the lab: it vents while the lab is frozen or closed.
 let direct = null, directTo = "";
 function reachRun(run) {
   const url = run ? run.url : "";

@@ -1,9 +1,9 @@
-// The closed loop: what is known after each round, what is proposed next with its prediction, yes or no, and the log.
+// The closed loop: the posterior after each round, the next proposal with its prediction, approval, and the log.
 const value = (id) => $("#" + id).value.trim();
 const worded = (name) => String(name || "").replaceAll("_", " ").replaceAll("+", " + ");
 let chosen = here.get("log") || "", loop = null, drawn = "", listed = "", filledFor = "";
 
-// One posterior: a bar a hypothesis; what is named is strong.
+// One posterior: a bar for each hypothesis; named causes are bold.
 function bars(row) {
   const named = new Set(row.causes);
   return row.probability.map(([name, p]) => `<div class="bar"><span class="${named.size && name.split("+").every((c) => named.has(c)) ? "named" : ""}">${html(worded(name))}</span>

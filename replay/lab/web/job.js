@@ -1,4 +1,4 @@
-// A command that the lab started: how it goes, what it printed, and the page that it made.
+// A command that the lab started: its progress, its output, and the page that it made.
 const id = here.get("id") || "";
 const far = (p) => (p && p.total ? ` · ${p.what}: ${p.done} of ${p.total}` : "");
 async function look() {

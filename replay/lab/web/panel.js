@@ -2,7 +2,7 @@
 let known = [], chart = null, shownRun = "", checking = 0, followedQueue = "";
 const field = (id) => $("#" + id).value;
 
-// The protocol as it is being written: compiled by the server, drawn with its limits; what is wrong names the line.
+// The protocol as it is being written: compiled by the server, drawn with its limits; an error names the line.
 async function check() {
   const mine = ++checking;
   try {
@@ -54,13 +54,13 @@ function show(url, text, apart) {
   $("#shown").textContent = text;
 }
 
-// What the rig does. Buttons that would be refused are off, and the text says why; VENT is never off.
+// The rig's state. Buttons that would be refused are disabled, with the reason in the text; VENT is never disabled.
 onState(({ bench: b }) => {
   const run = b.run, mine = b.control.mine, free = !b.control.holder;
   $("#going").innerHTML = !b.ready ? 'No rig. Start the lab with <code>--rig rig.toml</code>, or with <code>--emulate</code>.'
     : run ? `<dl class="facts"><dt>run</dt><dd>${html(run.recording.split(/[\\/]/).at(-1))}</dd><dt>state</dt><dd class="${run.state === "running" ? "ok" : "warn"}"><b>${html(run.state)}</b></dd><dt>since</dt><dd>${Math.max(0, (Date.now() - run.since_ns / 1e6) / 1000).toFixed(0)} s of ${run.duration_s.toFixed(0)} s</dd><dt>limits</dt><dd>${html(run.limits)}</dd><dt>guardian</dt><dd>${run.guardian ? `process ${run.guardian.pid}; vents when the run is silent for ${run.guardian.heartbeat_s} s` : "none"}</dd></dl>`
     : b.starting ? `<b class="ok">${html(b.starting)} is ${b.finishing ? "being finished" : "starting"}…</b>` : `${html(b.rig)}${b.emulated && b.rig !== "emulator" ? " (emulated)" : ""}: idle${b.limits ? `, limits ${html(b.limits)}` : ""}${b.armed ? ', <b class="warn">armed</b>' : ""}`;
-  $("#camera").innerHTML = b.camera === "gopro" ? "The camera is started and stopped with the run, its film fetched." : b.camera ? `<b class="${run || b.starting ? "warn" : ""}">Camera by hand: press its shutter ${run || b.starting ? "now, and again when the run has ended" : "when the run starts"};</b> then drop the film on the run's page.` : "";
+  $("#camera").innerHTML = b.camera === "gopro" ? "The camera is started and stopped with the run, and its video fetched." : b.camera ? `<b class="${run || b.starting ? "warn" : ""}">Camera by hand: press its shutter ${run || b.starting ? "now, and again when the run has ended" : "when the run starts"};</b> then drop the video on the run's page.` : "";
   const can = b.ready && (mine || free);
   $("#arm").disabled = !can;
   $("#arm").textContent = b.armed ? "disarm" : "arm";
@@ -101,7 +101,7 @@ for (const what of ["hold", "resume", "stop"]) $("#" + what).addEventListener("c
 $("#add").addEventListener("click", () => attempt(() => tell("queue", { do: "add", toml: field("toml"), specimen: field("specimen"), repeats: Number(field("repeats")), pause_s: Number(field("pause")), by_hand: $("#byHand").checked })));
 $("#predict").addEventListener("click", predict);
 let soon;
-// What the list says is what the text says: a text that is no file's is called so.
+// The list shows the file of the text; an edited text is marked as no file's.
 const nameIt = () => { const k = known.findIndex((p) => p.toml.trim() === field("toml").trim()); $("#protocols").value = k < 0 ? "" : k; };
 $("#toml").addEventListener("input", () => { nameIt(); sessionStorage.protocol = field("toml"); clearTimeout(soon); soon = setTimeout(check, 200); });
 $("#specimen").value = localStorage.specimen || "";

@@ -1,4 +1,4 @@
-// One recording: its curves, what it says of itself, notes and tags in place, lineage both ways.
+// One recording: its curves, metadata, notes and tags in place, lineage both ways.
 let shown = null;
 const name = here.get("name");
 async function loadRun() {
@@ -50,7 +50,7 @@ async function takeFilm(file) {
   $("#film").textContent = `copying ${file.name} (${(file.size / 1e6).toFixed(0)} MB)…`;
   const answer = await fetch(pageOf("/api/film", { name: shown.name, file: file.name }), { method: "POST", headers: { "Content-Type": "application/octet-stream", "X-Straw": "1" }, body: file }).catch((e) => ({ ok: false, json: () => ({ error: e.message }) }));
   const said = await answer.json();
-  $("#film").textContent = answer.ok ? `${said.film} lies beside the run. Track it: ${said.track} (S: when its first frame was taken, in s after the run's zero; where an LED blinked, --clock C.json in its place, from straw clock ${said.film} --run ${shown.name} -o C.json)` : said.error;
+  $("#film").textContent = answer.ok ? `${said.film} is stored beside the run. Track it: ${said.track} (S: when its first frame was taken, in s after the run's zero; where an LED blinked, --clock C.json in its place, from straw clock ${said.film} --run ${shown.name} -o C.json)` : said.error;
   if (answer.ok) loadRun();
 }
 $("#pickFilm").addEventListener("change", (e) => takeFilm(e.target.files[0]));

@@ -1,4 +1,4 @@
-// A recording the size of a stamp: pressure against time, and the path of the tip.
+// A thumbnail of a recording: pressure against time, and the path of the tip.
 function stamp(preview) {
   let out = "";
   const { t, p, x, z } = preview;
