@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.stats import chi2
 
+from straw.tracking.around import nearest, polynomial
+
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
@@ -105,11 +107,11 @@ def _refuse_jumps(seen: Courses, usual: Floats, reasons: NDArray[np.object_]) ->
 
 def _missed(part: Courses, good: Flags, k: int) -> float:
     """Return by how much (px^2) a frame misses what three on either side predict; infinite without those."""
-    before, after = _others(good, len(good))
+    before, after = nearest(good, len(good))
     by = np.concatenate((before[k], after[k]))[None]
     if (by < 0).any():
         return np.inf
-    guess, _ = _predicted(part.time_s, part.course, part.time_s[k : k + 1], by)
+    guess, _ = polynomial(part.time_s, part.course, part.time_s[k : k + 1], by)
     return float(((part.course[k] - guess[0]) ** 2).sum())
 
 
@@ -142,30 +144,6 @@ def _misfits(seen: Courses) -> Flags:
     return np.asarray(size - usual > np.sqrt(_FAR) * spread)
 
 
-def _others(good: Flags, n: int, reach: int = 3) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return for each frame the last good ones before (n, reach) and the next after it, nearest first; -1: none."""
-    index = np.flatnonzero(good)
-    at = np.searchsorted(index, np.arange(n))
-    padded = np.concatenate((np.full(reach, -1), index, np.full(reach + 1, -1)))
-    before = np.stack([padded[at + reach - 1 - k] for k in range(reach)], axis=1)
-    itself = np.zeros(n, np.intp)
-    itself[index] = 1
-    after = np.stack([padded[at + reach + itself + k] for k in range(reach)], axis=1)
-    return before, after
-
-
-def _predicted(time_s: Floats, course: Floats, at_s: Floats, by: NDArray[np.intp]) -> tuple[Floats, Floats]:
-    """Return the polynomial through the frames ``by`` (f, m) at ``at_s`` (f,), and the sum of its squared weights."""
-    times = time_s[by]
-    weights = np.ones(by.shape)
-    for k in range(by.shape[1]):
-        for m in range(by.shape[1]):
-            if m != k:
-                apart = times[:, k] - times[:, m]
-                weights[:, k] *= (at_s - times[:, m]) / np.where(apart == 0, 1.0, apart)
-    return np.einsum("fk,fkc->fc", weights, course[by]), (weights**2).sum(axis=1)
-
-
 _WAYS = (  # frames before and after that predict, and those of the simpler prediction
     ((3, 3), (2, 2)),
     ((2, 2), (1, 1)),
@@ -177,7 +155,7 @@ _WAYS = (  # frames before and after that predict, and those of the simpler pred
 def _misses(seen: Courses, usual: Floats, good: Flags) -> Floats:
     """Return the squared distance (ways, f) of each frame from its predictions; NaN where there are none."""
     n = len(seen.time_s)
-    before, after = _others(good, n)
+    before, after = nearest(good, n)
     period_s = float(np.median(np.diff(seen.time_s))) if n > 1 else 1.0
     found = np.full((len(_WAYS), n), np.nan)
     for way, ((some, more), (few, less)) in enumerate(_WAYS):
@@ -188,8 +166,8 @@ def _misses(seen: Courses, usual: Floats, good: Flags) -> Floats:
             continue
         simpler = np.concatenate((before[:, :few], after[:, :less]), axis=1)[known]
         at_s = seen.time_s[known]
-        guess, gain = _predicted(seen.time_s, seen.course, at_s, by[known])
-        other, _ = _predicted(seen.time_s, seen.course, at_s, simpler)
+        guess, gain = polynomial(seen.time_s, seen.course, at_s, by[known])
+        other, _ = polynomial(seen.time_s, seen.course, at_s, simpler)
         doubt = np.full((n, COURSE), np.nan)
         doubt[known] = (guess - other) ** 2
         if more and some:  # where the difference happens to vanish, that of the frames beside it does not
@@ -214,12 +192,12 @@ def _usual_variance(seen: Courses, good: Flags) -> Floats:
     predictions miss: corners side by side err alike, and at rest a codec repeats its errors.
     """
     square = np.exp(2 * _by_speed(_speed(seen), np.log(np.maximum(seen.rms_px, _LEAST_PX))))
-    before, after = _others(good, len(square))
+    before, after = nearest(good, len(square))
     by = np.concatenate((before, after), axis=1)
     moving = (by >= 0).all(axis=1) & good & (_speed(seen) > np.sqrt(square))
     share = 1 / _INDEPENDENT
     if np.count_nonzero(moving) >= _FEWEST:
-        guess, gain = _predicted(seen.time_s, seen.course, seen.time_s[moving], by[moving])
+        guess, gain = polynomial(seen.time_s, seen.course, seen.time_s[moving], by[moving])
         miss = ((seen.course[moving] - guess) ** 2).sum(axis=1) / (_MEDIAN * (1 + gain))
         share = max(float(np.quantile(miss / square[moving], _CALMEST)), share)
     return np.asarray(share * square)
@@ -276,8 +254,8 @@ def _run_distance(seen: Courses, usual: Floats, first: NDArray[np.intp], count: 
     by = np.where(by < n, by, (first - 4)[:, None])
     for k in range(count):
         at_s = seen.time_s[first + k]
-        guess, gain = _predicted(seen.time_s, seen.course, at_s, by)
-        other, _ = _predicted(seen.time_s, seen.course, at_s, by[:, 1:5])
+        guess, gain = polynomial(seen.time_s, seen.course, at_s, by)
+        other, _ = polynomial(seen.time_s, seen.course, at_s, by[:, 1:5])
         miss, doubt, white = seen.course[first + k] - guess, guess - other, usual[first] * (1 + gain)
         along = 1 + (doubt**2).sum(axis=1) / white
         here = ((miss**2).sum(axis=1) - (miss * doubt).sum(axis=1) ** 2 / (white * along)) / white

@@ -91,6 +91,24 @@ def without_lag(poses: Poses, slopes: Floats, rate: Floats, key: Flags, lag_px: 
     return np.asarray(poses.vector + along * ahead_px[:, None] + size * larger_px[:, None])
 
 
+def off_chord(poses: Poses, slopes: Floats, chord_px: Floats, slow: Flags) -> tuple[Floats, Floats]:
+    """Return what B pictures show too little of a turn in the motion: to add to poses (f, 3), and its covariance.
+
+    Where the motion is too slow for motion vectors, a block of a B picture is the mean of the pictures around, unless
+    the difference is worth coding. Which share of blocks that is nobody knows: half is taken off, and no distribution
+    between none and all has a larger variance than a quarter. More than corners are off by anyhow would be coded.
+    """
+    J = np.where(poses.used[..., None, None], slopes, 0.0)
+    square = np.where(poses.used[..., None], chord_px**2, 0.0).sum(axis=(1, 2)) / np.maximum(
+        2 * poses.used.sum(axis=1), 1
+    )
+    hidden = np.minimum(1.0, np.nan_to_num(poses.rms_px) / np.sqrt(np.maximum(square, 1e-12)))
+    normal = np.einsum("fncm,fncp->fmp", J, J) + 1e-9 * np.eye(3)
+    right = np.einsum("fncm,fnc->fm", J, chord_px * (hidden * slow)[:, None, None])
+    half = np.linalg.solve(normal, right[..., None])[..., 0] / 2
+    return -half, half[:, :, None] * half[:, None, :]
+
+
 def _by_size(poses: Poses, J: Floats, normal: Floats, rate: Floats, eye_m: Floats) -> tuple[Floats, Floats]:
     """Return what corners that lie 1 px rms farther from their middle do to the pose (f, 3), and their rate (f,)."""
     number = poses.used.sum(axis=1)
