@@ -24,6 +24,7 @@ _MOST_ASKEW_RAD = 0.35  # 20 degrees: no board is glued so; it is mounted otherw
 _LINE_S = 4e-6  # a row takes at most the frame's 4.17 ms / 1080 at 240 frames/s; and longer in slower modes
 _ASIDE_M = 0.01  # how far the board's centre may lie beside the plane of motion
 _ROUNDS = 8
+_LEARNT = 3  # steps of expectation and maximisation of the print's prior a round
 _FIXED, _FREE = 1e-12, 1e3
 _ALIKE_S = 0.1  # what the codec and the pixels do to the corners is alike for about so long
 # The constants: the camera's turn about the world's X, Y, Z at the board (rad), its shift along them (m), the board's
@@ -31,6 +32,22 @@ _ALIKE_S = 0.1  # what the codec and the pixels do to the corners is alike for a
 _TURN_RAD = 1e-6  # of differences, where a derivative is not written out
 LINE = 8  # the row time's place among them
 SHARED = 9  # so many; after them come the offsets of the print
+
+
+@dataclasses.dataclass(frozen=True)
+class Linear:
+    """The problem near some constants, poses eliminated: its normal matrix (c, c) without priors, the ``score`` (c,).
+
+    ``disagreement`` (c, c): covariance of the score by stretches of time. Poses (f, 3) move by ``by_none`` (f, 3) less
+    ``by_theta`` (f, 3, c) times the constants' step. ``at_rest`` (n, 2, c): by how much corners at rest move the score.
+    """
+
+    normal: Floats
+    score: Floats
+    disagreement: Floats
+    by_none: Floats
+    by_theta: Floats
+    at_rest: Floats
 
 
 class Bundle:
@@ -93,62 +110,87 @@ class Bundle:
 
     def solve(self) -> None:
         """Gauss-Newton to the end; TrackingError when the frames contradict each other."""
-        poses, used = self._first_poses(), self.views.used
-        # The row time times what the motion's rate is not known by: rolling shutter cannot be told better than that.
-        doubt_px = _LINE_S * np.sqrt((self.views.rows**2).mean(axis=1)) * self.views.doubt
+        poses = self._first_poses()
         for _ in range(_ROUNDS):
-            points = self.printed_at(self.theta)
-            miss = self._misses(self.views, self.theta, poses, points)
-            length = np.linalg.norm(miss, axis=-1)
-            sigma = np.full((len(poses), 1), _sigma_px(length[used]))
-            if self.rest:  # the mean of many frames
-                sigma[0] = min(sigma[0, 0], _sigma_px(length[0, used[0]]))
-            weight = (used & (length < 6 * sigma)) / (sigma**2 + doubt_px[:, None] ** 2)
-            by_theta, by_pose, by_place = self._slopes(self.views, self.theta, poses, points)
-            by_pose = np.where(self.held[:, None, :], 0.0, by_pose)
-            weights = np.repeat(weight, 2, axis=1)[..., None]
-            A, B = _eliminated(weights * by_pose, by_theta, by_pose)
-            left = miss.reshape(len(poses), -1, 1)
-            g_pose = -((weights * by_pose).transpose(0, 2, 1) @ left)[..., 0]
-            g_theta = -((weights * by_theta).transpose(0, 2, 1) @ left)[..., 0]
-            every = len(self.theta)
-            C = np.zeros((every, every))
-            C[:SHARED, :SHARED] = (weights * by_theta).reshape(-1, SHARED).T @ by_theta.reshape(-1, SHARED)
-            prior = np.diag(np.concatenate((self.prior**-2.0, np.zeros(every - SHARED))))
-            if every > SHARED:
-                place = weight[..., None, None] * by_place
-                B = np.concatenate((B, _by_print(by_pose, place)), axis=-1)
-                g_theta = np.concatenate((g_theta, -np.einsum("fncj,fnc->fnj", place, miss).reshape(len(poses), -1)), 1)
-                C[:SHARED, SHARED:] = _by_print(by_theta, place).sum(axis=0)
-                C[SHARED:, :SHARED] = C[:SHARED, SHARED:].T
-                C[SHARED:, SHARED:] = _blocks(np.einsum("fnci,fncj->nij", place, by_place))
-                prior[SHARED:, SHARED:] = np.linalg.inv(self.misprint.covariance())
-            C += prior
-            solved = np.linalg.solve(A, np.concatenate((B, g_pose[..., None]), axis=-1))
-            # Priors from 1e-12 to 1e3: scaled to a unit diagonal the matrix is well conditioned.
-            normal = C - B.reshape(-1, every).T @ solved[..., :every].reshape(-1, every)
-            scale = 1 / np.sqrt(np.diag(C))
-            spread = np.linalg.inv(normal * scale * scale[:, None]) * scale * scale[:, None]
-            score = g_theta - np.einsum("fij,fi->fj", B, solved[..., every])
-            step = spread @ (score.sum(axis=0) - prior @ (self.theta - self.start))
-            step[:SHARED][self.prior <= _FIXED] = 0.0
-            self.theta = self.theta + step
-            poses = poses + solved[..., every] - solved[..., :every] @ step
-            self.spread = spread + spread @ self._disagreement(score) @ spread
+            here, linear = self.theta, self._linear(poses)
+            away, normal = here - self.start, linear.normal
+            for _ in range(_LEARNT):  # the print's prior changes, the slopes do not
+                prior = self._precision()
+                # Priors from 1e-12 to 1e3: scaled to a unit diagonal the matrix is well conditioned.
+                scale = 1 / np.sqrt(np.diag(normal) + np.diag(prior))
+                spread = np.linalg.inv((normal + prior) * scale * scale[:, None]) * scale * scale[:, None]
+                step = spread @ (linear.score - prior @ away)
+                step[:SHARED][self.prior <= _FIXED] = 0.0
+                self.theta = here + step
+                self.spread = spread + spread @ linear.disagreement @ spread
+                if not np.isfinite(self.theta).all():
+                    raise TrackingError(
+                        "track: the frames fit no common plane of motion; check the lens and the rest pose"
+                    )
+                if self.misprint.count:
+                    self.misprint = self.misprint.learnt(self.theta[SHARED:], self.spread[SHARED:, SHARED:])
+            poses = poses + linear.by_none - linear.by_theta @ step
             if self.rest:
-                self.by_rest = self._by_rest(spread, weight[0], by_theta[0], by_place[0])
+                self.by_rest = linear.at_rest @ spread
             if np.any(np.abs(self.theta[6:8]) > _MOST_ASKEW_RAD):
                 askew = np.degrees(np.abs(self.theta[6:8]).max())
                 what = f"track: with mount '{self.camera.mount}' the board would be glued askew by {askew:.0f} deg"
                 at_rest = f", the tip at rest at phi = {np.degrees(self.rest[2]):.0f} deg" if self.rest else ""
                 raise TrackingError(f"{what}{at_rest}; give the mount it has (--mount), or the right rest pose or run")
-            if not np.isfinite(self.theta).all():
-                raise TrackingError("track: the frames fit no common plane of motion; check the lens and the rest pose")
-            if every > SHARED:
-                self.misprint = self.misprint.learnt(self.theta[SHARED:], self.spread[SHARED:, SHARED:])
-            sigma_now = np.sqrt(np.maximum(np.diag(spread), 1e-30))
-            if np.all(np.abs(step) < 0.01 * sigma_now):
+            # Only the nine bend the problem. The print's offsets go on shrinking for long where it is printed well.
+            sigma_now = np.sqrt(np.maximum(np.diag(spread)[:SHARED], 1e-30))
+            if np.all(np.abs(step[:SHARED]) < 0.01 * sigma_now):
                 return
+
+    def _precision(self) -> Floats:
+        """Return the inverse of ``_prior``."""
+        found = np.diag(np.concatenate((self.prior**-2.0, np.zeros(self.misprint.count))))
+        if self.misprint.count:
+            found[SHARED:, SHARED:] = np.linalg.inv(self.misprint.covariance())
+        return found
+
+    def _linear(self, poses: Floats) -> Linear:
+        """Return the problem with slopes and weights as they are at these poses (f, 3) and the constants so far."""
+        used, every = self.views.used, len(self.theta)
+        # The row time times what the motion's rate is not known by: rolling shutter cannot be told better than that.
+        doubt_px = _LINE_S * np.sqrt((self.views.rows**2).mean(axis=1)) * self.views.doubt
+        miss = self._misses(self.views, self.theta, poses, self.printed_at(self.theta))
+        length = np.linalg.norm(miss, axis=-1)
+        sigma = np.full((len(poses), 1), _sigma_px(length[used]))
+        if self.rest:  # the mean of many frames
+            sigma[0] = min(sigma[0, 0], _sigma_px(length[0, used[0]]))
+        by_theta, by_pose, by_place = self._slopes(self.views, self.theta, poses, self.printed_at(self.theta))
+        # While the row time is unknown, what moves misses by far: that is not to be taken for outliers.
+        unsettled_px = self.spread[LINE, LINE] ** 0.5 * np.linalg.norm(
+            by_theta[..., LINE].reshape(length.shape + (2,)), axis=-1
+        )
+        weight = (used & (length < 6 * np.hypot(sigma, unsettled_px))) / (sigma**2 + doubt_px[:, None] ** 2)
+        by_pose = np.where(self.held[:, None, :], 0.0, by_pose)
+        weights = np.repeat(weight, 2, axis=1)[..., None]
+        A, B = _eliminated(weights * by_pose, by_theta, by_pose)
+        left, weighted = miss.reshape(len(poses), -1, 1), weights * by_theta
+        g_pose = -((weights * by_pose).transpose(0, 2, 1) @ left)[..., 0]
+        g_theta = -(weighted.transpose(0, 2, 1) @ left)[..., 0]
+        C = np.zeros((every, every))
+        C[:SHARED, :SHARED] = weighted.reshape(-1, SHARED).T @ by_theta.reshape(-1, SHARED)
+        if every > SHARED:
+            place = weight[..., None, None] * by_place
+            B = np.concatenate((B, _by_print(by_pose, place)), axis=-1)
+            g_theta = np.concatenate((g_theta, -np.einsum("fncj,fnc->fnj", place, miss).reshape(len(poses), -1)), 1)
+            C[:SHARED, SHARED:] = _by_print(by_theta, place).sum(axis=0)
+            C[SHARED:, :SHARED] = C[:SHARED, SHARED:].T
+            C[SHARED:, SHARED:] = _blocks(np.einsum("fnci,fncj->nij", place, by_place))
+        inverse = np.linalg.inv(A)
+        by_none, solved = (inverse @ g_pose[..., None])[..., 0], inverse @ B
+        score = g_theta - np.einsum("fij,fi->fj", B, by_none)
+        return Linear(
+            normal=C - B.reshape(-1, every).T @ solved.reshape(-1, every),
+            score=score.sum(axis=0),
+            disagreement=self._disagreement(score),
+            by_none=by_none,
+            by_theta=solved,
+            at_rest=self._at_rest(weight[0], by_theta[0], by_place[0]),
+        )
 
     def _disagreement(self, score: Floats) -> Floats:
         """Return the covariance (c, c) of the sum of the frames' scores (f, c), by stretches of time."""
@@ -158,15 +200,15 @@ class Bundle:
         free, count = int(np.count_nonzero(self.prior > _FIXED)), len(sums)
         return np.asarray(sums.T @ sums * (count / max(count - free, 1)))
 
-    def _by_rest(self, spread: Floats, weight: Floats, by_theta: Floats, by_place: Floats) -> Floats:
-        """Return by how much the constants change with the corners at rest, across the board's edges: (n, 2, c)."""
+    def _at_rest(self, weight: Floats, by_theta: Floats, by_place: Floats) -> Floats:
+        """Return what the corners at rest, across the board's edges, weigh in the constants: (n, 2, c)."""
         n = len(self.points)
         wide = np.einsum("n,nci->inc", weight, by_theta.reshape(n, 2, -1))
         if self.misprint.count:
             own = np.zeros((n, 2, n, 2))
             own[np.arange(n), :, np.arange(n), :] = (weight[:, None, None] * by_place).transpose(0, 2, 1)
             wide = np.concatenate((wide, own.reshape(2 * n, n, 2)))
-        return np.asarray(np.einsum("wc,inc,ij->nwj", self.views.across[0], wide, spread, optimize=True))
+        return np.asarray(np.einsum("wc,inc->nwi", self.views.across[0], wide))
 
     def response(self, views: Views, poses: Floats) -> Floats:
         """Return by how much poses (f, 3) change with each constant, (f, 3, c), at the constants found."""
