@@ -38,11 +38,13 @@ SHARED = 9  # so many; after them come the offsets of the print
 class Linear:
     """The problem near some constants, poses eliminated: its normal matrix (c, c) without priors, the ``score`` (c,).
 
+    ``size`` (c,): the diagonal of the normal matrix before, which rounding leaves positive.
     ``disagreement`` (c, c): covariance of the score by stretches of time. Poses (f, 3) move by ``by_none`` (f, 3) less
     ``by_theta`` (f, 3, c) times the constants' step. ``at_rest`` (n, 2, c): by how much corners at rest move the score.
     """
 
     normal: Floats
+    size: Floats
     score: Floats
     disagreement: Floats
     by_none: Floats
@@ -117,7 +119,7 @@ class Bundle:
             for _ in range(_LEARNT):  # the print's prior changes, the slopes do not
                 prior = self._precision()
                 # Priors from 1e-12 to 1e3: scaled to a unit diagonal the matrix is well conditioned.
-                scale = 1 / np.sqrt(np.diag(normal) + np.diag(prior))
+                scale = 1 / np.sqrt(linear.size + np.diag(prior))
                 spread = np.linalg.inv((normal + prior) * scale * scale[:, None]) * scale * scale[:, None]
                 step = spread @ (linear.score - prior @ away)
                 step[:SHARED][self.prior <= _FIXED] = 0.0
@@ -137,9 +139,9 @@ class Bundle:
                 what = f"track: with mount '{self.camera.mount}' the board would be glued askew by {askew:.0f} deg"
                 at_rest = f", the tip at rest at phi = {np.degrees(self.rest[2]):.0f} deg" if self.rest else ""
                 raise TrackingError(f"{what}{at_rest}; give the mount it has (--mount), or the right rest pose or run")
-            # Only the nine bend the problem. The print's offsets go on shrinking for long where it is printed well.
+            # Only the nine bend the problem; a tenth of sigma adds a hundredth to a mean square.
             sigma_now = np.sqrt(np.maximum(np.diag(spread)[:SHARED], 1e-30))
-            if np.all(np.abs(step[:SHARED]) < 0.01 * sigma_now):
+            if np.all(np.abs(step[:SHARED]) < 0.1 * sigma_now):
                 return
 
     def _precision(self) -> Floats:
@@ -162,7 +164,7 @@ class Bundle:
         by_theta, by_pose, by_place = self._slopes(self.views, self.theta, poses, self.printed_at(self.theta))
         # While the row time is unknown, what moves misses by far: that is not to be taken for outliers.
         unsettled_px = self.spread[LINE, LINE] ** 0.5 * np.linalg.norm(
-            by_theta[..., LINE].reshape(length.shape + (2,)), axis=-1
+            by_theta[..., LINE].reshape((*length.shape, 2)), axis=-1
         )
         weight = (used & (length < 6 * np.hypot(sigma, unsettled_px))) / (sigma**2 + doubt_px[:, None] ** 2)
         by_pose = np.where(self.held[:, None, :], 0.0, by_pose)
@@ -185,6 +187,7 @@ class Bundle:
         score = g_theta - np.einsum("fij,fi->fj", B, by_none)
         return Linear(
             normal=C - B.reshape(-1, every).T @ solved.reshape(-1, every),
+            size=np.diag(C),
             score=score.sum(axis=0),
             disagreement=self._disagreement(score),
             by_none=by_none,

@@ -170,10 +170,12 @@ def _parts(shape: tuple[int, int], seen: Seen) -> Floats:
             continue
         H = np.linalg.qr(J)[0]
         r = r - H @ (H.T @ r)
-        PK = K * used
-        PK = (PK - H @ (H.T @ PK)) * used[:, None]
-        A[which] += np.einsum("cij,dji->cd", PK, PK)
-        b[which] += np.einsum("i,cij,j->c", r, K, r)
+        PK = K * (used[:, None] & used)
+        PK -= H @ (H.T @ PK)
+        PK -= (PK @ H) @ H.T  # symmetric: the trace of a product is a sum of products
+        flat = PK.reshape(len(K), -1)
+        A[which] += flat @ flat.T
+        b[which] += r @ K @ r
     few = np.bincount(seen.kind, minlength=3) < _FEWEST
     A[few], b[few] = A.sum(axis=0), b.sum(axis=0)
     return np.stack([np.maximum(_positive(one, other), (1e-8, 0, 0)) for one, other in zip(A, b, strict=True)])

@@ -132,7 +132,7 @@ def views_of(
         key=around["key"][at],
         jump_px=jump_px[at],
         speed_px=speed_px[at],
-        chord_px=_chords(pixels, time_s, seen, around["between"])[at],
+        chord_px=chords(pixels, time_s, seen, around["between"])[at],
     )
     return views, where
 
@@ -162,7 +162,7 @@ def _derivatives(rays: Floats, time_s: Floats, seen: Flags) -> tuple[Floats, Flo
     return rate, bend, jerk, doubt
 
 
-def _chords(pixels: Floats, time_s: Floats, seen: Flags, between: Flags) -> Floats:
+def chords(pixels: Floats, time_s: Floats, seen: Flags, between: Flags) -> Floats:
     """Return how far (f, n, 2), px, the line between a B picture's neighbours is off the cubic through two on a side.
 
     The neighbours are those that are no B pictures themselves; 0 for other pictures, and without two on either side.

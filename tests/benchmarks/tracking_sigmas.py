@@ -22,6 +22,7 @@ from scipy.spatial.transform import Rotation
 from straw.tracking.camera import Camera
 from straw.tracking.synthetic import camera_looking_at
 from straw.tracking.track import track
+from tests.benchmarks.intervals import shown
 from tests.benchmarks.tracking_clips import BOARD, LENS, REST, blind, errors, painted, snaps
 
 #: Degrees of azimuth and elevation, least and most, either side of the plane of motion by chance.
@@ -83,12 +84,12 @@ def main() -> None:
             _say(f"{clip} {made['name']}, {preset(clip)}", (ratio**2).mean(axis=0))
     for name, found in squares.items():
         if found:
-            _say(f"all {name}", np.mean(found, axis=0))
+            _say(f"all {name}", np.mean(found, axis=0), f"  95 % {shown(found)}")
 
 
-def _say(what: str, square: np.ndarray) -> None:
+def _say(what: str, square: np.ndarray, more: str = "") -> None:
     x, z, phi = square
-    print(f"{what:<36}{x:8.2f}{z:8.2f}{phi:8.2f}", flush=True)
+    print(f"{what:<36}{x:8.2f}{z:8.2f}{phi:8.2f}{more}", flush=True)
 
 
 if __name__ == "__main__":
