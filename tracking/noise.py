@@ -12,6 +12,7 @@ from straw.tracking.pose import Poses
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
+MOTION_VECTOR_PX = 0.25  # unit of motion vectors in H.264 and HEVC (8.4.2.2 and 8.5.3.3 there)
 _SMEARED_PX = 1.5  # a frame: edges that move so fast are widened for certain
 _FEWEST_SMEARED = 4
 _MOST_EXPOSURE = 1.0  # of the frame's period
@@ -96,13 +97,13 @@ def off_chord(poses: Poses, slopes: Floats, chord_px: Floats, slow: Flags) -> tu
 
     Where the motion is too slow for motion vectors, a block of a B picture is the mean of the pictures around, unless
     the difference is worth coding. Which share of blocks that is nobody knows: half is taken off, and no distribution
-    between none and all has a larger variance than a quarter. More than corners are off by anyhow would be coded.
+    between none and all has a larger variance than a quarter. More than a motion vector's unit would be coded.
     """
     J = np.where(poses.used[..., None, None], slopes, 0.0)
     square = np.where(poses.used[..., None], chord_px**2, 0.0).sum(axis=(1, 2)) / np.maximum(
         2 * poses.used.sum(axis=1), 1
     )
-    hidden = np.minimum(1.0, np.nan_to_num(poses.rms_px) / np.sqrt(np.maximum(square, 1e-12)))
+    hidden = np.minimum(1.0, MOTION_VECTOR_PX / np.sqrt(np.maximum(square, 1e-12)))
     normal = np.einsum("fncm,fncp->fmp", J, J) + 1e-9 * np.eye(3)
     right = np.einsum("fncm,fnc->fm", J, chord_px * (hidden * slow)[:, None, None])
     half = np.linalg.solve(normal, right[..., None])[..., 0] / 2

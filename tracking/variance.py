@@ -8,17 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from straw.tracking.noise import Frames
+from straw.tracking.noise import MOTION_VECTOR_PX, Frames
 from straw.tracking.patterns import Patterns, common_to
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Places = NDArray[np.intp]
 
-#: Slower than a quarter of a pixel a frame, the unit of motion vectors in H.264 and HEVC (8.4.2.2 and 8.5.3.3 there),
-#: the codec takes the board for still and lets it lag. Coded by itself, a picture cannot.
+#: Slower than the unit of motion vectors a frame, the codec takes the board for still and lets it lag. Coded by itself, a picture cannot.
 SLOW, FAST, FRESH = range(3)
-_MOTION_VECTOR_PX = 0.25
 _PER_KIND = 60  # frames: 95 numbers each, of which a fifth is independent, tell a variance to 4 %
 _FEWEST = 8
 _STEPS = 40  # keyframes, whose steps tell the common error; as many as are in ten seconds
@@ -102,7 +100,7 @@ class Scatter:
 
 def kinds(key: Flags, speed_px: Floats) -> Places:
     """Return which kind of frame each is; one whose speed nobody knows is taken for slow, which is known less well."""
-    return np.where(key, FRESH, np.where(np.nan_to_num(speed_px) > _MOTION_VECTOR_PX, FAST, SLOW))
+    return np.where(key, FRESH, np.where(np.nan_to_num(speed_px) > MOTION_VECTOR_PX, FAST, SLOW))
 
 
 def telling(numbers: NDArray[np.int64], frames: Frames) -> tuple[Places, Places]:
@@ -116,7 +114,7 @@ def telling(numbers: NDArray[np.int64], frames: Frames) -> tuple[Places, Places]
     keys = keys[(keys > 1) & (keys < len(numbers) - 2)]
     near = keys[:, None] + _AROUND
     calm = (numbers[near] - numbers[keys][:, None] == _AROUND).all(axis=1) & (kind[near] == SLOW).all(axis=1)
-    keys = _evenly(keys[calm & (frames.speed_px[keys] < _MOTION_VECTOR_PX)], _STEPS)  # not where it is NaN
+    keys = _evenly(keys[calm & (frames.speed_px[keys] < MOTION_VECTOR_PX)], _STEPS)  # not where it is NaN
     return np.unique(np.concatenate((*chosen, keys, (keys[:, None] + _AROUND).ravel()))), keys
 
 
