@@ -208,7 +208,8 @@ def _repeats(seen: Courses, usual: Floats, good: Flags) -> list[tuple[int, int]]
 
     Two hypotheses: it repeats, then nothing moved, but by what a codec makes of the same picture twice; it does not,
     then it is where the frames around have it. The first must be likelier by far, given how rare it is, which the video
-    itself tells; and the board must not be where it should be. What turns back at a blow is excepted.
+    itself tells; and the board must not be where it should be. Where it turns back, as at a blow, or hardly moves on
+    one side, the motion must be smooth without the frames in question, too.
     """
     n, share = len(seen.time_s), _LEAST_REPEATED
     found: list[tuple[int, int]] = []
@@ -226,21 +227,35 @@ def _repeats(seen: Courses, usual: Floats, good: Flags) -> list[tuple[int, int]]
         before, onward = (seen.course[first + k] - seen.course[first - 1] for k in (-2, count))
         far = 2 * usual[first] * _MOVED
         moving = ((before**2).sum(axis=1) > far) & ((onward**2).sum(axis=1) > far)
+        # As at a turn just before or after; but what rests for longer is at rest, and a blow may end that.
+        longer = seen.course[first - 3] - seen.course[first - 1], seen.course[first + count + 2] - seen.course[first]
+        turning = np.all([(way**2).sum(axis=1) > far for way in longer], axis=0)
         away, moved = _run_distance(seen, usual, first, count)
         backwards = (before * onward).sum(axis=1) > 0  # ``before`` leads back
         size = np.sqrt(np.minimum((before**2).sum(axis=1), (onward**2).sum(axis=1)))
         halted = np.sqrt((halts**2).sum(axis=2)).max(axis=0) * _HALT < size
         whole = np.all([good[first + k] for k in range(-2, count + 1)], axis=0)
-        out = (away > _MOVED) & (~backwards | (turns[first] > _MOVED))
-        gain = np.where(moving & out & whole, (moved - still) / 2, -np.inf)
+        plain = moving & (~backwards | (turns[first] > _MOVED))
+        gain = np.where((moving | turning) & (away > _MOVED) & whole, (moved - still) / 2, -np.inf)
         gain = np.where(moving & whole & halted & ~backwards, np.inf, gain)
         for k in np.argsort(-gain):
             if gain[k] < np.log(_SURE / share):
                 break
-            if all(abs(first[k] - other) > max(count, many) for other, many in found):
+            apart = all(abs(first[k] - other) > max(count, many) for other, many in found)
+            if apart and (plain[k] or _smooth_without(seen, good, int(first[k]), count)):
                 found.append((int(first[k]), count))
                 share = max(share, len(found) / n)
     return found
+
+
+def _smooth_without(seen: Courses, good: Flags, first: int, count: int) -> bool:
+    """Return whether the motion is smooth but for the frames of a run."""
+    near = slice(max(first - _AROUND, 0), first + count + _AROUND)
+    part = Courses(seen.time_s[near], seen.course[near], seen.rms_px[near], seen.lost[near])
+    start, others = first - near.start, good[near].copy()
+    others[start : start + count] = False
+    own = max(_missed(part, others, start + k) for k in range(count))
+    return max(_missed(part, others, k) for k in (start - 1, start + count)) < _SMOOTH**2 * own
 
 
 def _run_distance(seen: Courses, usual: Floats, first: NDArray[np.intp], count: int) -> tuple[Floats, Floats]:

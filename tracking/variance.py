@@ -15,7 +15,8 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Places = NDArray[np.intp]
 
-#: Slower than the unit of motion vectors a frame, the codec takes the board for still and lets it lag. Coded by itself, a picture cannot.
+#: Slower than the unit of motion vectors a frame, the codec takes the board for still and lets it lag. Coded by itself,
+#: a picture cannot.
 SLOW, FAST, FRESH = range(3)
 _PER_KIND = 60  # frames: 95 numbers each, of which a fifth is independent, tell a variance to 4 %
 _FEWEST = 8
