@@ -29,6 +29,7 @@ _CALM = 0.1  # of all steps from frame to frame: the calmest tell what a codec m
 _HALT = 6.0  # times slower than before and after, then on the same way: no motion of a body does so
 _SURE = 100.0  # odds; before any is found that is a false alarm in a million good frames (Markov's inequality)
 _MOST_REPEATS = 6  # of one picture, one after another
+_MOST_AT_TURNS = 3  # likewise, beside a turn: a longer halt there may be a rest, in which a codec drops what rings on
 _ALIKE = 50  # frames next slower and next faster, by which it is judged what is usual; a sixteenth of a short video
 _MAD = 1.4826  # times the median absolute deviation is a standard deviation
 _SMOOTH = 0.2  # of the jump: what the frames beside it may miss without it; beside a blow they miss a half of it
@@ -236,7 +237,8 @@ def _repeats(seen: Courses, usual: Floats, good: Flags) -> list[tuple[int, int]]
         halted = np.sqrt((halts**2).sum(axis=2)).max(axis=0) * _HALT < size
         whole = np.all([good[first + k] for k in range(-2, count + 1)], axis=0)
         plain = moving & (~backwards | (turns[first] > _MOVED))
-        gain = np.where((moving | turning) & (away > _MOVED) & whole, (moved - still) / 2, -np.inf)
+        told = plain | ((count <= _MOST_AT_TURNS) & (moving | turning))
+        gain = np.where(told & (away > _MOVED) & whole, (moved - still) / 2, -np.inf)
         gain = np.where(moving & whole & halted & ~backwards, np.inf, gain)
         for k in np.argsort(-gain):
             if gain[k] < np.log(_SURE / share):
