@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from straw.tracking.blocks import blocks, by_print, carried, eliminated, left_jacobian, sigma_px
 from straw.tracking.board import Board
 from straw.tracking.camera import Camera
 from straw.tracking.errors import TrackingError
 from straw.tracking.follow import Rest
 from straw.tracking.misprint import Misprint
-from straw.tracking.planar import LEAST_SIGMA_PX, MEDIAN_OF_RAYLEIGH
 from straw.tracking.pose import Plane, apply, free_pose
 from straw.tracking.views import Views
 
@@ -158,9 +158,9 @@ class Bundle:
         doubt_px = _LINE_S * np.sqrt((self.views.rows**2).mean(axis=1)) * self.views.doubt
         miss = self._misses(self.views, self.theta, poses, self.printed_at(self.theta))
         length = np.linalg.norm(miss, axis=-1)
-        sigma = np.full((len(poses), 1), _sigma_px(length[used]))
+        sigma = np.full((len(poses), 1), sigma_px(length[used]))
         if self.rest:  # the mean of many frames
-            sigma[0] = min(sigma[0, 0], _sigma_px(length[0, used[0]]))
+            sigma[0] = min(sigma[0, 0], sigma_px(length[0, used[0]]))
         by_theta, by_pose, by_place = self._slopes(self.views, self.theta, poses, self.printed_at(self.theta))
         # While the row time is unknown, what moves misses by far: that is not to be taken for outliers.
         unsettled_px = self.spread[LINE, LINE] ** 0.5 * np.linalg.norm(
@@ -169,7 +169,7 @@ class Bundle:
         weight = (used & (length < 6 * np.hypot(sigma, unsettled_px))) / (sigma**2 + doubt_px[:, None] ** 2)
         by_pose = np.where(self.held[:, None, :], 0.0, by_pose)
         weights = np.repeat(weight, 2, axis=1)[..., None]
-        A, B = _eliminated(weights * by_pose, by_theta, by_pose)
+        A, B = eliminated(weights * by_pose, by_theta, by_pose)
         left, weighted = miss.reshape(len(poses), -1, 1), weights * by_theta
         g_pose = -((weights * by_pose).transpose(0, 2, 1) @ left)[..., 0]
         g_theta = -(weighted.transpose(0, 2, 1) @ left)[..., 0]
@@ -177,11 +177,11 @@ class Bundle:
         C[:SHARED, :SHARED] = weighted.reshape(-1, SHARED).T @ by_theta.reshape(-1, SHARED)
         if every > SHARED:
             place = weight[..., None, None] * by_place
-            B = np.concatenate((B, _by_print(by_pose, place)), axis=-1)
+            B = np.concatenate((B, by_print(by_pose, place)), axis=-1)
             g_theta = np.concatenate((g_theta, -np.einsum("fncj,fnc->fnj", place, miss).reshape(len(poses), -1)), 1)
-            C[:SHARED, SHARED:] = _by_print(by_theta, place).sum(axis=0)
+            C[:SHARED, SHARED:] = by_print(by_theta, place).sum(axis=0)
             C[SHARED:, :SHARED] = C[:SHARED, SHARED:].T
-            C[SHARED:, SHARED:] = _blocks(np.einsum("fnci,fncj->nij", place, by_place))
+            C[SHARED:, SHARED:] = blocks(np.einsum("fnci,fncj->nij", place, by_place))
         inverse = np.linalg.inv(A)
         by_none, solved = (inverse @ g_pose[..., None])[..., 0], inverse @ B
         score = g_theta - np.einsum("fij,fi->fj", B, by_none)
@@ -218,9 +218,9 @@ class Bundle:
         points = self.printed_at(self.theta)
         by_theta, by_pose, by_place = self._slopes(views, self.theta, poses, points)
         weighted = np.repeat(views.used, 2, axis=1)[..., None] * by_pose
-        A, B = _eliminated(weighted, by_theta, by_pose)
+        A, B = eliminated(weighted, by_theta, by_pose)
         if self.misprint.count:
-            B = np.concatenate((B, _by_print(weighted, by_place)), axis=-1)
+            B = np.concatenate((B, by_print(weighted, by_place)), axis=-1)
         return np.asarray(-np.linalg.solve(A, B))
 
     def _slopes(self, views: Views, theta: Floats, poses: Floats, points: Floats) -> tuple[Floats, Floats, Floats]:
@@ -228,7 +228,7 @@ class Bundle:
         camera, tilted = self.camera_at(theta), _TURN_RAD * np.eye(len(theta))
         assert camera.world_from_camera is not None
         to_camera, tip_from_board = np.linalg.inv(camera.world_from_camera)[:3], camera.tip_from_board
-        world, turn = _carried(apply(tip_from_board, points), poses)
+        world, turn = carried(apply(tip_from_board, points), poses)
         seen = world @ to_camera[:, :3].T + to_camera[:, 3]
         ray = seen[..., :2] / seen[..., 2:]
         by_ray = -views.px_per_ray / seen[..., None, 2:]
@@ -236,7 +236,7 @@ class Bundle:
         flat = np.concatenate((by_ray, -depth[..., None]), axis=-1).reshape(-1, 3) @ to_camera[:, :3]
         by_world = flat.reshape(*depth.shape, 3)  # (f, n, 2, 3)
         arm = world - self.centre - theta[3:6]
-        by_turn = np.cross(by_world, arm[:, :, None]) @ _left_jacobian(theta[:3])
+        by_turn = np.cross(by_world, arm[:, :, None]) @ left_jacobian(theta[:3])
         glued = []
         for k in (6, 7):
             other = self.camera_at(theta + tilted[k]).tip_from_board
@@ -257,7 +257,7 @@ class Bundle:
         assert camera.world_from_camera is not None
         to_camera = np.linalg.inv(camera.world_from_camera)
         points = apply(camera.tip_from_board, points)
-        seen = _carried(points, poses)[0] @ to_camera[:3, :3].T + to_camera[:3, 3]
+        seen = carried(points, poses)[0] @ to_camera[:3, :3].T + to_camera[:3, 3]
         rays = views.at_once(float(theta[LINE]), self.exposure_s) if rays is None else rays
         miss = rays - seen[..., :2] / seen[..., 2:]
         return np.asarray(views.px_per_ray[..., 0] * miss[..., :1] + views.px_per_ray[..., 1] * miss[..., 1:])
@@ -277,55 +277,6 @@ class Bundle:
         if self.rest:
             first[0] = np.where(self.held[0], self.rest, first[0])
         return first
-
-
-def _carried(points: Floats, poses: Floats) -> tuple[Floats, Floats]:
-    """Return points (n, 3) of the tip frame in the world (f, n, 3), and how the tips are turned (f, 3, 3)."""
-    sin, cos = np.sin(poses[:, 2]), np.cos(poses[:, 2])
-    turn = np.zeros((len(poses), 3, 3))
-    turn[:, 0, 0], turn[:, 0, 2], turn[:, 1, 1], turn[:, 2, 0], turn[:, 2, 2] = cos, sin, 1.0, -sin, cos
-    shift = np.stack((poses[:, 0], np.zeros(len(poses)), poses[:, 1]), axis=-1)
-    return points @ turn.swapaxes(1, 2) + shift[:, None], turn
-
-
-def _left_jacobian(turn: Floats) -> Floats:
-    """Return how a rotation turns on (3, 3) when its rotation vector changes: I + a [w] + b [w]^2."""
-    angle = float(np.linalg.norm(turn))
-    x, y, z = turn
-    cross = np.array(((0, -z, y), (z, 0, -x), (-y, x, 0)))
-    if angle < 1e-6:
-        return np.asarray(np.eye(3) + cross / 2)
-    a, b = (1 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3
-    return np.asarray(np.eye(3) + a * cross + b * cross @ cross)
-
-
-def _sigma_px(length_px: Floats) -> float:
-    """Standard deviation per coordinate of residuals of these lengths, by their median."""
-    return max(float(np.median(length_px)) / MEDIAN_OF_RAYLEIGH, LEAST_SIGMA_PX)
-
-
-def _eliminated(weighted: Floats, by_theta: Floats, by_pose: Floats) -> tuple[Floats, Floats]:
-    """Return each frame's blocks of the normal matrix: poses with poses (f, 3, 3), poses with constants (f, 3, c)."""
-    across = weighted.transpose(0, 2, 1)
-    # Plus one of some 1e9 or more: a frame without a weight left, or a pose that is held, must stay solvable.
-    return across @ by_pose + np.eye(3), across @ by_theta
-
-
-def _by_print(by: Floats, by_place: Floats) -> Floats:
-    """Return each frame's block of the normal matrix (f, m, 2n): offsets, each of its own corner, with ``by``.
-
-    ``by`` (f, 2n, m) and ``by_place`` (f, n, 2, 2) are derivatives of the residuals, one of them weighted.
-    """
-    own = np.einsum("fnci,fncj->finj", by.reshape(*by_place.shape[:3], -1), by_place)
-    return np.asarray(own.reshape(len(by), by.shape[-1], 2 * by_place.shape[1]))
-
-
-def _blocks(blocks: Floats) -> Floats:
-    """Return the matrix (2n, 2n) with blocks (n, 2, 2) on its diagonal."""
-    n = len(blocks)
-    found = np.zeros((n, 2, n, 2))
-    found[np.arange(n), :, np.arange(n), :] = blocks
-    return np.asarray(found.reshape(2 * n, 2 * n))
 
 
 def free_start(views: Views, camera: Camera, points_m: Floats) -> Floats:
