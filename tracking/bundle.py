@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from straw.tracking.blocks import blocks, by_print, carried, eliminated, left_jacobian, sigma_px
 from straw.tracking.board import Board
 from straw.tracking.camera import Camera
 from straw.tracking.errors import TrackingError
 from straw.tracking.follow import Rest
 from straw.tracking.misprint import Misprint
-from straw.tracking.planar import LEAST_SIGMA_PX, MEDIAN_OF_RAYLEIGH
 from straw.tracking.pose import Plane, apply, free_pose
 from straw.tracking.views import Views
 
@@ -25,6 +25,7 @@ _MOST_ASKEW_RAD = 0.35  # 20 degrees: no board is glued so far from square; the 
 _LINE_S = 4e-6  # a row takes at most the frame's 4.17 ms / 1080 at 240 frames/s; and longer in slower modes
 _ASIDE_M = 0.01  # how far the board's centre may lie beside the plane of motion
 _ROUNDS = 8
+_LEARNT = 3  # steps of expectation and maximisation of the print's prior a round
 _FIXED, _FREE = 1e-12, 1e3
 _ALIKE_S = 0.1  # errors of codec and pixels are correlated over about this time
 # The constants: the camera's turn about the world's X, Y, Z at the board (rad), its shift along them (m), the board's
@@ -32,6 +33,24 @@ _ALIKE_S = 0.1  # errors of codec and pixels are correlated over about this time
 _TURN_RAD = 1e-6  # step of finite differences, where a derivative is not written out
 LINE = 8  # the row time's place among them
 SHARED = 9  # number of constants before the offsets of the print
+
+
+@dataclasses.dataclass(frozen=True)
+class Linear:
+    """The problem near some constants, poses eliminated: its normal matrix (c, c) without priors, the ``score`` (c,).
+
+    ``size`` (c,): the diagonal of the normal matrix before, which rounding leaves positive.
+    ``disagreement`` (c, c): covariance of the score by stretches of time. Poses (f, 3) move by ``by_none`` (f, 3) less
+    ``by_theta`` (f, 3, c) times the constants' step. ``at_rest`` (n, 2, c): by how much corners at rest move the score.
+    """
+
+    normal: Floats
+    size: Floats
+    score: Floats
+    disagreement: Floats
+    by_none: Floats
+    by_theta: Floats
+    at_rest: Floats
 
 
 class Bundle:
@@ -95,62 +114,88 @@ class Bundle:
 
     def solve(self) -> None:
         """Gauss-Newton until convergence; TrackingError when the frames contradict each other."""
-        poses, used = self._first_poses(), self.views.used
-        # The row time times the uncertainty of the motion's rate limits how well the rolling shutter is known.
-        doubt_px = _LINE_S * np.sqrt((self.views.rows**2).mean(axis=1)) * self.views.doubt
+        poses = self._first_poses()
         for _ in range(_ROUNDS):
-            points = self.printed_at(self.theta)
-            miss = self._misses(self.views, self.theta, poses, points)
-            length = np.linalg.norm(miss, axis=-1)
-            sigma = np.full((len(poses), 1), _sigma_px(length[used]))
-            if self.rest:  # the mean of many frames
-                sigma[0] = min(sigma[0, 0], _sigma_px(length[0, used[0]]))
-            weight = (used & (length < 6 * sigma)) / (sigma**2 + doubt_px[:, None] ** 2)
-            by_theta, by_pose, by_place = self._slopes(self.views, self.theta, poses, points)
-            by_pose = np.where(self.held[:, None, :], 0.0, by_pose)
-            weights = np.repeat(weight, 2, axis=1)[..., None]
-            A, B = _eliminated(weights * by_pose, by_theta, by_pose)
-            left = miss.reshape(len(poses), -1, 1)
-            g_pose = -((weights * by_pose).transpose(0, 2, 1) @ left)[..., 0]
-            g_theta = -((weights * by_theta).transpose(0, 2, 1) @ left)[..., 0]
-            every = len(self.theta)
-            C = np.zeros((every, every))
-            C[:SHARED, :SHARED] = (weights * by_theta).reshape(-1, SHARED).T @ by_theta.reshape(-1, SHARED)
-            prior = np.diag(np.concatenate((self.prior**-2.0, np.zeros(every - SHARED))))
-            if every > SHARED:
-                place = weight[..., None, None] * by_place
-                B = np.concatenate((B, _by_print(by_pose, place)), axis=-1)
-                g_theta = np.concatenate((g_theta, -np.einsum("fncj,fnc->fnj", place, miss).reshape(len(poses), -1)), 1)
-                C[:SHARED, SHARED:] = _by_print(by_theta, place).sum(axis=0)
-                C[SHARED:, :SHARED] = C[:SHARED, SHARED:].T
-                C[SHARED:, SHARED:] = _blocks(np.einsum("fnci,fncj->nij", place, by_place))
-                prior[SHARED:, SHARED:] = np.linalg.inv(self.misprint.covariance())
-            C += prior
-            solved = np.linalg.solve(A, np.concatenate((B, g_pose[..., None]), axis=-1))
-            # Priors from 1e-12 to 1e3: scaled to a unit diagonal the matrix is well conditioned.
-            normal = C - B.reshape(-1, every).T @ solved[..., :every].reshape(-1, every)
-            scale = 1 / np.sqrt(np.diag(C))
-            spread = np.linalg.inv(normal * scale * scale[:, None]) * scale * scale[:, None]
-            score = g_theta - np.einsum("fij,fi->fj", B, solved[..., every])
-            step = spread @ (score.sum(axis=0) - prior @ (self.theta - self.start))
-            step[:SHARED][self.prior <= _FIXED] = 0.0
-            self.theta = self.theta + step
-            poses = poses + solved[..., every] - solved[..., :every] @ step
-            self.spread = spread + spread @ self._disagreement(score) @ spread
+            here, linear = self.theta, self._linear(poses)
+            away, normal = here - self.start, linear.normal
+            for _ in range(_LEARNT):  # the print's prior changes, the slopes do not
+                prior = self._precision()
+                # Priors from 1e-12 to 1e3: scaled to a unit diagonal the matrix is well conditioned.
+                scale = 1 / np.sqrt(linear.size + np.diag(prior))
+                spread = np.linalg.inv((normal + prior) * scale * scale[:, None]) * scale * scale[:, None]
+                step = spread @ (linear.score - prior @ away)
+                step[:SHARED][self.prior <= _FIXED] = 0.0
+                self.theta = here + step
+                self.spread = spread + spread @ linear.disagreement @ spread
+                if not np.isfinite(self.theta).all():
+                    raise TrackingError(
+                        "track: the frames fit no common plane of motion; check the lens and the rest pose"
+                    )
+                if self.misprint.count:
+                    self.misprint = self.misprint.learnt(self.theta[SHARED:], self.spread[SHARED:, SHARED:])
+            poses = poses + linear.by_none - linear.by_theta @ step
             if self.rest:
-                self.by_rest = self._by_rest(spread, weight[0], by_theta[0], by_place[0])
+                self.by_rest = linear.at_rest @ spread
             if np.any(np.abs(self.theta[6:8]) > _MOST_ASKEW_RAD):
                 askew = np.degrees(np.abs(self.theta[6:8]).max())
                 what = f"track: with mount '{self.camera.mount}' the board would be glued {askew:.0f} deg from square"
                 at_rest = f", the tip at rest at phi = {np.degrees(self.rest[2]):.0f} deg" if self.rest else ""
                 raise TrackingError(f"{what}{at_rest}; correct the mount (--mount), the rest pose, or the run")
-            if not np.isfinite(self.theta).all():
-                raise TrackingError("track: the frames fit no common plane of motion; check the lens and the rest pose")
-            if every > SHARED:
-                self.misprint = self.misprint.learnt(self.theta[SHARED:], self.spread[SHARED:, SHARED:])
-            sigma_now = np.sqrt(np.maximum(np.diag(spread), 1e-30))
-            if np.all(np.abs(step) < 0.01 * sigma_now):
+            # Only the nine are nonlinear; a tenth of sigma adds a hundredth to a mean square.
+            sigma_now = np.sqrt(np.maximum(np.diag(spread)[:SHARED], 1e-30))
+            if np.all(np.abs(step[:SHARED]) < 0.1 * sigma_now):
                 return
+
+    def _precision(self) -> Floats:
+        """Return the inverse of ``_prior``."""
+        found = np.diag(np.concatenate((self.prior**-2.0, np.zeros(self.misprint.count))))
+        if self.misprint.count:
+            found[SHARED:, SHARED:] = np.linalg.inv(self.misprint.covariance())
+        return found
+
+    def _linear(self, poses: Floats) -> Linear:
+        """Return the problem with slopes and weights as they are at these poses (f, 3) and the constants so far."""
+        used, every = self.views.used, len(self.theta)
+        # The row time times the uncertainty of the motion's rate limits how well the rolling shutter is known.
+        doubt_px = _LINE_S * np.sqrt((self.views.rows**2).mean(axis=1)) * self.views.doubt
+        miss = self._misses(self.views, self.theta, poses, self.printed_at(self.theta))
+        length = np.linalg.norm(miss, axis=-1)
+        sigma = np.full((len(poses), 1), sigma_px(length[used]))
+        if self.rest:  # the mean of many frames
+            sigma[0] = min(sigma[0, 0], sigma_px(length[0, used[0]]))
+        by_theta, by_pose, by_place = self._slopes(self.views, self.theta, poses, self.printed_at(self.theta))
+        # While the row time is unknown, moving frames have large residuals, which are no outliers.
+        unsettled_px = self.spread[LINE, LINE] ** 0.5 * np.linalg.norm(
+            by_theta[..., LINE].reshape((*length.shape, 2)), axis=-1
+        )
+        weight = (used & (length < 6 * np.hypot(sigma, unsettled_px))) / (sigma**2 + doubt_px[:, None] ** 2)
+        by_pose = np.where(self.held[:, None, :], 0.0, by_pose)
+        weights = np.repeat(weight, 2, axis=1)[..., None]
+        A, B = eliminated(weights * by_pose, by_theta, by_pose)
+        left, weighted = miss.reshape(len(poses), -1, 1), weights * by_theta
+        g_pose = -((weights * by_pose).transpose(0, 2, 1) @ left)[..., 0]
+        g_theta = -(weighted.transpose(0, 2, 1) @ left)[..., 0]
+        C = np.zeros((every, every))
+        C[:SHARED, :SHARED] = weighted.reshape(-1, SHARED).T @ by_theta.reshape(-1, SHARED)
+        if every > SHARED:
+            place = weight[..., None, None] * by_place
+            B = np.concatenate((B, by_print(by_pose, place)), axis=-1)
+            g_theta = np.concatenate((g_theta, -np.einsum("fncj,fnc->fnj", place, miss).reshape(len(poses), -1)), 1)
+            C[:SHARED, SHARED:] = by_print(by_theta, place).sum(axis=0)
+            C[SHARED:, :SHARED] = C[:SHARED, SHARED:].T
+            C[SHARED:, SHARED:] = blocks(np.einsum("fnci,fncj->nij", place, by_place))
+        inverse = np.linalg.inv(A)
+        by_none, solved = (inverse @ g_pose[..., None])[..., 0], inverse @ B
+        score = g_theta - np.einsum("fij,fi->fj", B, by_none)
+        return Linear(
+            normal=C - B.reshape(-1, every).T @ solved.reshape(-1, every),
+            size=np.diag(C),
+            score=score.sum(axis=0),
+            disagreement=self._disagreement(score),
+            by_none=by_none,
+            by_theta=solved,
+            at_rest=self._at_rest(weight[0], by_theta[0], by_place[0]),
+        )
 
     def _disagreement(self, score: Floats) -> Floats:
         """Return the covariance (c, c) of the sum of the frames' scores (f, c), by stretches of time."""
@@ -160,24 +205,24 @@ class Bundle:
         free, count = int(np.count_nonzero(self.prior > _FIXED)), len(sums)
         return np.asarray(sums.T @ sums * (count / max(count - free, 1)))
 
-    def _by_rest(self, spread: Floats, weight: Floats, by_theta: Floats, by_place: Floats) -> Floats:
-        """Return by how much the constants change with the corners at rest, across the board's edges: (n, 2, c)."""
+    def _at_rest(self, weight: Floats, by_theta: Floats, by_place: Floats) -> Floats:
+        """Return the weight of the corners at rest, across the board's edges, in the constants' score: (n, 2, c)."""
         n = len(self.points)
         wide = np.einsum("n,nci->inc", weight, by_theta.reshape(n, 2, -1))
         if self.misprint.count:
             own = np.zeros((n, 2, n, 2))
             own[np.arange(n), :, np.arange(n), :] = (weight[:, None, None] * by_place).transpose(0, 2, 1)
             wide = np.concatenate((wide, own.reshape(2 * n, n, 2)))
-        return np.asarray(np.einsum("wc,inc,ij->nwj", self.views.across[0], wide, spread, optimize=True))
+        return np.asarray(np.einsum("wc,inc->nwi", self.views.across[0], wide))
 
     def response(self, views: Views, poses: Floats) -> Floats:
         """Return by how much poses (f, 3) change with each constant, (f, 3, c), at the constants found."""
         points = self.printed_at(self.theta)
         by_theta, by_pose, by_place = self._slopes(views, self.theta, poses, points)
         weighted = np.repeat(views.used, 2, axis=1)[..., None] * by_pose
-        A, B = _eliminated(weighted, by_theta, by_pose)
+        A, B = eliminated(weighted, by_theta, by_pose)
         if self.misprint.count:
-            B = np.concatenate((B, _by_print(weighted, by_place)), axis=-1)
+            B = np.concatenate((B, by_print(weighted, by_place)), axis=-1)
         return np.asarray(-np.linalg.solve(A, B))
 
     def _slopes(self, views: Views, theta: Floats, poses: Floats, points: Floats) -> tuple[Floats, Floats, Floats]:
@@ -185,7 +230,7 @@ class Bundle:
         camera, tilted = self.camera_at(theta), _TURN_RAD * np.eye(len(theta))
         assert camera.world_from_camera is not None
         to_camera, tip_from_board = np.linalg.inv(camera.world_from_camera)[:3], camera.tip_from_board
-        world, turn = _carried(apply(tip_from_board, points), poses)
+        world, turn = carried(apply(tip_from_board, points), poses)
         seen = world @ to_camera[:, :3].T + to_camera[:, 3]
         ray = seen[..., :2] / seen[..., 2:]
         by_ray = -views.px_per_ray / seen[..., None, 2:]
@@ -193,7 +238,7 @@ class Bundle:
         flat = np.concatenate((by_ray, -depth[..., None]), axis=-1).reshape(-1, 3) @ to_camera[:, :3]
         by_world = flat.reshape(*depth.shape, 3)  # (f, n, 2, 3)
         arm = world - self.centre - theta[3:6]
-        by_turn = np.cross(by_world, arm[:, :, None]) @ _left_jacobian(theta[:3])
+        by_turn = np.cross(by_world, arm[:, :, None]) @ left_jacobian(theta[:3])
         glued = []
         for k in (6, 7):
             other = self.camera_at(theta + tilted[k]).tip_from_board
@@ -214,7 +259,7 @@ class Bundle:
         assert camera.world_from_camera is not None
         to_camera = np.linalg.inv(camera.world_from_camera)
         points = apply(camera.tip_from_board, points)
-        seen = _carried(points, poses)[0] @ to_camera[:3, :3].T + to_camera[:3, 3]
+        seen = carried(points, poses)[0] @ to_camera[:3, :3].T + to_camera[:3, 3]
         rays = views.at_once(float(theta[LINE]), self.exposure_s) if rays is None else rays
         miss = rays - seen[..., :2] / seen[..., 2:]
         return np.asarray(views.px_per_ray[..., 0] * miss[..., :1] + views.px_per_ray[..., 1] * miss[..., 1:])
@@ -234,55 +279,6 @@ class Bundle:
         if self.rest:
             first[0] = np.where(self.held[0], self.rest, first[0])
         return first
-
-
-def _carried(points: Floats, poses: Floats) -> tuple[Floats, Floats]:
-    """Return points (n, 3) of the tip frame in the world (f, n, 3), and how the tips are turned (f, 3, 3)."""
-    sin, cos = np.sin(poses[:, 2]), np.cos(poses[:, 2])
-    turn = np.zeros((len(poses), 3, 3))
-    turn[:, 0, 0], turn[:, 0, 2], turn[:, 1, 1], turn[:, 2, 0], turn[:, 2, 2] = cos, sin, 1.0, -sin, cos
-    shift = np.stack((poses[:, 0], np.zeros(len(poses)), poses[:, 1]), axis=-1)
-    return points @ turn.swapaxes(1, 2) + shift[:, None], turn
-
-
-def _left_jacobian(turn: Floats) -> Floats:
-    """Return how a rotation turns on (3, 3) when its rotation vector changes: I + a [w] + b [w]^2."""
-    angle = float(np.linalg.norm(turn))
-    x, y, z = turn
-    cross = np.array(((0, -z, y), (z, 0, -x), (-y, x, 0)))
-    if angle < 1e-6:
-        return np.asarray(np.eye(3) + cross / 2)
-    a, b = (1 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3
-    return np.asarray(np.eye(3) + a * cross + b * cross @ cross)
-
-
-def _sigma_px(length_px: Floats) -> float:
-    """Standard deviation per coordinate of residuals of these lengths, by their median."""
-    return max(float(np.median(length_px)) / MEDIAN_OF_RAYLEIGH, LEAST_SIGMA_PX)
-
-
-def _eliminated(weighted: Floats, by_theta: Floats, by_pose: Floats) -> tuple[Floats, Floats]:
-    """Return each frame's blocks of the normal matrix: poses with poses (f, 3, 3), poses with constants (f, 3, c)."""
-    across = weighted.transpose(0, 2, 1)
-    # One is added to entries of 1e9 or more, so that a frame without weights, or with a fixed pose, stays solvable.
-    return across @ by_pose + np.eye(3), across @ by_theta
-
-
-def _by_print(by: Floats, by_place: Floats) -> Floats:
-    """Return each frame's block of the normal matrix (f, m, 2n): offsets, each of its own corner, with ``by``.
-
-    ``by`` (f, 2n, m) and ``by_place`` (f, n, 2, 2) are derivatives of the residuals, one of them weighted.
-    """
-    own = np.einsum("fnci,fncj->finj", by.reshape(*by_place.shape[:3], -1), by_place)
-    return np.asarray(own.reshape(len(by), by.shape[-1], 2 * by_place.shape[1]))
-
-
-def _blocks(blocks: Floats) -> Floats:
-    """Return the matrix (2n, 2n) with blocks (n, 2, 2) on its diagonal."""
-    n = len(blocks)
-    found = np.zeros((n, 2, n, 2))
-    found[np.arange(n), :, np.arange(n), :] = blocks
-    return np.asarray(found.reshape(2 * n, 2 * n))
 
 
 def free_start(views: Views, camera: Camera, points_m: Floats) -> Floats:

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.stats import chi2
 
+from straw.tracking.around import nearest, polynomial
+
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
@@ -27,6 +29,7 @@ _CALM = 0.1  # share of all steps from frame to frame: the smallest show what a 
 _HALT = 6.0  # times slower than before and after, then on the same way: no motion of a body does so
 _SURE = 100.0  # odds; before any is found that is a false alarm in a million good frames (Markov's inequality)
 _MOST_REPEATS = 6  # of one picture, one after another
+_MOST_AT_TURNS = 3  # likewise, beside a reversal: a longer halt may be a rest, in which a codec drops small vibrations
 _ALIKE = 50  # frames next slower and next faster, by which it is judged what is usual; a sixteenth of a short video
 _MAD = 1.4826  # times the median absolute deviation is a standard deviation
 _SMOOTH = 0.2  # share of the jump that neighbours may be off by without it; beside an impact they are off by half of it
@@ -107,11 +110,11 @@ def _refuse_jumps(seen: Courses, usual: Floats, reasons: NDArray[np.object_]) ->
 def _missed(part: Courses, good: Flags, k: int) -> float:
     """Return the squared distance (px^2) of a frame from the prediction of three on either side; infinite without
     those."""
-    before, after = _others(good, len(good))
+    before, after = nearest(good, len(good))
     by = np.concatenate((before[k], after[k]))[None]
     if (by < 0).any():
         return np.inf
-    guess, _ = _predicted(part.time_s, part.course, part.time_s[k : k + 1], by)
+    guess, _ = polynomial(part.time_s, part.course, part.time_s[k : k + 1], by)
     return float(((part.course[k] - guess[0]) ** 2).sum())
 
 
@@ -145,30 +148,6 @@ def _misfits(seen: Courses) -> Flags:
     return np.asarray(size - usual > np.sqrt(_FAR) * spread)
 
 
-def _others(good: Flags, n: int, reach: int = 3) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return for each frame the last good ones before (n, reach) and the next after it, nearest first; -1: none."""
-    index = np.flatnonzero(good)
-    at = np.searchsorted(index, np.arange(n))
-    padded = np.concatenate((np.full(reach, -1), index, np.full(reach + 1, -1)))
-    before = np.stack([padded[at + reach - 1 - k] for k in range(reach)], axis=1)
-    itself = np.zeros(n, np.intp)
-    itself[index] = 1
-    after = np.stack([padded[at + reach + itself + k] for k in range(reach)], axis=1)
-    return before, after
-
-
-def _predicted(time_s: Floats, course: Floats, at_s: Floats, by: NDArray[np.intp]) -> tuple[Floats, Floats]:
-    """Return the polynomial through the frames ``by`` (f, m) at ``at_s`` (f,), and the sum of its squared weights."""
-    times = time_s[by]
-    weights = np.ones(by.shape)
-    for k in range(by.shape[1]):
-        for m in range(by.shape[1]):
-            if m != k:
-                apart = times[:, k] - times[:, m]
-                weights[:, k] *= (at_s - times[:, m]) / np.where(apart == 0, 1.0, apart)
-    return np.einsum("fk,fkc->fc", weights, course[by]), (weights**2).sum(axis=1)
-
-
 _WAYS = (  # frames before and after that predict, and those of the simpler prediction
     ((3, 3), (2, 2)),
     ((2, 2), (1, 1)),
@@ -180,7 +159,7 @@ _WAYS = (  # frames before and after that predict, and those of the simpler pred
 def _misses(seen: Courses, usual: Floats, good: Flags) -> Floats:
     """Return the squared distance (ways, f) of each frame from its predictions; NaN where there are none."""
     n = len(seen.time_s)
-    before, after = _others(good, n)
+    before, after = nearest(good, n)
     period_s = float(np.median(np.diff(seen.time_s))) if n > 1 else 1.0
     found = np.full((len(_WAYS), n), np.nan)
     for way, ((some, more), (few, less)) in enumerate(_WAYS):
@@ -191,8 +170,8 @@ def _misses(seen: Courses, usual: Floats, good: Flags) -> Floats:
             continue
         simpler = np.concatenate((before[:, :few], after[:, :less]), axis=1)[known]
         at_s = seen.time_s[known]
-        guess, gain = _predicted(seen.time_s, seen.course, at_s, by[known])
-        other, _ = _predicted(seen.time_s, seen.course, at_s, simpler)
+        guess, gain = polynomial(seen.time_s, seen.course, at_s, by[known])
+        other, _ = polynomial(seen.time_s, seen.course, at_s, simpler)
         doubt = np.full((n, COURSE), np.nan)
         doubt[known] = (guess - other) ** 2
         if more and some:  # where the difference happens to vanish, that of the neighbouring frames does not
@@ -217,12 +196,12 @@ def _usual_variance(seen: Courses, good: Flags) -> Floats:
     frames: errors of neighbouring corners are correlated, and at rest a codec repeats its errors.
     """
     square = np.exp(2 * _by_speed(_speed(seen), np.log(np.maximum(seen.rms_px, _LEAST_PX))))
-    before, after = _others(good, len(square))
+    before, after = nearest(good, len(square))
     by = np.concatenate((before, after), axis=1)
     moving = (by >= 0).all(axis=1) & good & (_speed(seen) > np.sqrt(square))
     share = 1 / _INDEPENDENT
     if np.count_nonzero(moving) >= _FEWEST:
-        guess, gain = _predicted(seen.time_s, seen.course, seen.time_s[moving], by[moving])
+        guess, gain = polynomial(seen.time_s, seen.course, seen.time_s[moving], by[moving])
         miss = ((seen.course[moving] - guess) ** 2).sum(axis=1) / (_MEDIAN * (1 + gain))
         share = max(float(np.quantile(miss / square[moving], _CALMEST)), share)
     return np.asarray(share * square)
@@ -233,7 +212,8 @@ def _repeats(seen: Courses, usual: Floats, good: Flags) -> list[tuple[int, int]]
 
     Two hypotheses: repeated, so that nothing moved beyond what a codec makes of the same picture twice; or not, so that
     the board is where the frames around predict it. The first must be far more probable, with a prior estimated from
-    the video, and the board must be off the prediction. A reversal at an impact is exempt.
+    the video, and the board must be off the prediction. Beside a reversal, as at an impact, or a near halt, the motion
+    must also be smooth without the frames in question.
     """
     n, share = len(seen.time_s), _LEAST_REPEATED
     found: list[tuple[int, int]] = []
@@ -251,21 +231,36 @@ def _repeats(seen: Courses, usual: Floats, good: Flags) -> list[tuple[int, int]]
         before, onward = (seen.course[first + k] - seen.course[first - 1] for k in (-2, count))
         far = 2 * usual[first] * _MOVED
         moving = ((before**2).sum(axis=1) > far) & ((onward**2).sum(axis=1) > far)
+        # As at a turn just before or after; but what rests for longer is at rest, and a blow may end that.
+        longer = seen.course[first - 3] - seen.course[first - 1], seen.course[first + count + 2] - seen.course[first]
+        turning = np.all([(way**2).sum(axis=1) > far for way in longer], axis=0)
         away, moved = _run_distance(seen, usual, first, count)
         backwards = (before * onward).sum(axis=1) > 0  # ``before`` leads back
         size = np.sqrt(np.minimum((before**2).sum(axis=1), (onward**2).sum(axis=1)))
         halted = np.sqrt((halts**2).sum(axis=2)).max(axis=0) * _HALT < size
         whole = np.all([good[first + k] for k in range(-2, count + 1)], axis=0)
-        out = (away > _MOVED) & (~backwards | (turns[first] > _MOVED))
-        gain = np.where(moving & out & whole, (moved - still) / 2, -np.inf)
+        plain = moving & (~backwards | (turns[first] > _MOVED))
+        told = plain | ((count <= _MOST_AT_TURNS) & (moving | turning))
+        gain = np.where(told & (away > _MOVED) & whole, (moved - still) / 2, -np.inf)
         gain = np.where(moving & whole & halted & ~backwards, np.inf, gain)
         for k in np.argsort(-gain):
             if gain[k] < np.log(_SURE / share):
                 break
-            if all(abs(first[k] - other) > max(count, many) for other, many in found):
+            apart = all(abs(first[k] - other) > max(count, many) for other, many in found)
+            if apart and (plain[k] or _smooth_without(seen, good, int(first[k]), count)):
                 found.append((int(first[k]), count))
                 share = max(share, len(found) / n)
     return found
+
+
+def _smooth_without(seen: Courses, good: Flags, first: int, count: int) -> bool:
+    """Return whether the motion is smooth but for the frames of a run."""
+    near = slice(max(first - _AROUND, 0), first + count + _AROUND)
+    part = Courses(seen.time_s[near], seen.course[near], seen.rms_px[near], seen.lost[near])
+    start, others = first - near.start, good[near].copy()
+    others[start : start + count] = False
+    own = max(_missed(part, others, start + k) for k in range(count))
+    return max(_missed(part, others, k) for k in (start - 1, start + count)) < _SMOOTH**2 * own
 
 
 def _run_distance(seen: Courses, usual: Floats, first: NDArray[np.intp], count: int) -> tuple[Floats, Floats]:
@@ -279,8 +274,8 @@ def _run_distance(seen: Courses, usual: Floats, first: NDArray[np.intp], count: 
     by = np.where(by < n, by, (first - 4)[:, None])
     for k in range(count):
         at_s = seen.time_s[first + k]
-        guess, gain = _predicted(seen.time_s, seen.course, at_s, by)
-        other, _ = _predicted(seen.time_s, seen.course, at_s, by[:, 1:5])
+        guess, gain = polynomial(seen.time_s, seen.course, at_s, by)
+        other, _ = polynomial(seen.time_s, seen.course, at_s, by[:, 1:5])
         miss, doubt, white = seen.course[first + k] - guess, guess - other, usual[first] * (1 + gain)
         along = 1 + (doubt**2).sum(axis=1) / white
         here = ((miss**2).sum(axis=1) - (miss * doubt).sum(axis=1) ** 2 / (white * along)) / white

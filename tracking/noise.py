@@ -12,6 +12,7 @@ from straw.tracking.pose import Poses
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
+MOTION_VECTOR_PX = 0.25  # unit of motion vectors in H.264 and HEVC (8.4.2.2 and 8.5.3.3 there)
 _SMEARED_PX = 1.5  # a frame: edges that move this fast are certainly widened
 _FEWEST_SMEARED = 4
 _MOST_EXPOSURE = 1.0  # of the frame's period
@@ -89,6 +90,24 @@ def without_lag(poses: Poses, slopes: Floats, rate: Floats, key: Flags, lag_px: 
     share = size_px / (np.abs(size_px) + _SLOW_SIZE_PX)
     ahead_px, larger_px = (np.where(key, 0.0, lag_px * part) for part in (lag_share(speed_px), _SIZE * share))
     return np.asarray(poses.vector + along * ahead_px[:, None] + size * larger_px[:, None])
+
+
+def off_chord(poses: Poses, slopes: Floats, chord_px: Floats, slow: Flags) -> tuple[Floats, Floats]:
+    """Return the correction of poses (f, 3) of B pictures near a reversal of slow motion, and its covariance (f, 3, 3).
+
+    Where the motion is too slow for motion vectors, a block of a B picture is the mean of the pictures around, unless
+    the difference is worth coding. The share of such blocks is unknown: half of the full effect is corrected, and no
+    distribution between none and all has a larger variance than a quarter. More than a motion vector's unit is coded.
+    """
+    J = np.where(poses.used[..., None, None], slopes, 0.0)
+    square = np.where(poses.used[..., None], chord_px**2, 0.0).sum(axis=(1, 2)) / np.maximum(
+        2 * poses.used.sum(axis=1), 1
+    )
+    hidden = np.minimum(1.0, MOTION_VECTOR_PX / np.sqrt(np.maximum(square, 1e-12)))
+    normal = np.einsum("fncm,fncp->fmp", J, J) + 1e-9 * np.eye(3)
+    right = np.einsum("fncm,fnc->fm", J, chord_px * (hidden * slow)[:, None, None])
+    half = np.linalg.solve(normal, right[..., None])[..., 0] / 2
+    return -half, half[:, :, None] * half[:, None, :]
 
 
 def _by_size(poses: Poses, J: Floats, normal: Floats, rate: Floats, eye_m: Floats) -> tuple[Floats, Floats]:

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.tracking.bundle import free_start
-from straw.tracking.noise import without_lag
+from straw.tracking.noise import off_chord, without_lag
 from straw.tracking.pose import Poses, apply
 from straw.tracking.settle import Settled
 from straw.tracking.task import Task
-from straw.tracking.variance import Scatter, Seen, kinds, learnt, seen_of
+from straw.tracking.variance import FAST, Scatter, Seen, kinds, learnt, seen_of
 from straw.tracking.views import Views
 
 Floats = NDArray[np.float64]
@@ -28,7 +28,7 @@ class Poser:
 
     def learn(self, views: Views, keys: NDArray[np.intp]) -> None:
         """Learn the clip's variances from some frames; ``keys``: see ``variance.learnt``."""
-        fits, vector, seen, _ = self._fitted(views)
+        fits, vector, seen, *_ = self._fitted(views)
         fit = np.isfinite(fits.rms_px)
         whole = fit[keys[:, None] + np.arange(-2, 3)].all(axis=1)
         self._scatter = learnt(self.shape, seen, vector, keys[whole])
@@ -39,10 +39,10 @@ class Poser:
     def poses(self, views: Views) -> tuple[Poses, Floats, Floats]:
         """Return the fits, the poses (f, 3) with the codec's lag put right, and their covariance (f, 3, 3)."""
         assert self._scatter is not None
-        fits, vector, seen, rate = self._fitted(views)
-        return fits, vector, self._scatter.covariance(seen) + self.settled.covariance(views, vector, rate)
+        fits, vector, seen, rate, chord = self._fitted(views)
+        return fits, vector, self._scatter.covariance(seen) + self.settled.covariance(views, vector, rate) + chord
 
-    def _fitted(self, views: Views) -> tuple[Poses, Floats, Seen, Floats]:
+    def _fitted(self, views: Views) -> tuple[Poses, Floats, Seen, Floats, Floats]:
         plane, line_s = self.settled.plane, self.settled.camera.line_s or 0.0
         begin = np.full((len(views.time_s), 3), np.nan)
         begin[0] = free_start(views, self.settled.camera, self._board_m) if self._guess is None else self._guess
@@ -55,5 +55,6 @@ class Poser:
         eye_m = plane.world_from_camera[(0, 2), 3]
         vector = without_lag(fits, slopes, rate * self.period_s, views.key, self.lag_px, eye_m)
         kind = kinds(views.key, views.speed_px)
+        toward, chord = off_chord(fits, slopes, views.chord_px, kind != FAST)
         seen = seen_of(self.shape, slopes, fits.residual_px, fits.used, views.across, kind)
-        return fits, vector, seen, rate
+        return fits, vector + toward, seen, rate, chord

@@ -40,6 +40,7 @@ class Record:
                 ("file", "i4"),
                 ("corrupt", "i4"),
                 ("key", "?"),
+                ("between", "?"),
                 ("seen", "?"),
                 ("reason", "S60"),
                 ("contrast", "f4"),
@@ -80,7 +81,7 @@ class Record:
         """Append what one frame showed; ``corrupt``: packets lost before it."""
         row = np.zeros((), self.dtype)
         row["time_s"], row["frame"], row["file"] = frame.time_s, self._count, frame.file
-        row["corrupt"], row["key"] = corrupt, frame.key
+        row["corrupt"], row["key"], row["between"] = corrupt, frame.key, frame.between
         if isinstance(found, Sighting):
             row["seen"], row["contrast"], row["rms_px"] = True, found.contrast, found.rms_px
             for name in ("widths", "homography", "grid", "used"):

@@ -8,17 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from straw.tracking.noise import Frames
+from straw.tracking.noise import MOTION_VECTOR_PX, Frames
 from straw.tracking.patterns import Patterns, common_to
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Places = NDArray[np.intp]
 
-#: Slower than a quarter of a pixel a frame, the unit of motion vectors in H.264 and HEVC (8.4.2.2 and 8.5.3.3 there),
-#: the codec treats the board as still, so that it lags. A keyframe cannot lag.
+#: Slower than the unit of motion vectors a frame, the codec treats the board as still, so that it lags. A keyframe
+#: cannot lag.
 SLOW, FAST, FRESH = range(3)
-_MOTION_VECTOR_PX = 0.25
 _PER_KIND = 60  # frames: 95 numbers each, of which a fifth are independent, give a variance to 4 %
 _FEWEST = 8
 _STEPS = 40  # keyframes, whose steps show the common error; as many as in ten seconds
@@ -103,7 +102,7 @@ class Scatter:
 
 def kinds(key: Flags, speed_px: Floats) -> Places:
     """Return which kind of frame each is; a frame of unknown speed counts as slow, the less certain kind."""
-    return np.where(key, FRESH, np.where(np.nan_to_num(speed_px) > _MOTION_VECTOR_PX, FAST, SLOW))
+    return np.where(key, FRESH, np.where(np.nan_to_num(speed_px) > MOTION_VECTOR_PX, FAST, SLOW))
 
 
 def telling(numbers: NDArray[np.int64], frames: Frames) -> tuple[Places, Places]:
@@ -117,7 +116,7 @@ def telling(numbers: NDArray[np.int64], frames: Frames) -> tuple[Places, Places]
     keys = keys[(keys > 1) & (keys < len(numbers) - 2)]
     near = keys[:, None] + _AROUND
     calm = (numbers[near] - numbers[keys][:, None] == _AROUND).all(axis=1) & (kind[near] == SLOW).all(axis=1)
-    keys = _evenly(keys[calm & (frames.speed_px[keys] < _MOTION_VECTOR_PX)], _STEPS)  # not where it is NaN
+    keys = _evenly(keys[calm & (frames.speed_px[keys] < MOTION_VECTOR_PX)], _STEPS)  # not where it is NaN
     return np.unique(np.concatenate((*chosen, keys, (keys[:, None] + _AROUND).ravel()))), keys
 
 
@@ -171,10 +170,12 @@ def _parts(shape: tuple[int, int], seen: Seen) -> Floats:
             continue
         H = np.linalg.qr(J)[0]
         r = r - H @ (H.T @ r)
-        PK = K * used
-        PK = (PK - H @ (H.T @ PK)) * used[:, None]
-        A[which] += np.einsum("cij,dji->cd", PK, PK)
-        b[which] += np.einsum("i,cij,j->c", r, K, r)
+        PK = K * (used[:, None] & used)
+        PK -= H @ (H.T @ PK)
+        PK -= (PK @ H) @ H.T  # symmetric: the trace of a product is a sum of products
+        flat = PK.reshape(len(K), -1)
+        A[which] += flat @ flat.T
+        b[which] += r @ K @ r
     few = np.bincount(seen.kind, minlength=3) < _FEWEST
     A[few], b[few] = A.sum(axis=0), b.sum(axis=0)
     return np.stack([np.maximum(_positive(one, other), (1e-8, 0, 0)) for one, other in zip(A, b, strict=True)])

@@ -15,6 +15,7 @@ from typing import Any, Self, TypeVar
 
 import av
 import numpy as np
+from av.video.frame import PictureType
 from numpy.typing import NDArray
 
 from straw.tracking.errors import TrackingError
@@ -62,7 +63,8 @@ class Frame:
     """One picture: its count from 0 as decoded, its time since the recording's start, its luma (height, width).
 
     ``corrupt`` counts the packets before it that would not decode; ``file`` is the chapter it comes from; ``key``:
-    a keyframe rather than a picture that the codec predicted.
+    a keyframe rather than a picture that the codec predicted; ``between``: one that it predicted from pictures before
+    and after (a B picture).
     """
 
     index: int
@@ -71,6 +73,7 @@ class Frame:
     corrupt: int = 0
     file: int = 0
     key: bool = False
+    between: bool = False
 
 
 def frames_missing(before_s: float, now_s: float, period_s: float) -> int:
@@ -177,7 +180,8 @@ class VideoReader:
             if self._decoded and (missing := frames_missing(before_s, time_s, self.period_s)):
                 self._gaps.append(Gap(before_s, missing))
             before_s = time_s
-            yield Frame(self._decoded, time_s, self._luma(picture), self._corrupt, key=bool(picture.key_frame))
+            coded = {"key": bool(picture.key_frame), "between": picture.pict_type == PictureType.B}
+            yield Frame(self._decoded, time_s, self._luma(picture), self._corrupt, **coded)
             self._decoded += 1
 
     def _pictures(self) -> Iterator[Any]:

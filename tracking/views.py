@@ -7,14 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from straw.tracking.around import nearest, polynomial
 from straw.tracking.lens import Lens
 from straw.tracking.record import Record, Rows
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-AROUND = 4  # frames of context on either side of a chunk
+AROUND = 8  # frames of context on either side of a chunk: two pictures on either side of three B pictures
 _NEIGHBOUR_PERIODS = 1.5  # frames farther apart than this give no velocity
+_MOST_BETWEEN = 4  # periods from one picture that is no B picture to the next, for a cubic to know the course
 _QUINTIC = np.array((-1, 6, -15, 20, -15, 6, -1)) / 20
 # Central differences of the first three derivatives, by how many frames on either side.
 _STENCILS = {
@@ -39,7 +41,8 @@ class Views:
     ``widths`` (f, 2): half widths of the edges, px, and ``sweep`` (f, 2) how fast (px/s) the board's middle crosses
     them. ``key`` (f,): coded without prediction. ``speed_px`` (f,): the corners' motion from
     frame to frame, rms per coordinate, and ``jump_px`` (f,) how far ahead they lie of the prediction from three frames
-    on either side; NaN without those.
+    on either side; NaN without those. ``chord_px`` (f, n, 2): of B pictures, the mean by time of the pictures
+    around it, from which it is predicted, minus the corners' smooth course.
     """
 
     frame: NDArray[np.int64]
@@ -60,6 +63,7 @@ class Views:
     key: Flags
     jump_px: Floats
     speed_px: Floats
+    chord_px: Floats
 
     def at_once(self, line_s: float, exposure_s: float) -> Floats:
         """Return the rays (f, n, 2) as an ideal global shutter would have seen them.
@@ -128,6 +132,7 @@ def views_of(
         key=around["key"][at],
         jump_px=jump_px[at],
         speed_px=speed_px[at],
+        chord_px=chords(pixels, time_s, seen, around["between"])[at],
     )
     return views, where
 
@@ -155,6 +160,25 @@ def _derivatives(rays: Floats, time_s: Floats, seen: Flags) -> tuple[Floats, Flo
                 doubt[at] = parts - rate[at]
             found[at] = parts
     return rate, bend, jerk, doubt
+
+
+def chords(pixels: Floats, time_s: Floats, seen: Flags, between: Flags) -> Floats:
+    """Return by how much (f, n, 2), px, the line between a B picture's neighbours is off the cubic through two a side.
+
+    The neighbours are those that are no B pictures themselves; 0 for other pictures, and without two on either side.
+    """
+    found = np.zeros_like(pixels)
+    if not (between & seen).any():
+        return found
+    before, after = nearest(seen & ~between, len(seen), 2)
+    by = np.concatenate((before, after), axis=1)
+    span_s = np.ptp(time_s[by], axis=1)
+    near = span_s < 3 * _MOST_BETWEEN * np.median(np.diff(time_s))
+    at = np.flatnonzero(between & seen & (by >= 0).all(axis=1) & near)
+    flat = pixels.reshape(len(pixels), -1)
+    line, cubic = (polynomial(time_s, flat, time_s[at], by[at][:, of])[0] for of in ([0, 2], [0, 1, 2, 3]))
+    found[at] = (line - cubic).reshape(-1, *pixels.shape[1:])
+    return found
 
 
 def _perpendicular(normals: Floats) -> Floats:

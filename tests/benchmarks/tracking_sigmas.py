@@ -23,6 +23,7 @@ from straw.tracking.camera import Camera
 from straw.tracking.synthetic import camera_looking_at
 from straw.tracking.track import track
 from tests.benchmarks.figures import missed, publish, write_option
+from tests.benchmarks.intervals import beside, shown
 from tests.benchmarks.tracking_clips import BOARD, LENS, REST, blind, errors, painted, snaps
 
 #: Degrees of azimuth and elevation, least and most, either side of the plane of motion by chance.
@@ -88,16 +89,17 @@ def main() -> None:
     figures = {}
     for name, found in squares.items():
         if found:
-            mean = np.mean(found, axis=0)
-            _say(f"all {name}", mean)
-            for channel, value in zip(("x", "z", "phi"), mean, strict=True):
-                figures[f"{NAMES.get(name, name)}-{channel}"] = missed(f"{value:.2f}", 0.7 <= value <= 1.3)
+            mean, key = np.mean(found, axis=0), NAMES.get(name, name)
+            _say(f"all {name}", mean, f"  95 % {shown(found)}")
+            figures[f"{key}-clips"] = str(len(found))
+            for channel, value, interval in zip(("x", "z", "phi"), mean, beside(found), strict=True):
+                figures[f"{key}-{channel}"] = missed(f"{value:.2f}", 0.7 <= value <= 1.3) + interval
     publish("tracking_sigmas", figures, args.write)
 
 
-def _say(what: str, square: np.ndarray) -> None:
+def _say(what: str, square: np.ndarray, more: str = "") -> None:
     x, z, phi = square
-    print(f"{what:<36}{x:8.2f}{z:8.2f}{phi:8.2f}", flush=True)
+    print(f"{what:<36}{x:8.2f}{z:8.2f}{phi:8.2f}{more}", flush=True)
 
 
 if __name__ == "__main__":

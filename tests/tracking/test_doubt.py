@@ -93,6 +93,36 @@ def test_a_stop_by_a_blow_is_no_fault():
     assert not (doubted(seen) != "").any()
 
 
+def swinging(count: int = 400, seed: int = 3) -> Courses:
+    """Sightings of a board whose corners all stand still at every turn, 24 frames apart."""
+    seen = moving(count, seed)
+    swing = 4.0 * np.cos(2 * np.pi * (np.arange(count) - 0.5) / 48)[:, None] / np.sqrt(6)
+    seen.course[:] = swing + np.random.default_rng(seed).normal(0, 0.003, (count, 6))
+    return dataclasses.replace(seen, rms_px=seen.rms_px * 0.3)
+
+
+@pytest.mark.parametrize("first", [193, 194, 217, 239])  # turns are at 192.5, 216.5, 240.5
+def test_a_run_of_repeats_that_begins_or_ends_at_a_turn_is_found(first):
+    seen, rng = swinging(), np.random.default_rng(9)
+    seen.course[first : first + 3] = seen.course[first - 1] + rng.normal(0, 2e-4, (3, 6))
+    said = doubted(seen)
+    assert (
+        said[first + 1 : first + 3] == REPEATED
+    ).all()  # the first is where it should be, when the turn is amid both
+    assert np.count_nonzero(said != "") <= 4
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_a_start_from_rest_is_no_fault(order):
+    """At rest a codec shows the same picture again and again; then it moves at once, or faster and faster."""
+    seen = moving(400)
+    since = np.maximum(np.arange(400) - 200, 0)[:, None]
+    noise = np.random.default_rng(1).normal(0, 0.01, (400, 6))
+    noise[:201] = noise[0] + np.random.default_rng(2).normal(0, 2e-4, (201, 6))
+    seen.course[:] = np.minimum(0.3 * since**order, 2.0 * since) / np.sqrt(6) + noise
+    assert not (doubted(seen) != "").any()
+
+
 def test_a_course_is_the_rms_motion_of_the_corners():
     grid = np.stack(np.meshgrid(np.arange(7) * 20.0, np.arange(5) * 20.0, indexing="ij"), axis=-1)
     moved = grid @ np.array(((1.01, 0.02), (-0.02, 0.99))) + (0.3, -0.2)

@@ -9,10 +9,11 @@ import pytest
 
 from straw.tracking.board import Board
 from straw.tracking.camera import Camera
-from straw.tracking.noise import Frames, exposure_by_smear, lag_of, lag_share, without_lag
+from straw.tracking.noise import Frames, exposure_by_smear, lag_of, lag_share, off_chord, without_lag
 from straw.tracking.pose import Plane, apply, world_from_tip
 from straw.tracking.synthetic import camera_looking_at, paint_video
 from straw.tracking.track import track
+from straw.tracking.views import chords
 from tests.tracking.test_track import REST
 
 PERIOD_S = 1001 / 240000
@@ -96,6 +97,47 @@ def test_a_size_that_lags_is_put_right_however_the_board_shifts(hero6):
     assert np.all(behind > 20e-6)
     # shifted, the board is also seen from another side: not all its change of shape is a change of size
     assert np.all(np.abs((truth - found)[:, :2] @ sight) < 0.15 * behind)
+
+
+def swaying(setup, seen_by_opencv, share):
+    """Corners of a board that sways slowly along the line of sight; of B pictures, two in three, a share of the corners
+    is where the pictures around have them in the mean. Fits, slopes, chords, truth, and which are B pictures."""
+    rng, k = np.random.default_rng(4), np.arange(90)
+    truth = np.column_stack((0.02 + 3e-4 * np.sin(0.5 * k), np.zeros(90), np.full(90, 1.55)))
+    pixels = np.array([seen_by_opencv(setup, *pose) for pose in truth]) + rng.normal(0, 0.03, (90, 49, 2))
+    between = k % 3 != 0
+    for b in np.flatnonzero(between[:-2]):
+        first = b - b % 3
+        line = pixels[first] + (pixels[first + 3] - pixels[first]) * (b - first) / 3
+        pixels[b] = np.where(rng.random((49, 1)) < share, line, pixels[b])
+    rays, slopes = setup.lens.rays_with_slopes(pixels.reshape(-1, 2))
+    points = apply(setup.tip_from_board, Board().corner_points_m())
+    plane, slopes = Plane(setup.lens, setup.world_from_camera), slopes.reshape(90, 49, 2, 2)
+    fits = plane.fit_rays(rays.reshape(90, 49, 2), slopes, points, truth, np.ones((90, 49), bool))
+    chord_px = chords(pixels, k * PERIOD_S, np.ones(90, bool), between)
+    return fits, plane.slopes(slopes, points, fits.vector), chord_px, truth, between
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_a_b_picture_that_is_the_mean_of_its_neighbours_claims_no_more_than_it_knows(setup, seen_by_opencv, share):
+    fits, by_pose, chord_px, truth, between = swaying(setup, seen_by_opencv, share)
+    toward, chord = off_chord(fits, by_pose, chord_px, np.ones(90, bool))
+    B = np.flatnonzero(between[6:-6]) + 6
+    plain_sigma = np.sqrt(fits.covariance[B, 0, 0])
+    sigma = np.sqrt(fits.covariance[B, 0, 0] + chord[B, 0, 0])
+    before = np.abs(fits.vector - truth)[B, 0]
+    after = np.abs(fits.vector + toward - truth)[B, 0]
+    if share == 1.0:
+        assert (before / plain_sigma).max() > 6  # a turn cut short by 70 um, and no residual says so
+    assert (after / sigma).max() < 4
+    np.testing.assert_array_equal(toward[~between], 0.0)
+
+
+def test_a_fast_b_picture_is_left_as_it_is(setup, seen_by_opencv):
+    fits, by_pose, chord_px, *_ = swaying(setup, seen_by_opencv, 0.0)
+    toward, chord = off_chord(fits, by_pose, chord_px, np.zeros(90, bool))
+    assert not toward.any()
+    assert not chord.any()
 
 
 def seen_from(camera, pose, points):

@@ -46,6 +46,7 @@ def followed(seen_by_opencv, camera, poses, noise_px=0.0, y_m=0.0, line_s=0.0):
         key=np.zeros(n, bool),
         jump_px=np.full(n, np.nan),
         speed_px=np.zeros(n),
+        chord_px=np.zeros((n, 49, 2)),
     )
 
 

@@ -1,0 +1,59 @@
+"""Blocks of the settling's normal equations, and the geometry of boards that the tip carries."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from straw.tracking.planar import LEAST_SIGMA_PX, MEDIAN_OF_RAYLEIGH
+
+Floats = NDArray[np.float64]
+
+
+def carried(points: Floats, poses: Floats) -> tuple[Floats, Floats]:
+    """Return points (n, 3) of the tip frame in the world (f, n, 3), and how the tips are turned (f, 3, 3)."""
+    sin, cos = np.sin(poses[:, 2]), np.cos(poses[:, 2])
+    turn = np.zeros((len(poses), 3, 3))
+    turn[:, 0, 0], turn[:, 0, 2], turn[:, 1, 1], turn[:, 2, 0], turn[:, 2, 2] = cos, sin, 1.0, -sin, cos
+    shift = np.stack((poses[:, 0], np.zeros(len(poses)), poses[:, 1]), axis=-1)
+    return points @ turn.swapaxes(1, 2) + shift[:, None], turn
+
+
+def left_jacobian(turn: Floats) -> Floats:
+    """Return how a rotation turns on (3, 3) when its rotation vector changes: I + a [w] + b [w]^2."""
+    angle = float(np.linalg.norm(turn))
+    x, y, z = turn
+    cross = np.array(((0, -z, y), (z, 0, -x), (-y, x, 0)))
+    if angle < 1e-6:
+        return np.asarray(np.eye(3) + cross / 2)
+    a, b = (1 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3
+    return np.asarray(np.eye(3) + a * cross + b * cross @ cross)
+
+
+def sigma_px(length_px: Floats) -> float:
+    """Standard deviation per coordinate of residuals of these lengths, by their median."""
+    return max(float(np.median(length_px)) / MEDIAN_OF_RAYLEIGH, LEAST_SIGMA_PX)
+
+
+def eliminated(weighted: Floats, by_theta: Floats, by_pose: Floats) -> tuple[Floats, Floats]:
+    """Return each frame's blocks of the normal matrix: poses with poses (f, 3, 3), poses with constants (f, 3, c)."""
+    across = weighted.transpose(0, 2, 1)
+    # One is added to entries of 1e9 or more, so that a frame without weights, or with a fixed pose, stays solvable.
+    return across @ by_pose + np.eye(3), across @ by_theta
+
+
+def by_print(by: Floats, by_place: Floats) -> Floats:
+    """Return each frame's block of the normal matrix (f, m, 2n): offsets, each of its own corner, with ``by``.
+
+    ``by`` (f, 2n, m) and ``by_place`` (f, n, 2, 2) are derivatives of the residuals, one of them weighted.
+    """
+    own = np.einsum("fnci,fncj->finj", by.reshape(*by_place.shape[:3], -1), by_place)
+    return np.asarray(own.reshape(len(by), by.shape[-1], 2 * by_place.shape[1]))
+
+
+def blocks(blocks: Floats) -> Floats:
+    """Return the matrix (2n, 2n) with blocks (n, 2, 2) on its diagonal."""
+    n = len(blocks)
+    found = np.zeros((n, 2, n, 2))
+    found[np.arange(n), :, np.arange(n), :] = blocks
+    return np.asarray(found.reshape(2 * n, 2 * n))
