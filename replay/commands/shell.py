@@ -42,20 +42,23 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _run(args: argparse.Namespace, straw: StrawParameters) -> int:
-    from straw.model.shell.converge import chosen_mesh
+    from straw.model.shell.converge import Refinement, chosen_mesh
     from straw.model.shell.equilibria import balances, guesses_of
     from straw.replay.shell.table import frustum_table, printed, reduced_frustum
 
     problem = _problem(args, straw)
     say("choosing the mesh")
-    mesh, history = chosen_mesh(replace(problem, pressure_pa=0.0), args.tolerance)
-    problem = replace(problem, mesh=mesh)
-    print(f"mesh: {mesh.elements} elements of order {mesh.order} along, harmonics to {mesh.harmonics} around")
-    for step in history:
+
+    def told(step: Refinement) -> None:
         print(
             f"  {step.mesh.elements} along, {step.mesh.harmonics:>2} around: the next finer moves energy, force and "
-            f"moment by {step.change:.1e} (asked: {args.tolerance:g})"
+            f"moment by {step.change:.1e} (asked: {args.tolerance:g})",
+            flush=True,
         )
+
+    mesh, history = chosen_mesh(replace(problem, pressure_pa=0.0), args.tolerance, told)
+    problem = replace(problem, mesh=mesh)
+    print(f"mesh: {mesh.elements} elements of order {mesh.order} along, harmonics to {mesh.harmonics} around")
     one = len(problem.profile.walls) == 1
     result: dict[str, object] = {"shell": problem.described(), "convergence": [_step(s) for s in history]}
     found: list[Any] = []

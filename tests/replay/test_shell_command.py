@@ -19,6 +19,8 @@ pytest.importorskip("skfem")
         (["--phi", "sideways"], "sideways"),
         (["--rims", "glued"], "glued"),
         (["--nu", "0.5"], "nu = 0.5"),
+        (["--crease", "-1"], "crease stiffness -1"),
+        (["--pressure-kpa", "nan"], "pressure_pa = nan"),
         (["--cell", "10"], "cell 10"),
         (["--points", "3"], "--points 3"),
         (["--tolerance", "0"], "tolerance"),
