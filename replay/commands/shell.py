@@ -23,7 +23,7 @@ def require_shell() -> None:
         import skfem  # noqa: F401
         import threadpoolctl  # noqa: F401
     except ImportError:
-        raise ReplayError("straw shell needs scikit-fem: pip install 'straw[shell]'") from None
+        raise ReplayError("finite elements need scikit-fem: pip install 'straw[shell]'") from None
 
 
 def run(args: argparse.Namespace) -> int:

@@ -43,6 +43,21 @@ def test_a_design_without_a_wish_is_refused(tmp_path: Path, capsys: pytest.Captu
     assert not (tmp_path / "out").exists()
 
 
+def test_an_order_of_snaps_is_checked_by_finite_elements(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """facts/fe.md: the paper's sealed frustum snaps at 25.2 kPa by finite elements, at 26.1 by equation 7."""
+    from straw.model.parameters import StrawParameters
+    from straw.model.snap import snaps
+
+    own = next(snaps(StrawParameters(cells=1), [], 40e3)).pressure_pa
+    wish, told = tmp_path / "wish.toml", tmp_path / "order.json"
+    wish.write_text(f"[order]\ncells = [1]\nfirst_kpa = {own / 1e3}\napart_kpa = 2.0\n")
+    assert main(["design", str(wish), "--jobs", "1", "--out", str(tmp_path), "--json", str(told)]) == 0
+    found = json.loads(told.read_text())["order"][0]
+    assert found["h_m"] == pytest.approx(0.508e-3, rel=1e-3)
+    assert found["shell_pa"] - found["pressure_pa"] == pytest.approx((25.2 - 26.1) * 1e3, abs=60)
+    assert "finite elements" in capsys.readouterr().out
+
+
 def test_a_dask_cluster_finds_the_designs_that_are_found_here(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed", reason="dask's workers are not installed")
     wish = tmp_path / "wish.toml"
