@@ -81,7 +81,7 @@ def _run(args: argparse.Namespace, straw: StrawParameters) -> int:
     ]
     failed = 0
     if args.out or args.elasticity:
-        failed = _landscape(args, problem, found, reduced_frustum(problem) if one else None, result)
+        failed = _landscape(args, problem, found, reduced_frustum(problem, sealed=problem.pressure_pa != 0), result)
     if args.json:
         write_json(args.json, result)
     return 1 if failed else 0
@@ -117,8 +117,13 @@ def _cell_guesses(problem) -> list[tuple[float, float]]:  # type: ignore[no-unty
     from straw.model.shell.equilibria import guesses_of
     from straw.replay.shell.table import reduced_frustum
 
+    return guesses_of(reduced_frustum(problem), _lower_m(problem))
+
+
+def _lower_m(problem) -> float:  # type: ignore[no-untyped-def]
+    """Height of a cell's lower frustum."""
     lower = problem.profile.walls[0].points_m
-    return guesses_of(reduced_frustum(problem), float(lower[-1, 1] - lower[0, 1]))
+    return float(lower[-1, 1] - lower[0, 1])
 
 
 def _step(step) -> dict[str, object]:  # type: ignore[no-untyped-def]
@@ -162,8 +167,9 @@ def _draw(folder, problem, land, flat, found) -> None:  # type: ignore[no-untype
     from straw.replay.shell.pictures import deformed_figure, energy_map, straight_figure
 
     say("pictures")
-    names = save(energy_map(land, flat, found), folder, "energy")
-    if flat is not None and problem.pressure_pa == 0:
+    one = len(problem.profile.walls) == 1
+    names = save(energy_map(land, flat, found, 0.0 if one else _lower_m(problem)), folder, "energy")
+    if one and problem.pressure_pa == 0:
         names += save(straight_figure(problem, flat), folder, "straight")
     model = problem.model()
     shapes = []
