@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from straw.model.design import Design, Wish, in_order, read_wish, refined, sweep, with_varied
+from straw.model.design import WANTED, Design, Wish, in_order, read_wish, refined, sweep, with_varied
 from straw.model.elasticity import EQUATION_7
 from straw.model.frustum import Frustum
 from straw.model.parameters import StrawParameters, load_straw
@@ -58,7 +58,20 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         rows = [{**asdict(d), "shell": c} for d, c in zip(best, [*checked, *[None] * len(best)], strict=False)]
         write_json(args.json, {"designs": rows, "swept": len(designs)})
-    return 0 if best[0].cost < len(wish.wanted) else 1
+    return 0 if _said_if_missed(wish, best[0]) else 1
+
+
+def _said_if_missed(wish: Wish, best: Design) -> bool:
+    """Whether the best design gives what is wanted; what it misses is printed."""
+    if best.cost < len(wish.wanted):
+        return True
+    missed = [
+        f"{name} = {best.gives[name]:.4g}, not {want:g}"
+        for name, want in wish.wanted.items()
+        if not abs(best.gives[name] - want) <= WANTED[name]
+    ]
+    print(f"no design in these ranges gives all that is wanted; the best has {', '.join(missed)}")
+    return False
 
 
 def shell_gives(straw: StrawParameters) -> dict[str, float]:
@@ -168,7 +181,7 @@ def _ordered(args: argparse.Namespace, wish: Wish, straw: StrawParameters) -> in
 
     path: Path = args.out / "ordered.toml"
     write_text(path, made.to_toml())
-    names = save(order_figure(wish, made, seen), args.out, "ordered")
+    names = save(order_figure(wish, made, seen, by_shell), args.out, "ordered")
     print(f"{path}, {args.out / names[0]}")
     if args.json:
         rows = [

@@ -43,6 +43,13 @@ def test_a_design_without_a_wish_is_refused(tmp_path: Path, capsys: pytest.Captu
     assert not (tmp_path / "out").exists()
 
 
+def test_what_no_design_gives_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "wish.toml").write_text("[wanted]\ndeploy_kpa = 900\n[vary]\nh_mm = [0.4, 0.6]\n")
+    options = ["--jobs", "1", "--count", "64", "--check", "0", "--out", str(tmp_path)]
+    assert main(["design", str(tmp_path / "wish.toml"), *options]) == 1
+    assert "the best has deploy_kpa = 32.08, not 900" in capsys.readouterr().out
+
+
 def test_an_order_of_snaps_is_checked_by_finite_elements(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """facts/fe.md: the paper's sealed frustum snaps at 25.2 kPa by finite elements, at 26.1 by equation 7."""
     from straw.model.parameters import StrawParameters
