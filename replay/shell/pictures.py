@@ -50,13 +50,6 @@ def energy_map(land: Landscape, flat: Frustum, found: list[Balance], lower_m: fl
     axes[0].tricontour(mesh, np.minimum(both, 1.2 * most), levels=levels, colors="white", linewidths=0.35)
     across = ZETA_LABEL if not lower_m else "height of the cell / mm"
     label(axes[0], "(a) finite elements", across, PHI_LABEL)
-    r_i, stiff = flat.r_i, [land.column(name) for name in ("k_zeta_n_per_m", "k_mixed_n", "k_phi_n_m")]
-    own = _least(stiff[0] * r_i**2, stiff[1] * r_i, stiff[2])
-    K = np.array([flat.stiffness(a, b) for a, b in zip(zeta / 1e3 - lower_m, phi, strict=True)])
-    for panel, least in ((axes[0], own), (axes[1], _least(K[:, 0, 0], K[:, 0, 1], K[:, 1, 1]))):
-        panel.tricontour(
-            mesh, np.concatenate([least, least]), levels=[0.0], colors=UNSTABLE, linewidths=0.9, linestyles="--"
-        )
     for b in found:
         for side in {1, -1} if b.point.phi_rad else {1}:
             mark(axes[0], 1e3 * b.point.zeta_m, side * b.point.phi_rad, b.stable)
@@ -65,6 +58,13 @@ def energy_map(land: Landscape, flat: Frustum, found: list[Balance], lower_m: fl
     label(axes[1], "(b) equation 7" + (", lower frustum rigid" if lower_m else ""), across, "")
     for e in flat.equilibria(pressure):
         mark(axes[1], 1e3 * (e.zeta_m + lower_m), e.phi_rad, e.stable)
+    r_i, stiff = flat.r_i, [land.column(name) for name in ("k_zeta_n_per_m", "k_mixed_n", "k_phi_n_m")]
+    own = _least(stiff[0] * r_i**2, stiff[1] * r_i, stiff[2])
+    K = np.array([flat.stiffness(a, b) for a, b in zip(zeta / 1e3 - lower_m, phi, strict=True)])
+    for panel, least in ((axes[0], own), (axes[1], _least(K[:, 0, 0], K[:, 0, 1], K[:, 1, 1]))):
+        panel.tricontour(
+            mesh, np.concatenate([least, least]), levels=[0.0], colors=UNSTABLE, linewidths=0.9, linestyles="--"
+        )
     off = np.where(both < most, both - reduced, np.nan)
     span = _up(float(np.nanpercentile(np.abs(off), 95)))
     shown = Triangulation(z, f, mesh.triangles, mask=~keep | np.isnan(off)[mesh.triangles].any(axis=1))
