@@ -205,7 +205,10 @@ def in_order(wish: Wish, straw: StrawParameters) -> tuple[StrawParameters, list[
     form's slope. Raises ModelError where a cell cannot be brought there.
     """
     if sorted(wish.order) != list(range(1, straw.cells + 1)):
-        raise ModelError(f"design: order of {len(wish.order)} cells, expected each of the {straw.cells} once")
+        listed = ", ".join(map(str, wish.order))
+        raise ModelError(
+            f"design: order.cells = {listed}; a straw of {straw.cells} cells needs each of 1 to {straw.cells} once"
+        )
     sign = 1 if wish.first_kpa > 0 else -1
     deployed: list[int] = [] if sign > 0 else list(wish.order)
     targets = {cell: 1e3 * (wish.first_kpa + k * wish.apart_kpa) for k, cell in enumerate(wish.order)}

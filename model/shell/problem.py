@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
@@ -29,6 +30,10 @@ class Problem:
     mesh: Mesh = field(default_factory=lambda: Mesh(2, 5, 7))
     hold: Hold = field(default_factory=Hold)
     pressure_pa: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.pressure_pa):
+            raise ModelError(f"shell: pressure_pa = {self.pressure_pa}, expected a number")
 
     def model(self) -> Model:
         """The shell, ready to be solved."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,10 @@ Floats = NDArray[np.float64]
 #: squeezing of the wall, which a shell leaves out, are of the order of its square.
 THICKEST = 1 / 3
 COLUMNS = ("r_m", "z_m", "thickness_m")
+#: Two walls meet whose ends are this near: less than a micrometre is no place, only rounding.
+TOUCHING_M = 1e-6
+#: A radius beyond this is millimetres in the column of metres.
+LARGEST_M = 1.0
 
 
 @dataclass(frozen=True)
@@ -75,6 +80,13 @@ class Profile:
             )
         for number, wall in enumerate(self.walls, 1):
             _check_wall(wall, f"profile: wall {number}")
+        for lower, upper in pairwise(self.walls):
+            if np.linalg.norm(upper.points_m[0] - lower.points_m[-1]) > TOUCHING_M:
+                ends = [f"({1e3 * r:.4g}, {1e3 * z:.4g}) mm" for r, z in (lower.points_m[-1], upper.points_m[0])]
+                raise ModelError(
+                    f"profile: the first wall ends at {ends[0]}, the second begins at {ends[1]}; both must have the "
+                    "point of the crease in which they meet"
+                )
         _check_crossing(np.vstack([w.points_m for w in self.walls]))
 
     @property
@@ -129,14 +141,14 @@ def _cross(a: Floats, b: Floats, c: Floats, d: Floats) -> bool:
     return side(a, b, c) * side(a, b, d) < 0 and side(c, d, a) * side(c, d, b) < 0
 
 
-def frustum(r_i_m: float, r_o_m: float, zeta0_m: float, h_m: float) -> Profile:
+def frustum(r_i_m: float, r_o_m: float, zeta0_m: float, h_m: float, crease_n: float = 0.0) -> Profile:
     """A conical frustum with its large base at z = 0 and its small base at z = zeta0_m."""
     for name, value in (("r_i_m", r_i_m), ("r_o_m", r_o_m), ("zeta0_m", zeta0_m), ("h_m", h_m)):
         if not math.isfinite(value):
             raise ModelError(f"profile: {name} = {value}, expected a number")
     if not 0 < r_i_m < r_o_m:
         raise ModelError(f"profile: r_i_m = {r_i_m}, r_o_m = {r_o_m}, expected 0 < r_i_m < r_o_m")
-    return Profile((Meridian(np.array([[r_o_m, 0.0], [r_i_m, zeta0_m]]), np.full(2, h_m)),))
+    return Profile((Meridian(np.array([[r_o_m, 0.0], [r_i_m, zeta0_m]]), np.full(2, h_m)),), crease_n)
 
 
 def cell(
@@ -157,7 +169,7 @@ def profile_of(straw: StrawParameters, cell_number: int = 1, *, whole: bool = Fa
     zeta0, h = (row[cell_number - 1].tolist() for row in (straw.zeta0_m, straw.h_m))
     if whole:
         return cell(straw.r_i_m, straw.r_o_m, (zeta0[0], zeta0[1]), (h[0], h[1]), crease_n)
-    return frustum(straw.r_i_m, straw.r_o_m, zeta0[1], h[1])
+    return frustum(straw.r_i_m, straw.r_o_m, zeta0[1], h[1], crease_n)
 
 
 def read_profile(path: Path, crease_n: float = 0.0) -> Profile:
@@ -188,7 +200,15 @@ def read_profile(path: Path, crease_n: float = 0.0) -> Profile:
     tables = [np.array(stretch) for stretch in stretches if stretch]
     if not tables or any(len(table) < 2 for table in tables):
         raise ModelError(f"{path}: each stretch of wall needs two points or more")
+    widest = max(float(table[:, 0].max()) for table in tables)
+    if widest > LARGEST_M:
+        raise ModelError(f"{path}: a radius of {widest:g} m; the columns are in metres, write 0.01465 for 14.65 mm")
     try:
-        return Profile(tuple(Meridian(table[:, :2], table[:, 2]) for table in tables), crease_n)
+        profile = Profile(tuple(Meridian(table[:, :2], table[:, 2]) for table in tables), crease_n)
     except ModelError as error:
         raise ModelError(f"{path}: {error}") from None
+    if len(tables) == 1 and tables[0][0, 0] <= tables[0][-1, 0]:
+        raise ModelError(f"{path}: begins at the smaller radius; give a frustum from its large base to its small one")
+    if any(table[0, 1] == table[-1, 1] for table in tables):
+        raise ModelError(f"{path}: a wall that ends at the height it begins at; expected a frustum between two bases")
+    return profile

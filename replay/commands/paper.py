@@ -73,7 +73,7 @@ def _shell(args: argparse.Namespace) -> dict[str, Any]:
 
     require_shell()
     from straw.model.shell.threads import one_thread
-    from straw.replay.paper import shell
+    from straw.replay.paper import shell, shell_runs
     from straw.replay.paper.style import save
     from straw.replay.shell.table import frustum_table
 
@@ -85,21 +85,21 @@ def _shell(args: argparse.Namespace) -> dict[str, Any]:
         update(9, 12)
         rigid = shell.rigidity()
         update(10, 12)
-        geometry = shell.refitted()
+        geometry = shell_runs.refitted()
         update(11, 12)
-        runs = shell.elastic_runs(geometry)
+        runs = shell_runs.elastic_runs(geometry)
         figures = [
             *save(shell.draw_cuts(cuts), args.out, "fig4-shell"),
             *save(shell.draw_rigidity(rigid), args.out, "figS2-shell"),
-            *save(shell.draw_runs(runs), args.out, "fig67-shell"),
+            *save(shell_runs.draw_runs(runs), args.out, "fig67-shell"),
         ]
         update(12, 12)
-    rows += [*shell.rigidity_rows(rigid), *shell.snap_rows(geometry)]
+    rows += [*shell.rigidity_rows(rigid), *shell_runs.snap_rows(geometry)]
     return {
         "table": [{**asdict(row), "difference": row.difference} for row in rows],
         "agreement": shell.agreement(cuts),
         "inferred": list(shell.INFERRED),
-        "verdict": shell.verdict(runs),
+        "verdict": shell_runs.verdict(runs),
         "figures": figures,
     }
 

@@ -23,7 +23,7 @@ def require_shell() -> None:
         import skfem  # noqa: F401
         import threadpoolctl  # noqa: F401
     except ImportError:
-        raise ReplayError("straw shell needs scikit-fem: pip install 'straw[shell]'") from None
+        raise ReplayError("finite elements need scikit-fem: pip install 'straw[shell]'") from None
 
 
 def run(args: argparse.Namespace) -> int:
@@ -42,20 +42,23 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _run(args: argparse.Namespace, straw: StrawParameters) -> int:
-    from straw.model.shell.converge import chosen_mesh
+    from straw.model.shell.converge import Refinement, chosen_mesh
     from straw.model.shell.equilibria import balances, guesses_of
     from straw.replay.shell.table import frustum_table, printed, reduced_frustum
 
     problem = _problem(args, straw)
     say("choosing the mesh")
-    mesh, history = chosen_mesh(replace(problem, pressure_pa=0.0), args.tolerance)
-    problem = replace(problem, mesh=mesh)
-    print(f"mesh: {mesh.elements} elements of order {mesh.order} along, harmonics to {mesh.harmonics} around")
-    for step in history:
+
+    def told(step: Refinement) -> None:
         print(
             f"  {step.mesh.elements} along, {step.mesh.harmonics:>2} around: the next finer moves energy, force and "
-            f"moment by {step.change:.1e} (asked: {args.tolerance:g})"
+            f"moment by {step.change:.1e} (asked: {args.tolerance:g})",
+            flush=True,
         )
+
+    mesh, history = chosen_mesh(replace(problem, pressure_pa=0.0), args.tolerance, told)
+    problem = replace(problem, mesh=mesh)
+    print(f"mesh: {mesh.elements} elements of order {mesh.order} along, harmonics to {mesh.harmonics} around")
     one = len(problem.profile.walls) == 1
     result: dict[str, object] = {"shell": problem.described(), "convergence": [_step(s) for s in history]}
     found: list[Any] = []
@@ -78,7 +81,7 @@ def _run(args: argparse.Namespace, straw: StrawParameters) -> int:
     ]
     failed = 0
     if args.out or args.elasticity:
-        failed = _landscape(args, problem, found, reduced_frustum(problem) if one else None, result)
+        failed = _landscape(args, problem, found, reduced_frustum(problem, sealed=problem.pressure_pa != 0), result)
     if args.json:
         write_json(args.json, result)
     return 1 if failed else 0
@@ -114,8 +117,13 @@ def _cell_guesses(problem) -> list[tuple[float, float]]:  # type: ignore[no-unty
     from straw.model.shell.equilibria import guesses_of
     from straw.replay.shell.table import reduced_frustum
 
+    return guesses_of(reduced_frustum(problem), _lower_m(problem))
+
+
+def _lower_m(problem) -> float:  # type: ignore[no-untyped-def]
+    """Height of a cell's lower frustum."""
     lower = problem.profile.walls[0].points_m
-    return guesses_of(reduced_frustum(problem), float(lower[-1, 1] - lower[0, 1]))
+    return float(lower[-1, 1] - lower[0, 1])
 
 
 def _step(step) -> dict[str, object]:  # type: ignore[no-untyped-def]
@@ -159,8 +167,9 @@ def _draw(folder, problem, land, flat, found) -> None:  # type: ignore[no-untype
     from straw.replay.shell.pictures import deformed_figure, energy_map, straight_figure
 
     say("pictures")
-    names = save(energy_map(land, flat, found), folder, "energy")
-    if flat is not None and problem.pressure_pa == 0:
+    one = len(problem.profile.walls) == 1
+    names = save(energy_map(land, flat, found, 0.0 if one else _lower_m(problem)), folder, "energy")
+    if one and problem.pressure_pa == 0:
         names += save(straight_figure(problem, flat), folder, "straight")
     model = problem.model()
     shapes = []

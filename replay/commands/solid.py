@@ -14,6 +14,8 @@ from straw.replay.errors import ReplayError
 from straw.replay.output import write_text
 
 KINDS = (".stl", ".step", ".stp")
+#: Segments of a circle: fewer are no circle; with so many the flange's chords are 6 nm off it, no printer sees that.
+FEWEST, MOST = 8, 5000
 
 
 def run(args: argparse.Namespace) -> int:
@@ -21,6 +23,8 @@ def run(args: argparse.Namespace) -> int:
     path: Path = args.output
     if path.suffix.lower() not in KINDS:
         raise ReplayError(f"{path}: expected a name that ends with .stl or .step")
+    if not FEWEST <= args.around <= MOST:
+        raise ReplayError(f"--around {args.around}: expected {FEWEST} to {MOST} segments of a circle")
     straw = load_straw(args.straw)
     flange = Flange()
     if args.flange_mm:

@@ -18,8 +18,8 @@ NAMES = {
     "deployed_length_mm": "deployed cell / mm",
     "r_i_mm": "inner radius / mm",
     "r_o_mm": "outer radius / mm",
-    "zeta01_mm": "zeta_01 / mm",
-    "zeta02_mm": "zeta_02 / mm",
+    "zeta01_mm": r"$\zeta_{0,1}$ / mm",
+    "zeta02_mm": r"$\zeta_{0,2}$ / mm",
     "h_mm": "thickness / mm",
     "E_gpa": "modulus / GPa",
 }
@@ -71,8 +71,10 @@ def _most_telling(wish: Wish, designs: Sequence[Design], best: Sequence[Design])
     return [first, max((n for n in names if n != first), key=lambda n: spread(best, n))]
 
 
-def order_figure(wish: Wish, straw: StrawParameters, seen: Sequence[tuple[int, float]]) -> Figure:
-    """The pressure at which each cell snaps quasi-statically, and the thickness of its even frustum."""
+def order_figure(
+    wish: Wish, straw: StrawParameters, seen: Sequence[tuple[int, float]], shell_pa: Sequence[float] = ()
+) -> Figure:
+    """The pressure at which each cell snaps quasi-statically, by finite elements too; even frusta's thickness."""
     fig = figure(8, 3.6)
     left, right = fig.subplots(1, 2)
     cells, pressures = [c for c, _ in seen], [p / 1e3 for _, p in seen]
@@ -80,7 +82,10 @@ def order_figure(wish: Wish, straw: StrawParameters, seen: Sequence[tuple[int, f
     for k, (cell, pressure) in enumerate(zip(cells, pressures, strict=True)):
         left.annotate(f"cell {cell}", (pressure, k + 1), xytext=(-4, 2), textcoords="offset points", ha="right")
         left.plot(wish.first_kpa + k * wish.apart_kpa, k + 1, "x", color=UNSTABLE)
-    label(left, "(a) snaps; crosses: wanted", "pressure / kPa", "cells that have snapped")
+    at = [p / 1e3 for p in shell_pa]
+    left.plot(at, range(1, len(at) + 1), "o", mfc="none", color="#888888")
+    circles = "; circles: with finite elements" if np.any(np.isfinite(at)) else ""
+    label(left, f"(a) snaps; crosses: wanted{circles}", "pressure / kPa", "cells that have snapped")
     right.bar(range(1, straw.cells + 1), 1e3 * straw.h_m[:, 1], color=STABLE)
     right.set_xticks(range(1, straw.cells + 1))
     label(right, "(b) thickness of the even frusta", "cell", "h / mm")

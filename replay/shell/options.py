@@ -73,7 +73,13 @@ def design_options(p: argparse.ArgumentParser) -> None:
     )
     p.add_argument("--count", type=int, default=2048, metavar="N", help="designs tried (2048)")
     p.add_argument("--keep", type=int, default=5, metavar="N", help="designs shown (5)")
-    p.add_argument("--check", type=int, default=2, metavar="N", help="designs checked by finite elements (2)")
+    p.add_argument(
+        "--check",
+        type=int,
+        default=2,
+        metavar="N",
+        help="designs checked by finite elements (2); of an order every cell, unless 0",
+    )
     jobs_options(p)
 
 

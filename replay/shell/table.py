@@ -62,8 +62,10 @@ def frustum_table(problem: Problem, tell: Callable[[int, int], None] | None = No
     done(0)
     found = balances(problem, guesses_of(flat))
     done(1)
-    rows = [Row("equilibria (stable of them), phi >= 0", "", *(float(x) for x in (len(guesses_of(flat)), len(found))))]
+    angles = [[phi for _, phi in guesses_of(flat)], [b.point.phi_rad for b in found]]
+    rows = [Row("equilibria, with those at -phi", "", *(float(sum(2 if phi else 1 for phi in one)) for one in angles))]
     rows += _equilibria(flat, found)
+    rows += _barriers(flat, found)
     rows += _forces(problem, flat)
     done(2)
     axial, bending = softening_heights(problem)
@@ -92,6 +94,38 @@ def _equilibria(flat: Frustum, found: list[Balance]) -> list[Row]:
             rows.append(Row(f"{what}: |phi|", "rad", e.phi_rad, b.point.phi_rad if b else math.nan))
         rows.append(Row(f"{what}: energy", "mJ", energy, 1e3 * b.point.energy_j if b else math.nan))
     return rows
+
+
+#: Energies by state: (zeta, |phi|, stable, energy in mJ).
+States = list[tuple[float, float, bool, float]]
+
+
+def _barriers(flat: Frustum, found: list[Balance]) -> list[Row]:
+    """Energies of the saddles above the states they part: what a snap costs without a load, in either direction."""
+    known = [e for e in flat.equilibria() if e.phi_rad >= 0]
+    reduced = [
+        (e.zeta_m, e.phi_rad, e.stable, 1e3 * float(flat.energy(np.array(e.zeta_m), np.array(e.phi_rad))))
+        for e in known
+    ]
+    shell = [(b.point.zeta_m, b.point.phi_rad, b.stable, 1e3 * b.point.energy_j) for b in found]
+    both = [_barriers_of(states) for states in (reduced, shell)]
+    return [Row(f"barrier, {name}", "mJ", both[0][name], both[1][name]) for name in both[0] if name in both[1]]
+
+
+def _barriers_of(states: States) -> dict[str, float]:
+    """Barriers by the way they bar; empty where the frustum has not the paper's four stable states and saddles."""
+    straight = sorted(z for z, phi, stable, _ in states if stable and phi == 0)
+    bent = [z for z, phi, stable, _ in states if stable and phi > 0]
+    saddles = sorted(z for z, phi, stable, _ in states if not stable and phi > 0)
+    if (len(straight), len(bent), len(saddles)) != (2, 1, 2):
+        return {}
+    energy = {(z, stable): e for z, phi, stable, e in states if phi > 0 or stable}
+    out = {}
+    for end, saddle in zip(straight, saddles, strict=True):
+        name = "folded" if end < 0 else "deployed"
+        out[f"{name} to bent"] = energy[saddle, False] - energy[end, True]
+        out[f"bent to {name}"] = energy[saddle, False] - energy[bent[0], True]
+    return out
 
 
 def _forces(problem: Problem, flat: Frustum) -> list[Row]:

@@ -33,6 +33,11 @@ def test_cells_snap_one_after_another_in_the_order_wanted() -> None:
     assert straw.h_m[1, 1] < straw.h_m[2, 1] < straw.h_m[0, 1]
 
 
+def test_an_order_that_leaves_out_a_cell_is_named() -> None:
+    with pytest.raises(ModelError, match=r"order.cells = 1, 12; a straw of 2 cells needs each of 1 to 2 once"):
+        in_order(Wish(order=(1, 12), first_kpa=20.0, apart_kpa=2.0), StrawParameters(cells=2))
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from straw.model.errors import ModelError
+from straw.model.parameters import StrawParameters
 
 pytest.importorskip("skfem")
 
@@ -18,7 +19,7 @@ from straw.model.shell.hold import Hold
 from straw.model.shell.landscape import Grid, landscape, load_landscape
 from straw.model.shell.mesh import Mesh, Shell
 from straw.model.shell.problem import Problem
-from straw.model.shell.profile import Meridian, Profile, cell, frustum, read_profile
+from straw.model.shell.profile import Meridian, Profile, cell, frustum, profile_of, read_profile
 from straw.model.shell.solve import Model
 from straw.model.shell.threads import one_thread
 
@@ -189,6 +190,13 @@ def test_an_unreachable_point_is_reported_and_the_others_are_kept() -> None:
         ("r_m,z_m,thickness_m\n0.0146,0,0.003\n0.0111,-0.002,0.003\n", "not a shell"),
         ("r_m,z_m,thickness_m\n0.01,0,1e-4\n0.02,0.01,1e-4\n0.02,0,1e-4\n0.01,0.01,1e-4\n", "crosses itself"),
         ("r_m,z_m,thickness_m\n0.0146,0,0.0005\n-0.01,0.002,0.0005\n", "above zero"),
+        ("r_m,z_m,thickness_m\n14.65,0,0.508\n11.1,-2.28,0.508\n", "columns are in metres"),
+        ("r_m,z_m,thickness_m\n0.0111,0,0.0005\n0.0146,0.002,0.0005\n", "from its large base"),
+        ("r_m,z_m,thickness_m\n0.0146,0,0.0005\n0.0111,0,0.0005\n", "between two bases"),
+        (
+            "r_m,z_m,thickness_m\n0.011,0,5e-4\n0.0146,0.004,5e-4\n\n0.0146,0.005,5e-4\n0.011,0.002,5e-4\n",
+            "in which they meet",
+        ),
     ],
 )
 def test_an_invalid_profile_is_named_in_one_line(tmp_path: Path, text: str, said: str) -> None:
@@ -205,6 +213,14 @@ def test_a_measured_straight_profile_is_the_cone(tmp_path: Path) -> None:
     path.write_text("r_m,z_m,thickness_m\n" + "\n".join(rows) + "\n")
     one, other = (Model(p, E_PA, NU, Mesh(2, 4, 1)).at(0.2e-3, 0.0) for p in (CONE, read_profile(path)))
     assert other.energy_j == pytest.approx(one.energy_j, rel=1e-9)
+
+
+def test_a_frustum_has_the_creases_it_is_given_and_a_crease_of_less_than_nothing_is_refused() -> None:
+    straw = StrawParameters()
+    plain, creased = (Model(profile_of(straw, crease_n=k), E_PA, NU, COARSE) for k in (0.0, 20.0))
+    assert creased.at(-1.8e-3, 0.0).energy_j > 1.01 * plain.at(-1.8e-3, 0.0).energy_j
+    with pytest.raises(ModelError, match=r"crease stiffness -1\.0"):
+        profile_of(straw, crease_n=-1.0)
 
 
 def test_a_problem_survives_its_file() -> None:

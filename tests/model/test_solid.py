@@ -71,3 +71,12 @@ def test_an_unknown_suffix_is_refused_before_anything_is_written(
     assert main(["solid", "-o", str(tmp_path / "s.obj")]) == 2
     assert capsys.readouterr().err.count("\n") == 1
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("around", ["0", "2", "2000000"])
+def test_a_circle_of_too_few_or_too_many_segments_is_refused(
+    around: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["solid", "-o", str(tmp_path / "s.stl"), "--around", around]) == 2
+    assert f"--around {around}: expected 8 to 5000" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

@@ -65,6 +65,35 @@ def test_cells_that_differ_and_a_curved_straw_do_so_in_the_walls_they_have() -> 
             np.testing.assert_allclose(curved(f, np.array([4e-3])), turned - own, atol=1e-12)
 
 
+def test_a_missing_stiffness_is_a_share_of_the_walls_the_straw_has() -> None:
+    missing = TERMS["missing_force"]
+    k = np.array([c.default for c in missing.constants])
+    k[0] = 1.0
+    names = [c.name for c in missing.constants]
+    k[[i for i, name in enumerate(names) if name.startswith("stiffness_")]] = -0.08
+    for straw in (EQUATION_7, SHELL, EQUATION_7.with_term("wall_elasticity", share=0.4)):
+        for at in STATES:
+            f = frustum(straw, *at)
+            np.testing.assert_allclose(missing.force(f, k), -0.08 * np.array(walls_force(f)), rtol=1e-12)
+
+
+@pytest.mark.parametrize("straw", [EQUATION_7, SHELL, EQUATION_7.with_term("wall_elasticity", share=0.4)])
+def test_energies_of_terms_on_the_walls_have_their_forces_as_slopes(straw: StrawParameters) -> None:
+    for name, k in (("frustum_spread", (-0.08, 0.02)), ("intrinsic_curvature", (4e-3,))):
+        term, dz, df = TERMS[name], 1e-8, 1e-6
+        for zeta, phi in STATES:
+
+            def energy(a: float, b: float) -> float:
+                return float(term.energy(frustum(straw, a, b), np.array(k)))  # noqa: B023
+
+            slope = (
+                (energy(zeta + dz, phi) - energy(zeta - dz, phi)) / (2 * dz),
+                (energy(zeta, phi + df) - energy(zeta, phi - df)) / (2 * df),
+            )
+            force = term.force(frustum(straw, zeta, phi), np.array(k))
+            np.testing.assert_allclose(force, np.negative(slope), rtol=1e-5, atol=1e-6)
+
+
 def test_a_share_of_walls_without_a_finite_element_table_is_refused() -> None:
     with pytest.raises(ModelError, match=r"r_o_m.*straw shell"):
         StrawParameters(r_o_m=15.2e-3).with_term("wall_elasticity", share=0.5)
