@@ -106,7 +106,7 @@ def test_a_stretched_or_foreign_profile_is_refused(tmp_path):
         path = tmp_path / "profile.json"
         profile = {"fisheye_params": {"camera_matrix": np.eye(3).tolist(), "distortion_coeffs": [0, 0, 0, 0]}}
         path.write_text(json.dumps({**profile, "calib_dimension": {"w": 64, "h": 48}, **change}))
-        with pytest.raises(TrackingError, match="known here"):
+        with pytest.raises(TrackingError, match="it must be"):
             load_lens(path)
 
 
