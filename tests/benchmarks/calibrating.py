@@ -4,7 +4,7 @@
     python -m tests.benchmarks.calibrating 20261130=FILE --tell
 
 Rows are those of `python -m tests.benchmarks.concealed`, each file with its deck's seed; of a case in two files the
-later counts. Campaigns in which the base leaves less than noise may (`--limit`) hold nothing to be seen and are left out,
+later counts. Campaigns in which the base leaves less than noise may (`--limit`) hold nothing to be seen: left out,
 but for those with nothing concealed.
 `--tell` fits nothing: it says how well the present constants do on a deck that they were not found with.
 """
