@@ -172,8 +172,8 @@ def conclude(
 
 
 def _experiment(found: Inquiry, best: Contestant | None, probability: Mapping[str, float]) -> Any:
-    """The run that would decide between the hypotheses that survive by their ``probability``; a single survivor, or none
-    where the cause is unknown, is compared with the nearest others."""
+    """The run that would decide between the hypotheses that survive by their ``probability``; a single survivor, or
+    none where the cause is unknown, is compared with the nearest others."""
     fitted = {c.name: c for c in found.contestants}
     survivors = surviving(probability) if probability else []
     rivals = [fitted[n] for n in survivors if n in fitted and fitted[n] is not best][:3]
