@@ -148,15 +148,7 @@ def conclude(
     model = there.system.fitted(fit.unknowns, fit.u)
     experiment = None
     if found.whole and verdict in ("ambiguous", "unknown_physics") and not brief:
-        # among the causes, without "complete" and "unknown"
-        nearest = sorted(found.singles.values(), key=lambda c: c.cost)[:2]
-        # with an unknown cause the nearest hypotheses survive, but explain nothing
-        survivors = surviving(probability) if verdict == "ambiguous" else []
-        rivals = [fitted[n] for n in survivors if n in fitted and fitted[n] is not best][:3]
-        among = [c for c in (best, *rivals) if c]
-        explain = len(among) > 1  # a single survivor is compared with the nearest other
-        among += [] if explain else [c for c in nearest if c not in among]
-        experiment = system.experiment(campaign, among, explain=explain)
+        experiment = _experiment(found, best, probability if verdict == "ambiguous" else {})
     return Findings(
         verdict=verdict,
         causes=causes,
@@ -177,6 +169,20 @@ def conclude(
         missing=missing,
         discovered=discovered,
     )
+
+
+def _experiment(found: Inquiry, best: Contestant | None, probability: Mapping[str, float]) -> Any:
+    """The run that would decide between the hypotheses that survive by their ``probability``; a single survivor, or
+    none where the cause is unknown, is compared with the nearest others."""
+    fitted = {c.name: c for c in found.contestants}
+    survivors = surviving(probability) if probability else []
+    rivals = [fitted[n] for n in survivors if n in fitted and fitted[n] is not best][:3]
+    among = [c for c in (best, *rivals) if c]
+    explain = len(among) > 1
+    if not explain:
+        nearest = sorted(found.singles.values(), key=lambda c: c.cost)[:2]
+        among += [c for c in nearest if c not in among]
+    return found.campaign.system.experiment(found.campaign, among, explain=explain)
 
 
 def _added(found: Inquiry, best: Contestant | None) -> list[tuple[str, Fit]]:

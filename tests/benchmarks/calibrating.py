@@ -3,8 +3,9 @@
     python -m tests.benchmarks.calibrating 20261129=tests/benchmarks/decks/20261129-ef3c4eb.jsonl --write
     python -m tests.benchmarks.calibrating 20261130=FILE --tell
 
-Rows are those of `python -m tests.benchmarks.concealed`, each file with its deck's seed. Campaigns in which the base
-leaves less than noise may (`--limit`) hold nothing to be seen and are left out, but for those with nothing concealed.
+Rows are those of `python -m tests.benchmarks.concealed`, each file with its deck's seed; of a case in two files the
+later counts. Campaigns in which the base leaves less than noise may (`--limit`) hold nothing to be seen: left out,
+but for those with nothing concealed.
 `--tell` fits nothing: it says how well the present constants do on a deck that they were not found with.
 """
 
@@ -62,7 +63,10 @@ def main() -> None:
     ask.add_argument("--tell", action="store_true", help="fit nothing")
     ask.add_argument("--write", action="store_true", help="into the package")
     args = ask.parse_args()
-    rows = [row for name in args.decks for row in read(*name.split("=", 1), args.limit)]
+    every = {}
+    for seed, path in (name.split("=", 1) for name in args.decks):
+        every |= {(seed, case.name): (case, row) for case, row in read(seed, path, args.limit)}
+    rows = list(every.values())
     print("present constants:", told(rows, CALIBRATION), sep="\n")
     if args.tell:
         return
