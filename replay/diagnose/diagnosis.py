@@ -10,7 +10,9 @@ from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.explain import explain
 from straw.replay.diagnose.inquiry import Inquiry, Told, silent
 from straw.replay.diagnose.pairs import nested
+from straw.replay.diagnose.settings import ROUNDS
 from straw.replay.diagnose.system import Recording, System
+from straw.replay.diagnose.tournament import finished
 
 
 def inquire(
@@ -42,6 +44,8 @@ def inquire(
     found.whole, found.spent = not stop(), campaign.tally["work"] > system.most_work
     campaign.stop = stop  # later uses of the inquiry have a budget of their own
     if found.spent:  # unless each cause is fitted alone, one without effect would be named beside the other
+        if found.contestants:
+            found.keep(finished(campaign, found.contestants[0], ROUNDS))
         nested(found)
     if found.whole:
         accept(found, names)
