@@ -13,8 +13,17 @@ from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.judge import decisive, unexplained
 from straw.replay.diagnose.refine import finish, refine, refined
 from straw.replay.diagnose.screen import Start, screen
-from straw.replay.diagnose.settings import COARSE_ROUNDS, FAR, FIRST_ROUNDS, FOLLOWED, NOISE_LEAVES, ROUNDS, SHORTLIST
-from straw.replay.diagnose.tournament import fitted_contestant, halved
+from straw.replay.diagnose.settings import (
+    COARSE_ROUNDS,
+    FAR,
+    FIRST_ROUNDS,
+    FOLLOWED,
+    NOISE_LEAVES,
+    ROUNDS,
+    SHORTLIST,
+    STARTS,
+)
+from straw.replay.diagnose.tournament import fitted_contestant, halved, look
 
 
 def telling(found: Inquiry) -> Campaign:
@@ -44,13 +53,20 @@ def beside_best(found: Inquiry, names: Sequence[str]) -> None:
     known = fitted(wide, best.fit.unknowns, best.fit.u, rounds=COARSE_ROUNDS[0])
     others = [found.campaign.hypothesis([name]) for name in names if name not in best.hypothesis.causes]
     begun: dict[str, Contestant] = {}
-    for start in screen(wide, known, others, best.hypothesis):
-        if wide.stop() or (len(begun) == SHORTLIST and start.hypothesis.name not in begun):
+    for start in screen(wide, known, others):
+        name = start.hypothesis.name
+        if wide.stop() or (len(begun) == SHORTLIST and name not in begun):
             continue
-        start = shortened(wide, known, start)
-        one = fitted_contestant(wide, start, COARSE_ROUNDS[0], found.null.unknowns)
-        begun[one.name] = min(begun.get(one.name, one), one, key=lambda c: c.cost)
-    refine(found, halved(wide, list(begun.values()), len(begun)))
+        starts = [shortened(wide, known, start)]
+        if name not in begun and len(begun) < FOLLOWED:
+            starts += look(wide, known, start.hypothesis)[:STARTS]
+        fits = [fitted_contestant(wide, one, COARSE_ROUNDS[0], known.unknowns) for one in starts]
+        one = min([*fits, *([begun[name]] if name in begun else [])], key=lambda c: c.cost)
+        begun[name] = one
+    pairs = [
+        Contestant(c.hypothesis.beside(best.hypothesis), c.fit) for c in halved(wide, list(begun.values()), len(begun))
+    ]
+    refine(found, pairs)
     finish(found)
     exchanged(found)
     nested(found)
