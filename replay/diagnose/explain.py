@@ -36,7 +36,7 @@ from straw.replay.diagnose.tournament import fitted_contestant, tournament
 Floats = NDArray[np.float64]
 
 #: Largest number of stages of progress.
-STAGES = 10
+STAGES = 8
 
 
 def explain(

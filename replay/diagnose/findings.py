@@ -180,8 +180,7 @@ def _experiment(found: Inquiry, best: Contestant | None, probability: Mapping[st
     among = [c for c in (best, *rivals) if c]
     explain = len(among) > 1
     if not explain:
-        nearest = sorted(found.singles.values(), key=lambda c: c.cost)[:2]
-        among += [c for c in nearest if c not in among]
+        among += [c for c in found.ranked_singles[:2] if c not in among]
     return found.campaign.system.experiment(found.campaign, among, explain=explain)
 
 

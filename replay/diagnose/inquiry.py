@@ -20,7 +20,7 @@ def silent(_what: str, _done: int, _total: int) -> None:
 @dataclass(frozen=True)
 class Chance:
     """What a second cause gains beside the ``first``, squared sigmas, and the most that one gains by chance in all but
-    2 % of ``simulated`` campaigns that hold the first alone (`straw.replay.diagnose.bootstrap`)."""
+    the share `BY_CHANCE` of ``simulated`` campaigns that hold the first alone (`straw.replay.diagnose.bootstrap`)."""
 
     first: str
     gain: float
@@ -44,6 +44,11 @@ class Inquiry:
     def contestants(self) -> list[Contestant]:
         """All fitted hypotheses, best first."""
         return sorted([*self.singles.values(), *self.pairs.values()], key=lambda c: c.cost)
+
+    @property
+    def ranked_singles(self) -> list[Contestant]:
+        """Single causes that were fitted, best first."""
+        return sorted(self.singles.values(), key=lambda c: c.cost)
 
     @property
     def best(self) -> Fit:

@@ -6,9 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Contestant, Fit, cost_at, evaluated, fitted
+from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.judge import decisive, unexplained
 from straw.replay.diagnose.refine import finish, refine, refined
@@ -24,6 +26,8 @@ from straw.replay.diagnose.settings import (
     STARTS,
 )
 from straw.replay.diagnose.tournament import fitted_contestant, halved, look
+
+Floats = NDArray[np.float64]
 
 
 def telling(found: Inquiry) -> Campaign:
@@ -46,7 +50,7 @@ def beside_best(found: Inquiry, names: Sequence[str]) -> None:
     coarse comparison, which tells them from afar, in a tournament as of single causes."""
     if found.campaign.stop() or unexplained(found.campaign, found.best) <= FAR:
         return
-    best = next((c for c in found.contestants if len(c.hypothesis.causes) == 1), None)
+    best = next(iter(found.ranked_singles), None)
     if best is None or any(best.name in pair.hypothesis.causes for pair in found.pairs.values()):
         return
     wide = telling(found)
@@ -61,8 +65,7 @@ def beside_best(found: Inquiry, names: Sequence[str]) -> None:
         if name not in begun and len(begun) < FOLLOWED:
             starts += look(wide, known, start.hypothesis)[:STARTS]
         fits = [fitted_contestant(wide, one, COARSE_ROUNDS[0], known.unknowns) for one in starts]
-        one = min([*fits, *([begun[name]] if name in begun else [])], key=lambda c: c.cost)
-        begun[name] = one
+        begun[name] = min([*fits, begun.get(name, fits[0])], key=lambda c: c.cost)
     pairs = [
         Contestant(c.hypothesis.beside(best.hypothesis), c.fit) for c in halved(wide, list(begun.values()), len(begun))
     ]
@@ -85,16 +88,15 @@ def shortened(campaign: Campaign, known: Fit, start: Start) -> Start:
 def exchanged(found: Inquiry) -> None:
     """The second cause of the best pair beside the rival of its first: the cause that alone explains nearly as much."""
     campaign, pair = found.campaign, found.contestants[0]
-    alone = sorted((found.singles[c] for c in pair.hypothesis.causes if c in found.singles), key=lambda one: one.cost)
-    if len(pair.hypothesis.causes) == 1 or not alone or campaign.stop():
+    alone = [c for c in found.ranked_singles if c.name in pair.hypothesis.causes]
+    rivals = [c for c in found.ranked_singles if c.name not in pair.hypothesis.causes]
+    if len(pair.hypothesis.causes) == 1 or not alone or not rivals or campaign.stop():
         return
-    rivals = [c for c in found.contestants if len(c.hypothesis.causes) == 1 and c.name not in pair.hypothesis.causes]
-    if not rivals or rivals[0].cost > alone[0].cost + FAR:
+    first, rival = alone[0], rivals[0]
+    if rival.cost > first.cost + FAR:
         return
-    (other,) = (cause for cause in pair.hypothesis.causes if cause != alone[0].name)
-    second, rival = campaign.hypothesis([other]), rivals[0]
-    at = {unknown.target: float(u) for unknown, u in zip(pair.fit.unknowns, pair.fit.u, strict=True)}
-    u = np.concatenate([rival.fit.u, [at[unknown.target] for unknown in second.unknowns]])
+    (second,) = (campaign.hypothesis([cause]) for cause in pair.hypothesis.causes if cause != first.name)
+    u = np.concatenate([rival.fit.u, _u_of(second.unknowns, pair.fit)])
     start = evaluated(campaign.coarse(), (*rival.fit.unknowns, *second.unknowns), u)
     refine(found, [Contestant(second.beside(rival.hypothesis), start)])
     finish(found)
@@ -103,7 +105,7 @@ def exchanged(found: Inquiry) -> None:
 def screened_pairs(found: Inquiry, names: Sequence[str], proposed: Sequence[Start]) -> None:
     """Second causes that gain most to first order beside the best two, and the ``proposed`` pairs."""
     campaign, wide = found.campaign, telling(found)
-    for first in [c for c in found.contestants if len(c.hypothesis.causes) == 1][:2]:
+    for first in found.ranked_singles[:2]:
         others = [campaign.hypothesis([name]) for name in names if name not in first.hypothesis.causes]
         for start in screen(campaign, first.fit, others, first.hypothesis)[:FOLLOWED]:
             found.keep(fitted_contestant(campaign, start, FIRST_ROUNDS, found.null.unknowns))
@@ -118,8 +120,7 @@ def seconds(found: Inquiry, names: Sequence[str]) -> None:
     """Second causes below the noise of a sample that over all samples gain enough to make a cause as probable as none:
     selected to first order beside the best single causes, then fitted."""
     campaign, before, least = found.campaign, len(found.pairs), decisive()
-    singles = [c for c in found.contestants if len(c.hypothesis.causes) == 1]
-    for first in singles[:2]:
+    for first in found.ranked_singles[:2]:
         if first.cost > min(found.null.cost - least, found.best.cost + FAR):
             continue
         others = [campaign.hypothesis([name]) for name in names if name not in first.hypothesis.causes]
@@ -136,9 +137,14 @@ def nested(found: Inquiry) -> None:
     best = found.contestants[0] if found.contestants else None
     if best is None or len(best.hypothesis.causes) == 1:
         return
-    at = {unknown.target: float(u) for unknown, u in zip(best.fit.unknowns, best.fit.u, strict=True)}
     for cause in best.hypothesis.causes:
         alone = found.campaign.hypothesis([cause])
         unknowns = (*found.null.unknowns, *alone.unknowns)
-        u = np.array([at[unknown.target] for unknown in unknowns])
+        u = _u_of(unknowns, best.fit)
         found.keep(Contestant(alone, fitted(found.campaign, unknowns, u, rounds=ROUNDS)))
+
+
+def _u_of(unknowns: Sequence[Unknown], fit: Fit) -> Floats:
+    """Some of a fit's u, by target."""
+    at = {unknown.target: float(u) for unknown, u in zip(fit.unknowns, fit.u, strict=True)}
+    return np.array([at[unknown.target] for unknown in unknowns])

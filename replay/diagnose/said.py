@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from straw.replay.diagnose.heldout import Held
 from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.names import NO_CAUSE, words
-from straw.replay.diagnose.settings import COVERED
+from straw.replay.diagnose.settings import BY_CHANCE, COVERED
 from straw.replay.diagnose.system import Channel
 
 
@@ -80,9 +80,9 @@ def doubts(found: Inquiry) -> list[str]:
             f"{len(runs)} run{'s' if len(runs) > 1 else ''}: nothing could be held out, and repeats are not known"
         )
     if chance := found.chance.get(next(iter(found.judgement().probability))):
-        first = words(chance.first)
+        first, share = words(chance.first), 1 - BY_CHANCE
         out.append(
-            f"the second cause gains {chance.gain:.0f} squared standard deviations beside {first}; in 98 % of "
+            f"the second cause gains {chance.gain:.0f} squared standard deviations beside {first}; in {share:.0%} of "
             f"{chance.simulated} simulated campaigns with {first} alone, any second gains less than {chance.most:.0f}"
         )
     out += found.campaign.system.doubts(runs)
