@@ -58,39 +58,25 @@ def track_to_file(
     sha256 = sha256_of(calibration) if calibration else ""  # as it was when the camera was read, not hours later
     files = in_order([videos] if isinstance(videos, Path) else videos)
     record = output.with_name(output.name + ".corners")
-    if beside := siblings(files):
-        say(f"{files[0].name}: {', '.join(path.name for path in beside)} beside it belong to it; name all to join them")
-    for copy, other in copies(files):
-        say(f"{copy.name}: holds the same video as {other.name}, which is tracked twice; is it the right file?")
+    _warn_of_files(files)
     with progress_bar(f"track {files[0].name}", "frame") as bar:
         try:
             known: dict[str, Any] = {"rest_pose": rest, "start_s": 0.0 if clock else start_s, "record": record}
             tracked = track(files, camera, board or Board(), progress=progress or bar, **known, **task)
         except KeyboardInterrupt:
-            say(f"{files[0].name}: what was tracked is kept in {record}; the same command goes on from there")
+            say(f"{files[0].name}: what was tracked is kept in {record}; give the same command again to continue")
             raise
+    assert tracked.record is not None
     try:
         tracked = by_hand(tracked, files, edits, 0.0 if clock else start_s)
-    except BaseException:
-        assert tracked.record is not None
-        tracked.record.close()
-        raise
-    if clock:
-        trace = dataclasses.replace(tracked.trace, time_s=clock.host_s(tracked.trace.time_s))
-        tracked = dataclasses.replace(tracked, trace=trace)
-    assert tracked.record is not None
-    metadata = dict(filmed.metadata) if filmed else {"run_id": files[0].stem}
-    metadata |= {
-        "video": ", ".join(path.name for path in files),
-        "decode": str(tracked.decode),
-        "clock": str(clock or f"first frame given at {start_s:g} s"),
-        "camera": str(tracked.telemetry),
-    }
-    metadata |= {"calibration": calibration.name, "calibration_sha256": sha256} if calibration else {}
-    if not filmed:
-        say(f"{files[0].name}: the time of filming is unknown without --run; its times count from now")
-    zero_ns = filmed.zero_time_ns if filmed else time.time_ns()
-    try:
+        if clock:
+            trace = dataclasses.replace(tracked.trace, time_s=clock.host_s(tracked.trace.time_s))
+            tracked = dataclasses.replace(tracked, trace=trace)
+        metadata = _metadata(tracked, files, filmed)
+        metadata["clock"] = str(clock or f"first frame given at {start_s:g} s")
+        metadata |= {"calibration": calibration.name, "calibration_sha256": sha256} if calibration else {}
+        if not filmed:
+            say(f"{files[0].name}: without --run the time of filming is unknown; the recording starts at the present time")
         write_track(
             output,
             tracked.trace,
@@ -100,22 +86,46 @@ def track_to_file(
             metadata,
             {"camera.json": camera_json(tracked.camera).encode(), **({"mend.toml": mend.read_bytes()} if mend else {})},
             filmed.sha256 if filmed else "",
-            zero_ns,
+            filmed.zero_time_ns if filmed else time.time_ns(),
         )
     except BaseException:
         tracked.record.close()
         raise
+    _warn_of_track(tracked, files[0].name)
+    return tracked
+
+
+def _metadata(tracked: Track, files: Sequence[Path], filmed: Run | None) -> dict[str, str]:
+    """The run's own metadata, and what the video files say."""
+    return {
+        **(filmed.metadata if filmed else {"run_id": files[0].stem}),
+        "video": ", ".join(path.name for path in files),
+        "decode": str(tracked.decode),
+        "camera": str(tracked.telemetry),
+    }
+
+
+def _warn_of_files(files: Sequence[Path]) -> None:
+    """Warn of chapters that were not named, and of a video named twice."""
+    if beside := siblings(files):
+        say(f"{files[0].name}: belongs together with {', '.join(path.name for path in beside)}; name all to join them")
+    for copy, other in copies(files):
+        say(f"{copy.name}: holds the same video as {other.name}, which is tracked twice; is it the right file?")
+
+
+def _warn_of_track(tracked: Track, name: str) -> None:
+    """Warn of what indicates a wrong lens, place or board, and of frames that are not valid."""
+    assert tracked.record is not None
     own_px = float(np.median(np.concatenate([rows["rms_px"][rows["seen"]] for _, rows in tracked.record.chunks()])))
     left_px = float(np.nanmedian(tracked.rms_px))
     if left_px > max(_MISFIT * own_px, _MISFIT_PX):
-        what = f"corners miss the plane of motion by {left_px:.2f} px, one another by {own_px:.2f} px"
-        say(f"{files[0].name}: {what}: check the lens, the rest pose, the board's size and its mount")
+        what = f"corners are {left_px:.2f} px off the plane of motion, but {own_px:.2f} px off a free board's fit"
+        say(f"{name}: {what}: check the lens, the rest pose, the board's size and its mount")
     if tracked.never_seen:
         what = f"{tracked.never_seen} corners of a board of {tracked.board} are in no frame"
-        say(f"{files[0].name}: {what}: covered all the time, or is the board another?")
+        say(f"{name}: {what}: are they always covered, or is it a different board?")
     for reason, count in tracked.invalid.items():
-        say(f"{files[0].name}: {count} frames without a trustworthy board: {reason}")
-    return tracked
+        say(f"{name}: {count} {'frame' if count == 1 else 'frames'} without a trustworthy board: {reason}")
 
 
 def by_hand(tracked: Track, files: Sequence[Path], edits: Sequence[Edit], start_s: float) -> Track:

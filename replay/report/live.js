@@ -71,7 +71,7 @@ const order = (what) => { if (orders.readyState === WebSocket.OPEN) orders.send(
 // Orders to a run from its own page; within the lab's page only those that the lab does not have.
 function drawOrders(run) {
   $("header").insertAdjacentHTML("beforeend", `<p id="orders">${run.orders ? `<button class="vent" data-do="vent">VENT <kbd>V</kbd></button>
-    <button data-do="hold">hold</button> <button data-do="resume">go on</button> <button data-do="stop">stop and vent</button>` : ""} <span id="state"></span></p>`);
+    <button data-do="hold">hold</button> <button data-do="resume">resume</button> <button data-do="stop">stop and vent</button>` : ""} <span id="state"></span></p>`);
   $("#curves").insertAdjacentHTML("beforeend", `<details open><summary>Events</summary><ul id="log"></ul></details>`);
   document.querySelectorAll("#orders button").forEach((b) => b.addEventListener("click", () => order(b.dataset.do)));
   onVentKey(() => {

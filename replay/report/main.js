@@ -15,7 +15,7 @@ function redraw(fresh) {
   statesKey();
   $("#run h2").textContent = run.id;
   $("#run .facts").textContent = [
-    run.role, ...(run.straw ? [run.specimen || "unnamed specimen", `cells deployed at the start: ${run.deployed}`, `cycle ${run.cycle}`] : []), run.file,
+    run.role === "running" ? "" : run.role, ...(run.straw ? [run.specimen || "unnamed specimen", `cells deployed at the start: ${run.deployed}`, `cycle ${run.cycle}`] : []), run.file,
     run.sha && `SHA-256 ${run.sha.slice(0, 12)}…`].filter(Boolean).join(" · ");
   $("#run .lost").innerHTML = run.lost.map((s) => `<li>${html(s)}</li>`).join("");
   $("#toml").textContent = run.toml;

@@ -58,7 +58,7 @@ function show(url, text, apart) {
 onState(({ bench: b }) => {
   const run = b.run, mine = b.control.mine, free = !b.control.holder;
   $("#going").innerHTML = !b.ready ? 'No rig. Start the lab with <code>--rig rig.toml</code>, or with <code>--emulate</code>.'
-    : run ? `<dl class="facts"><dt>run</dt><dd>${html(run.recording.split(/[\\/]/).at(-1))}</dd><dt>state</dt><dd class="${run.state === "running" ? "ok" : "warn"}"><b>${html(run.state)}</b></dd><dt>since</dt><dd>${Math.max(0, (Date.now() - run.since_ns / 1e6) / 1000).toFixed(0)} s of ${run.duration_s.toFixed(0)} s</dd><dt>limits</dt><dd>${html(run.limits)}</dd><dt>guardian</dt><dd>${run.guardian ? `process ${run.guardian.pid}; vents when the run is silent for ${run.guardian.heartbeat_s} s` : "none"}</dd></dl>`
+    : run ? `<dl class="facts"><dt>run</dt><dd>${html(run.recording.split(/[\\/]/).at(-1))}</dd><dt>state</dt><dd class="${run.state === "running" ? "ok" : "warn"}"><b>${html(run.state)}</b></dd><dt>elapsed</dt><dd>${Math.max(0, (Date.now() - run.since_ns / 1e6) / 1000).toFixed(0)} s of ${run.duration_s.toFixed(0)} s</dd><dt>limits</dt><dd>${html(run.limits)}</dd><dt>guardian</dt><dd>${run.guardian ? `process ${run.guardian.pid}; vents when the run is silent for ${run.guardian.heartbeat_s} s` : "none"}</dd></dl>`
     : b.starting ? `<b class="ok">${html(b.starting)} is ${b.finishing ? "being finished" : "starting"}…</b>` : `${html(b.rig)}${b.emulated && b.rig !== "emulator" ? " (emulated)" : ""}: idle${b.limits ? `, limits ${html(b.limits)}` : ""}${b.armed ? ', <b class="warn">armed</b>' : ""}`;
   $("#camera").innerHTML = b.camera === "gopro" ? "The camera is started and stopped with the run, and its video fetched." : b.camera ? `<b class="${run || b.starting ? "warn" : ""}">Camera by hand: press its shutter ${run || b.starting ? "now, and again when the run has ended" : "when the run starts"};</b> then drop the video on the run's page.` : "";
   const can = b.ready && (mine || free);
@@ -68,12 +68,12 @@ onState(({ bench: b }) => {
   $("#start").disabled = !can || !b.armed || !b.queue.items.length || Boolean(run) || Boolean(b.starting);
   for (const [id, off] of [["hold", !run || run.state !== "running"], ["resume", !run || run.state !== "held"], ["stop", !run]]) $("#" + id).disabled = !can || off;
   const c = b.control;
-  $("#control").innerHTML = (mine ? "You are in control." : free ? "Nobody is in control; whoever arms first is." : `<b>${html(c.holder)}</b> is in control; you watch, and may always vent.`) +
-    (c.watching > 1 ? ` ${c.watching} pages look at this rig.` : "") +
+  $("#control").innerHTML = (mine ? "You are in control." : free ? "Nobody is in control; whoever arms first is." : `<b>${html(c.holder)}</b> is in control; you may watch, and vent at any time.`) +
+    (c.watching > 1 ? ` ${c.watching} pages are connected to this rig.` : "") +
     (mine ? ` <button data-control="give">give it up</button>` : free ? "" : c.asking ? ` Asked; ${html(c.holder)} has ${c.answer_s} s to answer.` : ` <button data-control="take">ask for control</button>`) +
     (mine && c.asker ? ` <b class="warn">${html(c.asker)} asks for control (${c.answer_s} s)</b> <button data-control="give">give</button> <button data-control="keep">keep</button>` : "");
   const items = b.queue.items;
-  $("#held").innerHTML = !items.length ? "empty: choose a protocol below and add it" : b.queue.held ? `<b class="warn">waits: ${html(b.queue.held)}</b>` : b.queue.pause_s ? `next in ${b.queue.pause_s} s` : run || b.starting ? "goes on after this run" : b.armed ? "starting" : "waiting: the rig is not armed";
+  $("#held").innerHTML = !items.length ? "empty: choose a protocol below and add it" : b.queue.held ? `<b class="warn">waits: ${html(b.queue.held)}</b>` : b.queue.pause_s ? `next in ${b.queue.pause_s} s` : run || b.starting ? "continues after this run" : b.armed ? "starting" : "waiting: the rig is not armed";
   const text = JSON.stringify([items, can, b.queue.running]);
   if (text !== followedQueue) {
     followedQueue = text;
@@ -83,7 +83,7 @@ onState(({ bench: b }) => {
   }
   $("#log").innerHTML = [...b.said].reverse().map(([when, text]) => `<li><span class="soft">${when}</span> ${html(text)}</li>`).join("");
   const url = run ? run.url : "";
-  if (url && url !== shownRun) show(atThisHost(url).href, `${run.protocol}: the run as it goes on, the model beside it. The page comes from the run itself and goes on without this lab.`, false);
+  if (url && url !== shownRun) show(atThisHost(url).href, `${run.protocol}: the run in progress, with the model beside it. The run itself serves this page, which continues without the lab.`, false);
   if (!url && shownRun) $("#shown").innerHTML = "The run has ended. " + lastRun();
   shownRun = url;
   if (run) lastName = run.recording.split(/[\\/]/).at(-1);
