@@ -135,7 +135,8 @@ def _sigmas(track: Track) -> Figure:
         axes.plot(track.trace.time_s, getattr(track.trace, f"sigma_{channel}") * scale, lw=1, label=name)
     axes.set_yscale("log")
     axes.set_xlabel("time / s")
-    axes.legend(loc="upper right")
+    axes.set_ylabel("sigma")
+    axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3, frameon=False)
     _stripes(axes, track)
     return figure
 

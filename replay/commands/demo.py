@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
     concealed = draw(args.seed)
     seal = Seal.on(concealed)
     told = seal.sha256
-    print(f"sealed    {told}", flush=True)
+    print(f"sealed    SHA-256 of what is concealed: {told}", flush=True)
     write_text(out / "sealed.txt", f"{told}  opened.json\n")
     write_text(out / "base.toml", BASE.to_toml())
     save_camera(out / "camera.json", lens_alone())
@@ -93,8 +93,8 @@ def run(args: argparse.Namespace) -> int:
         print(f"tracked   {summary(one.tracked)}: {one.tip}")
     print(figures(filmed[0], findings.held))
     print(f"diagnosis {findings.says} {findings.where}")
-    print(f"opened    {story(concealed, seal, told, findings)}: {out / 'opened.json'}")
-    print(f"look at   {out / 'why.html'} and {out / 'replay.html'}")
+    print(f"seal      {story(concealed, seal, told, findings)}: {out / 'opened.json'}")
+    print(f"open      {out / 'why.html'} and {out / 'replay.html'}")
     return 0
 
 
@@ -146,9 +146,9 @@ def figures(filmed: Filmed, held: Held | None) -> str:
     ]
     if held:
         lines += [
-            f"{' and '.join(held.heldout)}, not fitted",
-            row("base model off by, RMS", held.before),
-            row("improved model, RMS", held.after),
-            row("noise, repeats by 1 ms", held.floor),
+            f"{' and '.join(held.heldout)}, held out of the fit",
+            row("base model, RMS misfit", held.before),
+            row("improved model, RMS misfit", held.after),
+            row("noise, and snaps to 1 ms", held.floor),
         ]
     return "\n".join(lines)

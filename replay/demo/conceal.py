@@ -108,12 +108,12 @@ def opened(concealed: Concealed, seal: Seal, told: str, findings: Findings) -> d
 def story(concealed: Concealed, seal: Seal, told: str, findings: Findings) -> str:
     """The outcome for people."""
     agrees = (
-        "its SHA-256 is the one above" if seal.sha256 == told else f"its SHA-256 is {seal.sha256}, NOT the one above"
+        "as sealed above" if seal.sha256 == told else f"but its SHA-256 is {seal.sha256}, NOT the one above"
     )
+    found = figures.told(findings.parameters.get(concealed.cause, {}))
     if named(concealed, findings):
-        verdict = "the diagnosis named it"
+        verdict = "the diagnosis named it" + (f" and found {', '.join(found)}" if found else "")
     else:
         between = f", {' or '.join(findings.causes)}" if findings.causes else ""
         verdict = f"not named: the diagnosis said {findings.verdict.replace('_', ' ')}{between}"
-    found = figures.told(findings.parameters.get(concealed.cause, {}))
-    return f"concealed was {concealed}; {agrees}; {verdict}" + (f" ({', '.join(found)})" if found else "")
+    return f"concealed was {concealed}, {agrees}; {verdict}"

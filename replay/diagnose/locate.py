@@ -133,11 +133,11 @@ def _goes_with(runs: Sequence[Recording], wish: Floats, weight: Floats) -> str:
 
 
 def _with(what: str) -> str:
-    return f", with {what}" if what else ""
+    return f", in correlation with {what}" if what else ""
 
 
 def sentence(found: Sequence[Located], wanders: Sequence[Wandering], channels: Sequence[Channel]) -> str:
-    """Where the base model and the recordings differ, in one sentence."""
+    """Where the base model and the recordings differ, in words."""
     if not found:
         return "The base model and the recordings differ nowhere beyond noise."
     top = found[0]
@@ -147,10 +147,10 @@ def sentence(found: Sequence[Located], wanders: Sequence[Wandering], channels: S
     cell = f" (cell {top.cells[0]})" if top.cells else ""
     where = f"in {top.run}, which shows no snap" if top.phase == "no snap" else f"{top.phase}{cell} of {top.run}"
     text = (
-        f"Base model and recordings differ most {where}, in {names[top.channel]}, and mostly in {top.kind}; "
-        f"{100 * share:.0f} % of the misfit lies in stretches of that kind"
+        f"Base model and recordings differ most {where}, in {names[top.channel]}, mostly in {top.kind}. "
+        f"Intervals of this kind contain {100 * share:.0f} % of the misfit."
     )
     if wanders and wanders[0].spread_sigma > 10:
         w = wanders[0]
-        text += f"; the {w.constant} would have to differ from run to run{_with(w.goes_with)}: {w.equation}"
-    return text + "."
+        text += f" The {w.constant} of the {w.equation} would have to vary from run to run{_with(w.goes_with)}."
+    return text

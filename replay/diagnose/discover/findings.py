@@ -92,9 +92,9 @@ class SystemFindings:
         """Remarks on the first law, in sentences."""
         told_ = {
             "law 1 is the same law written in": self.same,
-            "which form law 1 has is not told; it may as well be": self.forms,
-            "not told apart from law 1:": self.alike_places,
-            "goes together with the state of law 1 in all recordings:": self.goes_with,
+            "the form of law 1 is not determined; it may equally be": self.forms,
+            "cannot be distinguished from law 1:": self.alike_places,
+            "varies together with the state of law 1 in all recordings:": self.goes_with,
         }
         return [f"{words} {'; '.join(names)}" for words, names in told_.items() if names]
 
@@ -175,38 +175,50 @@ class SystemFindings:
 
     @property
     def says(self) -> str:
+        """The verdict, and where there are laws how far they reduce the error, in a sentence each."""
+        return f"{self.headline} {self.gain}".strip()
+
+    @property
+    def gain(self) -> str:
+        """How far the laws reduce the error on what was held out, in one sentence; empty without laws."""
+        if self.verdict not in ("ambiguous", "measurement_fault", "missing_physics"):
+            return ""
+        d = self.discovery
+        ratio = float(np.sqrt(np.mean((d.held[-1] / d.base.unit) ** 2) / np.mean((d.held[0] / d.base.unit) ** 2)))
+        form = "Its form is not determined. " if self.forms else ""
+        return f"{form}With it the error on what was held out is {100 * ratio:.2g} % of the base model's."
+
+    @property
+    def headline(self) -> str:
         """The verdict in one sentence."""
         d, runs = self.discovery, len(self.recordings)
         these = f"{'this recording' if runs == 1 else f'these {runs} recordings'}"
         verdict = self.verdict
         if verdict == "complete":
-            return f"Nothing is missing: the base explains {these} to their noise where nothing was fitted."
+            return f"Nothing is missing: the base model explains {these} to within their noise where nothing was fitted."
         if verdict == "within_tolerance":
             return f"Good enough: {these} are explained within the tolerance given."
         if verdict == "unknown_physics":
             place = self.best_located
             if place:
                 return (
-                    f"Located, not explained: what is missing shows most in {place}, but no law there holds on what "
+                    f"Located, not explained: what is missing shows most in {place}, but no law there improves what "
                     "was held out."
                 )
-            return f"The base does not explain {these}, and they cannot tell what is missing."
+            return f"The base model does not explain {these}, and they cannot tell what is missing."
         names = [one.law.said for one in self.laws]
         text = names[0] if len(names) == 1 else f"{'; '.join(names[:-1])}; and {names[-1]}"
-        ratio = float(np.sqrt(np.mean((d.held[-1] / d.base.unit) ** 2) / np.mean((d.held[0] / d.base.unit) ** 2)))
-        form = "which form it has is not told; " if self.forms else ""
-        gain = f"{form}with it the error on what was held out is {100 * ratio:.2g} % of the base's"
         if verdict == "ambiguous":
             first = self.laws[0].law
-            others = [*self.alike_places[:2], *(f"a law over {one}, which goes with it" for one in self.goes_with[:1])]
+            others = [*self.alike_places[:2], *(f"a law over {one}, which varies together with it" for one in self.goes_with[:1])]
             if not others:
                 by_itself = "a delay" if first.place.unit == "s" else "a drift"
                 changing = drifts(first) and not acts_in_recording(first)
                 what = "a law over anything else that changes with time"
                 others = [what if changing else f"{by_itself} of the system itself"]
-            return f"Something is missing {names[0]}; {these} cannot tell it from {'; or '.join(others)}; {gain}."
+            return f"Something is missing {names[0]}; {these} cannot distinguish it from {'; or '.join(others)}."
         what = "The recording is at fault" if verdict == "measurement_fault" else "The model leaves something out"
-        return f"{what} {text}; {gain}."
+        return f"{what} {text}."
 
     @property
     def best_located(self) -> str:

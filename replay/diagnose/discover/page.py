@@ -31,8 +31,8 @@ def story(f: SystemFindings) -> Story:
     after = Model(d.best.system, d.best.fit) if f.laws else None
     held = [one for one in f.recordings if one.held.any()]
     return Story(
-        says=f.says,
-        where=f"{d.base.system.model.title.rstrip('.')}. {_where(f)}{_gain(f)}",
+        says=f.headline,
+        where=f"{d.base.system.model.title.rstrip('.')}. {_where(f)}{_gain(f)}{' Its form is not determined.' if f.forms else ''}",
         picture=shown.picture(None, (), [one.law.place.name for one in f.laws]),
         runs=played(f.recordings, Model(d.base.system, d.base.fit), after, {one.name for one in held}),
         improved=after is not None,
@@ -55,9 +55,9 @@ def story(f: SystemFindings) -> Story:
 
 def _where(f: SystemFindings) -> str:
     if not f.located:
-        return "The base is off nowhere beyond noise."
+        return "The base model is off nowhere beyond noise."
     x = f.located[0]
-    return f"The base is off most in {x['run']}, in {x['channel']}, from {x['from_s']:.3g} to {x['to_s']:.3g} s."
+    return f"The base model is off most in {x['run']}, in {x['channel']}, from {x['from_s']:.3g} to {x['to_s']:.3g} s."
 
 
 def _gain(f: SystemFindings) -> str:
@@ -66,10 +66,10 @@ def _gain(f: SystemFindings) -> str:
         return ""
     d = f.discovery
     parts = [
-        f"{c.symbol} {sig(d.held[0][k])} to {sig(d.held[-1][k])} {c.shown_unit} (noise {sig(d.noise[k])})"
+        f"{c.symbol} from {sig(d.held[0][k])} to {sig(d.held[-1][k])} {c.shown_unit} (noise {sig(d.noise[k])})"
         for k, c in enumerate(d.base.system.channels)
     ]
-    return f" {_there(f)}, the misfit goes from {'; '.join(parts)}."
+    return f" {_there(f)}, the misfit decreases: {'; '.join(parts)}."
 
 
 def _there(f: SystemFindings) -> str:

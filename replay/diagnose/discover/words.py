@@ -122,6 +122,8 @@ def unit_of(law: Law, constant: str) -> str:
         power = SHAPES[law.shape].unit
         if power == 0 or law.state.unit == "1" or law.state.kind == OF_NOTHING:
             return law.place.unit
+        if power == 1 and law.place.unit == law.state.unit:
+            return "1"
         per = f"({law.state.unit})" if "/" in law.state.unit else law.state.unit
         return f"{law.place.unit}/{per}" + (f"^{power:g}" if power != 1 else "")
     return {"lag_s": "s", "exponent": "1"}.get(constant, law.state.unit)
@@ -129,7 +131,8 @@ def unit_of(law: Law, constant: str) -> str:
 
 def symbol(law: Law) -> str:
     """The state in a formula."""
-    return f"late({law.state.name})" if law.state.lag_s is not None else law.state.name
+    name = law.state.symbol or law.state.name
+    return f"late({name})" if law.state.lag_s is not None else name
 
 
 def formula(law: Law, values: dict[str, float], number: int) -> str:
@@ -141,10 +144,17 @@ def formula(law: Law, values: dict[str, float], number: int) -> str:
     else:
         shape = SHAPES[law.shape]
         inner = [f"{values[prefix + c]:.4g} {law.state.unit if of else ''}".strip() for c, *_, of in shape.constants]
-        span = f"{law.state.span:.4g} {law.state.unit}".removesuffix(" 1")
-        text = shape.text.format(*inner, s=symbol(law)).replace("span", span)
+        inner.append(f"{law.state.span:.4g} {law.state.unit}")
+        inner = [one.removesuffix(" 1") for one in inner]
+        text = shape.text.replace("span", f"{{{len(inner) - 1}}}")
+        for k, one in enumerate(inner):  # a number with its unit is one denominator
+            text = text.replace(f"/ {{{k}}}", f"/ ({one})" if " " in one else f"/ {one}")
+        text = text.format(*inner, s=symbol(law))
         f = f"({values[prefix + 'strength']:.4g} {unit_of(law, 'strength')}) {text}".replace(" 1)", ")").strip()
-    lag = f", {symbol(law)} following with a lag of {values[prefix + 'lag_s']:.3g} s" if law.state.lag_s else ""
+    lag = ""
+    if law.state.lag_s:
+        own = law.state.symbol or law.state.name
+        lag = f", where {symbol(law)} follows {own} with lag {values[prefix + 'lag_s']:.3g} s"
     if law.place.kind == STRENGTH:
         return f"the law before, {READS[STRENGTH].format(f=f)}{lag}"
     return READS[law.place.kind].format(name=name, f=f) + lag

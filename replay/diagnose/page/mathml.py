@@ -18,15 +18,15 @@ GREEK |= {"lambda": GREEK["lamda"], "Phi": unicodedata.lookup("GREEK CAPITAL LET
 MINUS, PRIME, D = "&#x2212;", "&#x2032;", "<mi mathvariant='normal'>d</mi>"
 FUNCTIONS = {"exp", "tanh", "sign", "max", "min", "sin", "cos", "log", "ln", "late", "mod"}
 TOKENS = re.compile(
-    r"\s+|(?P<number>\d+(?:\.\d+)?(?:e[+-]?\d+)?)|(?P<name>[^\W\d]\w*(?:'s\b)?)|(?P<unit>\[[^\]]*\])|(?P<other>->|.)"
+    r"\s+|(?P<number>\d+(?:\.\d+)?(?:e[+-]?\d+)?)|(?P<name>[^\W\d]\w*(?:'s\b)?)|(?P<unit>\[[^\]]*\])|(?P<other>->|\.\.\.|.)"
 )
 #: Units that may follow a number; a symbol of the same name stands elsewhere.
-UNITS = {"m", "mm", "s", "ms", "N", "Pa", "kPa", "rad", "mrad", "V", "A", "kg", "K", "Hz", "J", "W"}
+UNITS = {"m", "mm", "s", "ms", "N", "Pa", "kPa", "rad", "mrad", "V", "A", "kg", "K", "Hz", "J", "W", "bar", "mbar"}
 #: Longest name that is a symbol by itself; longer ones are words.
 SYMBOL = 2
 #: Words as short.
 SHORT = {"of", "at", "by", "in", "is", "or", "to", "as", "on"}
-SIGNS = {"-": MINUS, "*": "·", "->": "→"}
+SIGNS = {"-": MINUS, "*": "·", "->": "→", "...": "…"}
 NUMBER = re.compile(r"(\d(?:\.\d+)?)e([+-]?\d+)")
 OPEN, CLOSE = "<mrow><mo>(</mo>", "<mo>)</mo></mrow>"
 Token = tuple[str, str]

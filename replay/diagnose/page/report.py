@@ -83,9 +83,9 @@ def _gain(f: Findings, channels: Sequence[Any]) -> str:
     parts = []
     for c in channels:
         before, after, floor = (sig(c.shown_per_si * row[c.name]) for row in (held.before, held.after, held.floor))
-        parts.append(f"{c.symbol} {before} to {after} {c.shown_unit} (noise {floor})")
+        parts.append(f"{c.symbol} from {before} to {after} {c.shown_unit} (noise {floor})")
     where = f"{and_(held.heldout)}, which {'was' if len(held.heldout) == 1 else 'were'} not fitted,"
-    return f"In {where} the misfit goes from {'; '.join(parts)}."
+    return f"In {where} the misfit decreases: {'; '.join(parts)}."
 
 
 def _definition(where: str, channels: Sequence[Any]) -> str:

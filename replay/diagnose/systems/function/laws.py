@@ -35,7 +35,8 @@ class Place:
 class State:
     """A state of a law: kind and number, name, unit, and the span (low, high) that recordings visit.
 
-    ``lag_s``: the state after a first-order lag of this time; None for the state itself.
+    ``lag_s``: the state after a first-order lag of this time; None for the state itself. ``symbol``: its name in the
+    file's equations, where it has one.
     """
 
     kind: int
@@ -46,6 +47,7 @@ class State:
     high: float
     lag_s: float | None = None
     longest_s: float = np.inf  # of a lag: the recordings' duration
+    symbol: str = ""
 
     @property
     def span(self) -> float:

@@ -119,32 +119,32 @@ def states(system: FunctionSystem, seen: Sequence[Passed]) -> list[State]:
     """Every state, its rate, every input and its rate, time; and the history of states and inputs."""
     model, out = system.model, [State(OF_NOTHING, 0, "nothing", "1", 0.0, 1.0)]
 
-    def add(kind: int, which: int, name: str, unit: str, rows: list[Floats]) -> None:
+    def add(kind: int, which: int, name: str, unit: str, rows: list[Floats], symbol: str = "") -> None:
         low, high = visited(np.concatenate(rows))
         if high - low > 1e-9 * max(abs(low), abs(high)):
-            out.append(State(kind, which, name, unit, float(low), float(high)))
+            out.append(State(kind, which, name, unit, float(low), float(high), symbol=symbol))
 
     many = len(model.inputs)
     for i, name in enumerate(model.states):
-        add(OF_STATE, i, model.named(name), model.unit(name), [p.states[i] for p in seen])
+        add(OF_STATE, i, model.named(name), model.unit(name), [p.states[i] for p in seen], name)
         if not _is_a_state(i, seen):
             add(OF_RATE, i, f"the rate of {model.named(name)}", f"{model.unit(name)}/s", [p.rates[i] for p in seen])
     for i, signal in enumerate(model.inputs):
         says = model.named(signal.name)
-        add(OF_INPUT, i, says, signal.unit, [p.recording.inputs[i] for p in seen])
+        add(OF_INPUT, i, says, signal.unit, [p.recording.inputs[i] for p in seen], signal.name)
         rows = [p.recording.inputs[many + i] for p in seen]
         add(OF_INPUT, many + i, f"the rate of {says}", f"{signal.unit}/s", rows)
     add(OF_TIME, 0, "time", "s", [p.recording.time_s for p in seen])
     for i, channel in enumerate(model.channels):
         if channel.name not in model.states:
-            add(OF_SHOWN, i, model.named(channel.name), channel.unit, [p.recording.seen[i] for p in seen])
+            add(OF_SHOWN, i, model.named(channel.name), channel.unit, [p.recording.seen[i] for p in seen], channel.name)
     longest = max(float(np.ptp(p.recording.time_s)) for p in seen)
     step = float(np.median(np.concatenate([np.diff(p.recording.time_s) for p in seen])))
     for one in list(out):
         moves = one.kind in (OF_STATE, OF_INPUT) and not one.name.startswith("the rate")
         if moves and 2 * step < LAG_SHARE * longest:
             for lag in np.geomspace(2 * step, LAG_SHARE * longest, LAGS):
-                out.append(State(one.kind, one.which, one.name, one.unit, one.low, one.high, float(lag), longest))
+                out.append(replace(one, lag_s=float(lag), longest_s=longest))
     wanted = model.get("depends_on")
     return out if wanted is None else [s for s in out if s.name in (*wanted, "nothing")]
 
