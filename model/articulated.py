@@ -1,8 +1,8 @@
-"""Newton's matrix of an implicit step, eliminated from the tip to the base: cost grows with the number of cells.
+"""Factors the Newton matrix of an implicit step from the tip to the base, at a cost linear in the number of cells.
 
-W = M / hg^2 + B, with B in blocks of a frustum. Beyond each joint the straw answers accelerations with a wrench, an
-articulated body (Featherstone, Rigid Body Dynamics Algorithms, chapter 7); M itself, singular in the full form, is
-neither formed nor inverted.
+W = M / hg^2 + B, with a block of B per frustum. The straw beyond a joint is an articulated body: its wrench on the
+joint is linear in the joint's acceleration (Featherstone, Rigid Body Dynamics Algorithms, chapter 7). M itself,
+singular in the full form, is neither formed nor inverted.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ class Articulated(NamedTuple):
     """Cell by cell; coordinates of a cell are zeta and phi of its frusta as they follow in q."""
 
     reach: Floats  # (cells, 2) from its base joint to the outer one
-    answer: Floats  # (cells, moving, moving) accelerations by generalised force
-    follow: Floats  # (cells, moving, 3) accelerations, less, by what the base joint does
-    carry: Floats  # (cells, 3, moving) wrench on the base joint by accelerations
-    moved: Floats  # (cells, moving, 3) what a coordinate does to the outer joint
-    body: Floats  # (moving, 3) scratch: what it does to the body
+    answer: Floats  # (cells, moving, moving) accelerations per generalised force
+    follow: Floats  # (cells, moving, 3) minus accelerations per acceleration of the base joint
+    carry: Floats  # (cells, 3, moving) wrench on the base joint per acceleration
+    moved: Floats  # (cells, moving, 3) motion of the outer joint per coordinate
+    body: Floats  # (moving, 3) scratch: momentum of the body per coordinate
     momenta: Floats  # (cells, 3) scratch
 
 
 @compiled
 def articulated_for(c: Constants) -> Articulated:
-    """Room for a straw."""
+    """Allocate for a straw."""
     n, k = c.cells, 2 * c.active
     return Articulated(
         np.zeros((n, 2)),
@@ -77,7 +77,7 @@ def _invert(G: Floats, k: int) -> None:
 def articulate(c: Constants, s: Chain, blocks: Floats, hg: float, out: Articulated) -> None:
     """Factor W for a straw in the chain's state; blocks (cells, 2, 2, 2) is B, frustum by frustum."""
     n, k, hg2 = c.cells, c.active, hg * hg
-    # the wrench on a joint by what it does, a 3 x 3 matrix
+    # articulated inertia beyond the joint, 3 x 3: wrench per acceleration of the joint
     a00 = a11 = c.m_tip
     a22 = c.I_tip
     a01 = a02 = a10 = a12 = a20 = a21 = 0.0
@@ -100,14 +100,14 @@ def articulate(c: Constants, s: Chain, blocks: Floats, hg: float, out: Articulat
             along, across = s.local[i, own, 0], s.local[i, own, 1]
             body[0], body[1] = mass * (along * ux + across * uz), mass * (along * uz - across * ux)
             body[2] = inertia * s.local[i, own, 2]
-            # wrench from beyond by this coordinate, then on the base joint with the body's own
+            # wrench of the outer part per this coordinate, then that on the base joint, with the body's own
             f0 = a00 * moved[0] + a01 * moved[1] + a02 * moved[2]
             f1 = a10 * moved[0] + a11 * moved[1] + a12 * moved[2]
             f2 = a20 * moved[0] + a21 * moved[1] + a22 * moved[2]
             F[0, x], F[1, x] = f0 + body[0], f1 + body[1]
             F[2, x] = f2 + lz * f0 - lx * f1 + body[2] + bz * body[0] - bx * body[1]
             for y in range(2 * k):
-                # rows: coordinate y's share of that wrench and of the body's own momentum
+                # row y: projection of that wrench and of the body's own momentum on coordinate y
                 frustum_y = y % k + 2 - k
                 if y < k:
                     value, own_y = ux * f0 + uz * f1, frustum_y
@@ -121,7 +121,7 @@ def articulate(c: Constants, s: Chain, blocks: Floats, hg: float, out: Articulat
                     value += hg2 * blocks[i, frustum, y // k, x // k]
                 G[y, x] = value
         _invert(G, 2 * k)
-        # by the base joint: its own row E of each coordinate, and what is beyond as one rigid body
+        # per motion of the base joint: row E of each coordinate, and the outer part as one rigid body
         c02, c12, c22 = a02 + a00 * lz - a01 * lx, a12 + a10 * lz - a11 * lx, a22 + a20 * lz - a21 * lx
         b02, b12 = mass * bz, -mass * bx
         for y in range(2 * k):
@@ -157,7 +157,7 @@ def articulate(c: Constants, s: Chain, blocks: Floats, hg: float, out: Articulat
 
 @allocates_nothing
 def solve(c: Constants, m: Articulated, force: Floats, hg: float, out: Floats) -> None:
-    """Displacement W^-1 force, into out (coordinates,), which is another array."""
+    """Displacement W^-1 force, into out (coordinates,), which must not be ``force`` itself."""
     n, k, hg2 = c.cells, 2 * c.active, hg * hg
     b0 = b1 = b2 = 0.0
     for i in range(n - 1, -1, -1):
@@ -192,7 +192,7 @@ def solve(c: Constants, m: Articulated, force: Floats, hg: float, out: Floats) -
 
 @allocates_nothing
 def momentum(c: Constants, s: Chain, m: Articulated, rate: Floats, out: Floats) -> None:
-    """M(q) times a vector, into out (coordinates,): motion outwards, wrenches inwards."""
+    """M(q) times a vector, into out (coordinates,): velocities from base to tip, then wrenches from tip to base."""
     n, k = c.cells, c.active
     y0 = y1 = y2 = 0.0
     for i in range(n):
@@ -214,7 +214,7 @@ def momentum(c: Constants, s: Chain, m: Articulated, rate: Floats, out: Floats) 
                 y2 += d
             else:
                 turns += d
-        # the outer joint, its base turned by the cell's first angle already
+        # the outer joint; the rotation by the cell's first angle is already in y2
         y0 += y2 * lz + longer * ux
         y1 += -y2 * lx + longer * uz
         y2 += turns

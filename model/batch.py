@@ -1,4 +1,4 @@
-"""Many simulations, in order, on whatever a `concurrent.futures.Executor` stands for: threads, processes, a cluster."""
+"""Many simulations, in order, on any `concurrent.futures.Executor`: threads, processes or a cluster."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def _started(job: Job, executor: Executor | None) -> Future[Prediction | ModelEr
     except ModelError as error:
         here.set_result(error)
         return here
-    # The first of a process runs here: workers then find machine code, forked or on disk, and do not all compile.
+    # The first job of a process runs here, so that workers find compiled code, forked or on disk.
     if executor and integrate.signatures:
         return executor.submit(_outcome, *ready)
     here.set_result(_outcome(*ready))

@@ -1,4 +1,4 @@
-"""The columns of a run, derivatives of where it stands, and room to take them along."""
+"""The columns of a run (derivatives of its state by P parameters), and the scratch arrays that propagate them."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ Floats = NDArray[np.float64]
 
 
 class Columns(NamedTuple):
-    """Derivatives of where a run stands by P parameters; coordinates of a cell as in `straw.model.linearised`."""
+    """Derivatives of a run's state by P parameters; coordinates of a cell as in `straw.model.linearised`."""
 
-    qv: Floats  # (cells, 2 moving wide) displacements, then rates, row by row; zeros behind the columns of each
+    qv: Floats  # (cells, 2 moving wide) displacements, then rates, row by row, each padded with zeros
     memory: Floats  # (cells, 2, MEMORIES, 2, P)
     way_in: Floats  # (STATES, P)
     inside_pa: Floats  # (P,)
 
 
 class Bench(NamedTuple):
-    """Scratch of the columns, made once and used again and again."""
+    """Scratch arrays of the columns, allocated once."""
 
     motion: Motion
     chain: Chain
     load: Load
     links: Links
     sweeps: Sweeps
-    found: Floats  # (cells, moving, wide) accelerations; behind the columns what one pascal inside does
+    found: Floats  # (cells, moving, wide) accelerations; behind the columns those per pascal inside
     qv: Floats  # (STAGES, cells, 2 moving wide) rates of the columns in each stage
     memory: Floats  # (STAGES, cells, 2, MEMORIES, 2, P)
     way_in: Floats  # (STAGES, STATES, P)
@@ -104,6 +104,6 @@ def bench_for(c: Constants, given: Given, P: int) -> Bench:
 
 @allocates_nothing
 def add(share: float, row: Floats, out: Floats) -> None:
-    """Add a share of a row to another."""
+    """Add a multiple of a row to another."""
     for p in range(np.uint64(len(row))):
         out[p] += share * row[p]

@@ -17,7 +17,7 @@ Indices = NDArray[np.int64]
 
 
 class Body(NamedTuple):
-    """A cell's fluid in the axes of its cell: place along and across, and time derivatives by the number."""
+    """A cell's fluid in its cell's axes: length, place along and across, tilt; digits count time derivatives."""
 
     l0: float
     l1: float
@@ -136,7 +136,7 @@ def second(
     spin2: float,
     out: Floats,
 ) -> None:
-    """What a change of shape does to the generalised force of a load that stays: second derivatives of place and tilt
+    """Derivative of the generalised force of a constant load by the shape: second derivatives of place and tilt
     times the force along and across and the torque, of the inertia times half of spin2."""
     cx, _, z2, i1, i2, _ = _factors(c)
     x, z, mass = body.x0, body.l0 - m.zeta[i, 0], body.mass

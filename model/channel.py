@@ -1,11 +1,11 @@
-"""The way in: from the controller's pressure through line and channel to the pressure inside the straw.
+"""The inlet: from the controller's pressure through line and channel to the pressure inside the straw.
 
 Base model (equation 2):      p_in = p_c - K Q|Q|,  K = rho / (2 pi^2 r_ch^4),  Q = V' the rate of the straw's volume.
-With what it leaves out:      I Q' = p_r - p_in - R Q - K Q|Q|      fluid_inertia, poiseuille_loss
+With optional effects:        I Q' = p_r - p_in - R Q - K Q|Q|      fluid_inertia, poiseuille_loss
                               p_r' = (p_c - p_r) / tau - Q / C      line_lag (p_r = p_c without)
                               v' = V' - Q,  p_in = p_0 ((V_g/v)^n - 1)  trapped_gas (Q = V' without)
 and, where `straw diagnose` found no law for it, a table l(Q) beside K Q|Q|.
-Within an implicit step the whole way is one equation for Q, so the straw only sees a pressure and its slope by V'.
+Within an implicit step the inlet is one equation for Q; the straw needs only the pressure and its derivative by V'.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ GAS, EXPONENT = COLUMNS["trapped_gas"][0], COLUMNS["trapped_gas"][0] + 1
 MISSING = COLUMNS["missing_loss"][0]
 CYCLES = MISSING + 1 + 2 * POINTS
 
-#: States of the way in: pressure of the reservoir (Pa), flow through the channel (m^3/s), gas inside (m^3).
+#: States of the inlet: pressure of the reservoir (Pa), flow through the channel (m^3/s), gas inside (m^3).
 STATES = 3
 NEWTON_LIMIT = 30
 #: Step in Q for the slope of a table, m^3/s.
@@ -39,7 +39,7 @@ NEARBY = 1e-9
 
 
 class Channel(NamedTuple):
-    """What resists the flow; the ones the base model lacks are zero in it."""
+    """Constants of the inlet; those of effects outside the base model are zero there."""
 
     loss: float  # K, Pa s^2/m^6
     resistance: float  # R, Pa s/m^3
@@ -83,7 +83,7 @@ def lost_to_table_moved(w: Channel, flow: float, by: Floats) -> float:
 
 @compiled
 def channel_at_rest(c: Constants, external_pa: float) -> Floats:
-    """States of the way in when nothing flows."""
+    """States of the inlet without flow."""
     k = c.terms[0, 0]
     return np.array([external_pa, 0.0, k[GAS] / (1 + external_pa / AMBIENT_PA) ** (1 / k[EXPONENT])])
 
@@ -94,8 +94,8 @@ def inside_pressure(
 ) -> tuple[float, float]:
     """Pressure inside (Pa) and its slope by the volume's rate, after an implicit step.
 
-    ``known`` are the states a step of ``step_s`` starts from (state = known + step_s state'); ``now`` gets those it
-    ends with.
+    ``known`` are the states a step of ``step_s`` starts from (state = known + step_s state'); ``now`` gets those at
+    its end.
     """
     source, fall = external_pa, 0.0  # p_r = source - fall Q
     if w.lag_s > 0:
@@ -132,7 +132,7 @@ def inside_pressure(
 
 
 class WaySlopes(NamedTuple):
-    """The way in after an implicit step, linearised: pressures p_r and inside, flow Q, gas v, see `way_slopes`."""
+    """The inlet after an implicit step, linearised: pressures p_r and inside, flow Q, gas v, see `way_slopes`."""
 
     reservoir: float  # p_r by its known state
     external: float  # p_r by the external pressure
@@ -146,7 +146,7 @@ class WaySlopes(NamedTuple):
 
 @allocates_nothing
 def way_slopes(w: Channel, step_s: float, inside_pa: float, flow: float) -> WaySlopes:
-    """How the way in answers small changes; holds in the limit as well where lag, gas or inertia are zero."""
+    """Linear response of the inlet; also valid in the limit of zero lag, gas or inertia."""
     time_s = w.lag_s + step_s
     drain = w.lag_s * step_s * w.line_pa_per_m3 / time_s
     inertia = w.inertance / step_s

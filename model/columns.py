@@ -1,6 +1,6 @@
-"""How a run changes along many directions at once: tangents of the integrator's own steps, their lengths held.
+"""Derivatives of a run along many directions at once: tangents of the integrator's own steps at fixed step lengths.
 
-After an accepted step every stage is linearised exactly at what it found and solved for all columns together; columns
+After an accepted step every stage is linearised exactly at its solution and solved for all columns together; columns
 lie side by side in memory. Cost: one linearisation a stage, then some 1400 multiplications a stage, nine cells, column.
 """
 
@@ -32,13 +32,13 @@ from straw.model.way_columns import advance_way
 
 Floats = NDArray[np.float64]
 
-#: A stage's length at which damping and inertia are nothing beside stiffness, s.
+#: A stage's length at which damping and inertia are negligible beside stiffness, s.
 REST_S = 1e9
 
 
 @allocates_nothing
 def _linearised(c: Constants, given: Given, s: Stages, stage: int, hg: float, b: Bench, rows: Rows) -> None:
-    """Linearise the straw at what a stage found, and clear the block."""
+    """Linearise the straw at a stage's solution, and clear the block."""
     block = b.sweeps.block
     spread(c, s.q[stage], s.v[stage], s.a[stage], b.motion)
     if given.in_world or len(given.body):
@@ -62,7 +62,7 @@ def _linearised(c: Constants, given: Given, s: Stages, stage: int, hg: float, b:
 
 @allocates_nothing
 def _answered(c: Constants, given: Given, s: Stages, stage: int, hg: float, b: Bench, rows: Rows) -> None:
-    """Accelerations of all columns at the pressure of the stage, and behind them what one pascal inside does."""
+    """Accelerations of all columns at the pressure of the stage, and behind them those per pascal inside."""
     block, n, P = b.sweeps.block, c.cells, given.scalars.shape[1]
     add_given(c, given, s, stage, hg, b, rows)
     add_pushed(c, given, b, rows)
@@ -77,7 +77,7 @@ def _answered(c: Constants, given: Given, s: Stages, stage: int, hg: float, b: B
 
 @inlined
 def _recalled(c: Constants, b: Bench, rows: Rows) -> None:
-    """What the columns of the memories would be if nothing moved, and its force."""
+    """The columns of the memories without motion, and their force."""
     for i in range(c.cells):
         for j in range(2 - c.active, 2):
             for at in range(MEMORIES):
@@ -108,7 +108,7 @@ def _remembered(c: Constants, stage: int, hg: float, b: Bench, rows: Rows) -> No
 
 @allocates_nothing
 def _known(state: State, i: int, h: float, d: Columns, given: Given, b: Bench, rows: Rows) -> None:
-    """What the columns of stage i start from, into the block, and displacements that follow from the known rates."""
+    """Initial columns of stage i, into the block, and displacements that follow from the known rates."""
     P, W, hg = np.uint64(len(d.inside_pa)), b.sweeps.block.shape[2], h * GAMMA
     many = d.qv.shape[1]
     half = many // 2
@@ -142,7 +142,7 @@ def _moved_on(c: Constants, stage: int, hg: float, b: Bench, rows: Rows, P: int)
     """Rates of the columns in a stage and their displacements at its end, by the accelerations at its pressure and
     what the pressure inside adds."""
     W, k = b.sweeps.block.shape[2], 2 * c.active
-    b.inside_pa[P] = -1.0  # of what a pascal does nothing is left in its own column
+    b.inside_pa[P] = -1.0  # cancels the response per pascal in its own column
     for i in range(c.cells):
         q, v = b.sweeps.flat[i, rows.q * W : rows.v * W], b.sweeps.flat[i, rows.v * W : rows.rigid * W]
         q_rate, v_rate = b.qv[stage, i, : k * W], b.qv[stage, i, k * W :]
@@ -188,7 +188,7 @@ def _solve_stage(
 def advance_columns(
     c: Constants, given: Given, table: Table, w: Channel, state: State, h: float, s: Stages, d: Columns, b: Bench
 ) -> None:
-    """Take the columns along an accepted step of h, whose stages are ``s``; ``state`` is still where it started."""
+    """Propagate the columns over an accepted step of h, whose stages are ``s``; ``state`` is still where it started."""
     P, rows, W, half = len(d.inside_pa), rows_of(c, b.links), b.sweeps.block.shape[2], d.qv.shape[1] // 2
     for stage in range(STAGES):
         _solve_stage(c, given, table, w, state, h, s, stage, d, b)
@@ -212,7 +212,7 @@ def advance_columns(
 def rest_columns(c: Constants, given: Given, q: Floats, first_pa: float, by_first_pa: Floats) -> Floats:
     """Derivatives of a rest state, (cells, moving, P), by the implicit function theorem.
 
-    A stage so long that only displacements count; what remembers is still, and leaves no trace in a straw at rest.
+    A stage so long that only displacements count; terms with memory do not change and exert no force at rest.
     """
     P, hg = len(by_first_pa), REST_S
     s, b = stages_for(c, len(q)), bench_for(c, given, P)

@@ -38,7 +38,7 @@ compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
 if TYPE_CHECKING:  # numba's types do not know ``_nrt``
     allocates_nothing = fused = called = composed = inlined = compiled
 else:
-    # Written into their callers, without counting references to arrays: handing over and counting all fields of the
+    # Inlined into their callers, without counting references to arrays: passing and counting all fields of the
     # tuples the model is made of took longer than the arithmetic. ``_nrt`` is numba's switch for its run-time, which
     # counts; with it steps take 1.4 times as long. Without it numba refuses to compile a function that makes an array.
     _within = {"nogil": True, "error_model": "numpy", "forceinline": True, "_nrt": False}
@@ -49,7 +49,7 @@ else:
     inlined = numba.njit(cache=True, inline="always", **_within)
     #: The same where products may be added without rounding in between: long polynomials take 0.7 of the time.
     fused = numba.njit(cache=True, fastmath={"contract"}, **_within)
-    #: The same for a large one that is called, not written into its callers: they share what is compiled of it.
+    #: The same for a large one that is called, not inlined: its callers share its machine code.
     called = numba.njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
     #: The same for one made of others at import, which cannot be cached by itself: its callers' caches hold it.
     composed = numba.njit(**_within)

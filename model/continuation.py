@@ -1,8 +1,8 @@
 """Follows a stable rest state while its load grows, by pseudo-arclength continuation, to where stability is lost.
 
 The straw obeys rest_force(q, s p) - (1 - s) leftover = 0 as s goes from 0 to 1. With ``leftover`` the force at a start
-that is not at rest, s takes away the hand that holds it there, whatever terms cause that force; with none, s turns the
-pressure up on a straw at rest. Arclength rather than s is the parameter, so that a step cannot jump over the fold in
+that is not at rest, s releases the straw from there, whatever terms cause that force; with none, s raises
+the pressure on a straw at rest. Arclength rather than s is the parameter, so that a step cannot jump over the fold in
 which a state ends (Keller 1977; Seydel, Practical Bifurcation and Stability Analysis, chapter 4).
 """
 
@@ -22,9 +22,9 @@ Floats = NDArray[np.float64]
 
 #: Longest step, in units of (zeta / r_i, phi, load); states of a cell lie 0.1 to 0.3 apart.
 LONGEST_STEP, FIRST_STEP, SHORTEST_STEP = 0.05, 0.02, 1e-7
-#: A snap takes 20 steps; a branch that asks for more than this leads nowhere.
+#: A snap takes 20 steps; a branch that takes more than this is given up.
 MOST_STEPS = 5000
-#: A load of 1 counts as this much way; pressures as a multiple of 100 kPa.
+#: Arclength of a load of 1; of a pressure, the multiple of 100 kPa.
 LOAD_WAY, PRESSURE_WAY_PA = 0.2, 100e3
 #: Newton squares its error: a step of 1e-6 leaves 1e-12.
 NEWTON_LIMIT, CLOSE = 8, 1e-6
@@ -32,7 +32,7 @@ NEWTON_LIMIT, CLOSE = 8, 1e-6
 
 @dataclass(frozen=True)
 class Followed:
-    """Where following ended: coordinates, the load s there, and (cells,) how much each takes part in giving way.
+    """Where following ended: coordinates, the load s there, and each cell's share in the unstable mode, (cells,).
 
     ``share`` is None where the whole load is carried by a stable state.
     """
@@ -68,7 +68,7 @@ class Branch:
         return q, s, s * self.pressure_pa
 
     def force(self, y: Floats) -> Floats:
-        """What is out of balance at a point, N m."""
+        """Residual force at a point, N m."""
         q, s, p = self.place(y)
         return (rest_force(self.c, q, p) - (1 - s) * self.leftover)[self.free] * self.scale
 
@@ -162,7 +162,7 @@ def _lost(branch: Branch, y: Floats, direction: Floats, far: float) -> Floats:
 
 
 def _ended(branch: Branch, y: Floats) -> Followed:
-    """What gives way at a point: each cell's part in the softest mode."""
+    """The end of a branch at a point, with each cell's share in the softest mode."""
     values, modes = np.linalg.eig(-branch.jacobian(y)[:, :-1])
     weight = np.zeros(branch.cells)
     np.add.at(weight, branch.free % branch.cells, np.abs(modes[:, values.real.argmin()]) ** 2)

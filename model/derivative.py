@@ -1,6 +1,6 @@
 """A run and its exact derivatives: by constants, terms, pressure and start, carried through the integrator's own steps.
 
-The derivative of what the integrator computes, its steps held: no differences between runs, no step to choose.
+The derivative of the discrete solution at fixed steps: no finite differences between runs, no increment to choose.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from straw.model.terms import COLUMNS
 
 Floats = NDArray[np.float64]
 
-#: Snaps noted of each cell, counting those of its ringing.
+#: Most snaps recorded of each cell, those of its ringing included.
 MOST_SNAPS = 100
 
 
@@ -79,7 +79,7 @@ class Derivatives:
     phi_rad: Floats
     pressure_pa: Floats
     volume_m3: Floats
-    by_time: Rates  # minus what a shift of all of the run to later does
+    by_time: Rates  # minus the effect of shifting the whole run to later
     snaps: tuple[Crossing, ...]  # where the even frusta pass the middle between folded and deployed, zeta = 0
     rest: Floats  # (coordinates, P)
     zeta_m: Floats | None = None  # (n, cells, 2, P), where asked for
@@ -164,7 +164,7 @@ def differentiate(
 
 
 def _room(straw: StrawParameters, many: int, P: int) -> tuple[Outputs, OutputsBy]:
-    """Room for the outputs and their derivatives."""
+    """Allocate the outputs and their derivatives."""
     n, most = straw.coordinates, MOST_SNAPS * straw.cells + 1
     out = Outputs(np.empty((many, n)), np.empty((many, n)), np.empty(many))
     by_q, by_pa = np.empty((many, n, P)), np.empty((many, P))
@@ -202,7 +202,7 @@ def _start(
     by_first_pa, way_in = np.zeros(P), np.zeros((STATES, P))
     by_first_pa[changes.driven] = changes.drive[:, 0]
     still = linear.terms.copy()
-    for name in MEMORY_TERMS:  # which remember nothing at rest
+    for name in MEMORY_TERMS:  # whose memory is zero at rest
         still[:, :, COLUMNS[name][0]] = 0.0
     way = channel_of(straw.constants())
     lost_pa, by_lost_pa = lost(way, 0.0)[0], np.array([lost_to_table_moved(way, 0.0, by) for by in changes.way_tables])

@@ -1,6 +1,6 @@
 """Designing: geometries that snap at wanted pressures, have wanted lengths and states, by the reduced model.
 
-A sweep by Sobol's points over the ranges, then least squares from the best; the pressures are those of a frustum whose
+A sweep of the ranges by Sobol points, then least squares from the best; the pressures are those of a frustum whose
 end is sealed (`straw.model.frusta`'s closed form), without gravity. Cells that snap in an order are tuned one by
 one in the whole straw, with gravity, by their thickness.
 """
@@ -35,7 +35,7 @@ WANTED = {
 #: What can be varied.
 VARIED = ("r_i_mm", "r_o_mm", "zeta01_mm", "zeta02_mm", "h_mm", "E_gpa")
 CHUNK = 512
-#: A cell is tuned until its snap is this near, Pa, in so many rounds at most.
+#: Tolerance of a tuned snap, Pa, and the most rounds it may take.
 NEAR_PA, ROUNDS = 20.0, 12
 
 
@@ -118,7 +118,7 @@ def with_varied(straw: StrawParameters, varied: Mapping[str, float]) -> StrawPar
 
 
 def gives(straw: StrawParameters) -> dict[str, float]:
-    """What a cell of the straw does, as in `WANTED`; NaN where it has one state only."""
+    """Properties of a cell of the straw, as in `WANTED`; NaN where it has one state only."""
     frustum = Frustum.of(straw, sealed=True)
     odd, even = (1e3 * float(x) for x in straw.zeta0_m[0])
     found = frustum.equilibria()
@@ -171,7 +171,7 @@ def sweep(wish: Wish, straw: StrawParameters, count: int, executor: Executor | N
 
 
 def refined(wish: Wish, straw: StrawParameters, designs: Sequence[Design], keep: int = 5) -> list[Design]:
-    """The best designs, each brought as near as it gets; those that end alike are one."""
+    """The best designs, each refined as far as possible, without duplicates."""
     low, high = np.array(list(wish.vary.values())).T
 
     def at(unit: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""What drives the straw: the external pressure on a uniform grid, and how long a step may be that is to see it."""
+"""What drives the straw: the external pressure on a uniform grid, and how long a step may be that resolves it."""
 
 from __future__ import annotations
 
@@ -58,8 +58,8 @@ def summed_to(table: Table, sums: Floats, time_s: float) -> float:
 
 @allocates_nothing
 def seen(table: Table, sums: Floats, time_s: float, step_s: float, within_pa: float) -> float:
-    """The longest step (s) from a time, ``step_s`` or shorter, whose stages see the pressure: weighed as the step does,
-    what they see has the mean of all that there is. What they miss, the estimate of the step's error misses as well."""
+    """The longest step (s) from a time, ``step_s`` or shorter, whose stages resolve the pressure: their weighted mean
+    is that of the pressure itself. What falls between the stages would escape the step's error estimate as well."""
     while step_s > SHORT_S:
         weighed = 0.0
         for i in range(STAGES):

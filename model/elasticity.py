@@ -31,8 +31,8 @@ EQUATION_7, SHIPPED = "equation 7", "shell"
 #: How far a straw may be from the geometry a table was made for: radii by rounding, h and zeta_0 by what the first
 #: order carries (2 % of the energy at the barrier, measured against tables made at these ends).
 SAME_RADII, NEAR_H, NEAR_ZETA0 = 1e-3, 0.15, 0.06
-#: Width d over which the polynomial is brought to rest beyond its end, as a share of the end, and how much stiffer
-#: than need be the wall behind is: above 1/3 the force rises throughout.
+#: Width d over which the polynomial saturates beyond its end, as a share of the end, and the stiffness of the wall
+#: behind it over the least that is needed: above 1/3 the force rises throughout.
 REST_WIDTH, STIFFER = 0.08, 1.5
 
 

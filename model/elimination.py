@@ -1,7 +1,7 @@
-"""Eliminates a straw's linear equations from the tip to the base, for many right sides at once; cost grows with cells.
+"""Eliminates a straw's linear equations from the tip to the base, for many right-hand sides; linear in the cells.
 
-Beyond each joint the straw answers what the joint does with a wrench: an articulated body (Featherstone, Rigid Body
-Dynamics Algorithms, chapter 7), here with displacements and rates tied to accelerations as an implicit stage ties them.
+The straw beyond a joint is an articulated body: its wrench is linear in the joint's motion (Featherstone, Rigid Body
+Dynamics Algorithms, chapter 7), here with the relations of an implicit stage between displacement, rate, acceleration.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def _invert(S: Floats, k: int, out: Floats) -> None:
 
 @fused
 def _tip(c: Constants, s: Links, law: Floats, pushed: Floats, inside_pa: float, A: Floats, wrench: Floats) -> None:
-    """The sealing: how its wrench answers what the tip does, and the wrench."""
+    """The sealing: its wrench per motion of the tip, and the wrench itself."""
     dims, n, tip = s.next.shape[1], c.cells, s.joint[c.cells]
     for row in range(3):
         for d in range(dims):
@@ -116,7 +116,7 @@ def eliminate(
 ) -> None:
     """Fill ``back`` and ``ahead`` from the links for stages of an effective length hg; ``work`` (12, 24) is scratch."""
     k, r, dims = 2 * c.active, len(s.slots), s.next.shape[1]
-    if k == 2 and r == 2 and dims == JOINT:  # sizes that the compiler knows: most straws, in half the time
+    if k == 2 and r == 2 and dims == JOINT:  # sizes known at compile time: most straws, in half the time
         _eliminate(c, s, law, pushed, inside_pa, hg, work, e, 2, 2, JOINT)
     elif k == 2 and r == 3 and dims == JOINT:
         _eliminate(c, s, law, pushed, inside_pa, hg, work, e, 2, 3, JOINT)

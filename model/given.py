@@ -1,4 +1,4 @@
-"""What directions change of all that a run is given, laid out for the compiled columns."""
+"""Derivatives of a run's inputs along directions, laid out for the compiled columns."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Given(NamedTuple):
     drive: Floats  # (D, points) it on the pressure's grid
 
 
-#: A strength that moves nothing, and is not zero.
+#: A strength with a negligible effect, but not zero.
 BARELY = 1e-200
 
 #: Of each column in a row of terms the term's place among all, and its kind.
@@ -171,7 +171,7 @@ def _wall_step(row: Floats, by: Floats) -> float:
 
 
 def _way(straw: StrawParameters, directions: Sequence[Direction]) -> tuple[Floats, Floats]:
-    """How the way in changes, (len(WAY), P) and (P, ..): a smooth function of constants, by central differences."""
+    """Derivatives of the inlet, (len(WAY), P) and (P, ..): a smooth function of constants, by central differences."""
     c = straw.constants()
     out, tables = np.zeros((len(WAY), len(directions))), np.zeros((len(directions), len(channel_of(c).more)))
     for p, d in enumerate(directions):
@@ -191,8 +191,8 @@ def _walls(straw: StrawParameters, directions: Sequence[Direction]) -> Floats:
 
 
 def linearised(straw: StrawParameters, directions: Sequence[Direction]) -> Constants:
-    """The constants to linearise at, a copy that may be moved: memories and walls that a direction brings to life are
-    there, if only just."""
+    """The constants to linearise at, a copy that may be moved: memories and walls on which a
+    direction acts are included, with a negligible strength."""
     c = straw.constants()
     alive, wall, touched = c.terms.copy(), _walls(straw, directions), False
     for name, (start, end) in COLUMNS.items():

@@ -1,4 +1,4 @@
-"""What the directions do to the loads of a stage while the straw moves as it does: constant by constant."""
+"""Derivatives of a stage's loads along the directions at fixed motion, constant by constant."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def _moved(c: Constants, number: int, more: float) -> Constants:
 
 @called
 def add_given(c: Constants, given: Given, s: Stages, stage: int, hg: float, b: Bench, rows: Rows) -> None:
-    """Add to the block what the directions do to the loads at rest in the stage's motion, constant by constant."""
+    """Add to the block the derivatives of the loads along the directions at fixed motion, constant by constant."""
     _of_bodies(c, given, b, rows)
     _of_all_frusta(c, given, s, stage, hg, b, rows)
     _of_ends(c, given, s.inside_pa[stage], b, rows)

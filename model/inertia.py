@@ -1,4 +1,4 @@
-"""Kinetic energy (equation 3) at work: mass matrix, and the forces of inertia with masses that vary with the shape."""
+"""Kinetic energy (equation 3): mass matrix, and the forces of inertia with masses that vary with the shape."""
 
 from __future__ import annotations
 

@@ -3,8 +3,8 @@
 Each stage solves forces_left(q, v, a) = 0 by a simplified Newton whose matrix M / (h gamma)^2 + C / (h gamma) + K has
 one row a coordinate, half of what the first-order form needs. Working on the residual matters in the full form:
 there M is singular (each cell's fluid is one rigid body with three velocities but has four coordinates).
-States of first order (what the frusta remember, the way in) are solved for within a stage and need no rows.
-Error control looks at q, which the camera sees; kHz modes below the tolerance are damped, not resolved.
+States of first order (memories of the frusta, the inlet) are solved for within a stage and need no rows.
+Error control uses q, which the camera observes; kHz modes below the tolerance are damped, not resolved.
 """
 
 from __future__ import annotations

@@ -56,7 +56,7 @@ class Chain(NamedTuple):
 
 @compiled
 def still_motion(c: Constants) -> Motion:
-    """Room for a motion: every frustum at its unloaded height, at rest."""
+    """Allocate a motion: every frustum at its unloaded height, at rest."""
     n = c.cells
     return Motion(
         c.zeta0.copy(), np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2))
@@ -89,7 +89,7 @@ def motion_of(c: Constants, q: Floats, v: Floats, a: Floats) -> Motion:
 
 @compiled
 def empty_chain(cells: int) -> Chain:
-    """Room for a chain; joint 0 is the origin for good."""
+    """Allocate a chain; joint 0 remains the origin."""
     n = cells
     return Chain(
         np.zeros((n + 1, 2)),

@@ -1,9 +1,9 @@
-"""The straw's equations linearised cell by cell, exactly: what a small change of a cell and of its base does.
+"""The straw's equations linearised exactly, cell by cell, in the cell's coordinates and the motion of its base.
 
-A cell sees the straw within it only by how its base joint moves, and the straw beyond it only by the wrench that acts
-on its outer joint: a body of a chain, as in Featherstone's recursions, with the derivatives of Carpentier and Mansard
-2018. Changes of velocity, acceleration and force are taken in axes that turn with the straw (world's directions, the
-turn taken out), and gravity is an acceleration of the base, so that a turned straw is the same straw.
+The inner part of the straw acts on a cell only through the motion of its base joint, the outer part only through the
+wrench on its outer joint: Featherstone's recursions, with the derivatives of Carpentier and Mansard 2018. Changes
+of velocity, acceleration and force are taken in axes that turn with the straw (world's directions, the turn taken out),
+and gravity is an acceleration of the base, so that a turned straw is the same straw.
 """
 
 from __future__ import annotations
@@ -178,7 +178,7 @@ def linearise(c: Constants, m: Motion, frusta: Floats, law: Floats, pushed: Floa
     spin, and ``pushed`` (cells + 1, LAW_OUT) these themselves; not looked at unless the world's axes matter.
     """
     dims, slots, moving = s.next.shape[1], len(s.slots), 2 * c.active
-    if dims == JOINT and slots == 2 and moving == 2:  # sizes that the compiler knows: most straws, in half the time
+    if dims == JOINT and slots == 2 and moving == 2:  # sizes known at compile time: most straws, in half the time
         _linearise(c, m, frusta, law, pushed, s, JOINT, 2, 2)
     elif dims == JOINT and slots == 3 and moving == 2:
         _linearise(c, m, frusta, law, pushed, s, JOINT, 3, 2)

@@ -40,7 +40,7 @@ class StrawParameters:
     (4N coordinates) or "truncated" (odd frusta rigid at zeta0, 2N coordinates). ``elasticity`` is what the even frusta
     obey: "equation 7", "shell" (finite elements of the paper's specimen), or a file made by `straw shell`; the term
     ``wall_elasticity`` goes a share of the way from it to the other. ``readers``
-    and ``figures`` are files of parts that are no physics, for whoever plugs them in.
+    and ``figures`` are files of parts that are no physics, for the code that loads them.
 
     Raises ModelError for anything that is not a straw, naming the constant.
     """
@@ -99,7 +99,7 @@ class StrawParameters:
             table.check(repr(self.walls_table), self.r_i_m, self.r_o_m, zeta0, h)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Made anew where it is unpickled: else arrays come back writable, another type to the compiled model."""
+        """Construct it when unpickled: arrays would come back writable, which is another type to the compiled model."""
         return type(self), tuple(getattr(self, f.name) for f in fields(self))
 
     def _spread(self, name: str) -> Floats:

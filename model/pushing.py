@@ -1,4 +1,4 @@
-"""How what acts on the bodies in the world changes: by their motion, and by the constants of its laws."""
+"""Derivatives of the external forces on the bodies, by their motion and by the constants of the laws."""
 
 from __future__ import annotations
 

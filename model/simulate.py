@@ -30,7 +30,7 @@ PRESSURE_GRID_S = 2.5e-4
 
 @dataclass(frozen=True)
 class Prediction:
-    """What the model says a run looks like; arrays (n,), per-frustum arrays (n, cells, 2), SI, contract's frames."""
+    """A predicted run; arrays (n,), per-frustum arrays (n, cells, 2), SI, contract's frames."""
 
     time_s: Floats
     x_m: Floats
@@ -109,7 +109,7 @@ def run(
 def prediction(
     straw: StrawParameters, table: Table, time_s: Floats, out_q: Floats, out_pa: Floats, steps: int, rest: Floats
 ) -> Prediction:
-    """What states out_q (n, coordinates) and pressures inside look like from outside."""
+    """The prediction of states out_q (n, coordinates) and pressures inside."""
     grid = table.start_s + table.step_s * np.arange(len(table.pressure_pa))
     external = np.interp(time_s, grid, table.pressure_pa)
     x_m, z_m, phi_rad, volume_m3 = seen(straw.constants(), out_q)

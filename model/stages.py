@@ -1,4 +1,4 @@
-"""What an integration stands on: its state, the stages of a step, what a step is held to, and room to work."""
+"""Data of an integration: its state, the stages of a step, the limits of a step, and scratch arrays."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from straw.model.terms.elasticity import softest
 
 Floats = NDArray[np.float64]
 
-#: Newton stops when what is missing is this small in units of the tolerance; where states carry on what is left out, as
-#: friction's and swinging water's do, when it is that small: more of it lets energy slip and steps multiply.
+#: Residual at which Newton stops, in units of the tolerance: the first in general; the second where states accumulate
+#: it, as those of friction and of the water in the channel do: with more, energy drifts and steps multiply.
 NEWTON_SHARE, CARRIED_SHARE = 1e-2, 3e-4
-#: The mean pressure of a step is seen to what moves a frustum by this share of the tolerance.
+#: The mean pressure of a step is resolved to what moves a frustum by this share of the tolerance.
 SEEN_SHARE = 1e-2
 
 
 class State(NamedTuple):
-    """Where an integration stands."""
+    """State of an integration."""
 
     q: Floats  # (coordinates,)
     v: Floats
@@ -51,7 +51,7 @@ class Stages(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """What a step is held to."""
+    """Limits of a step."""
 
     end_s: float
     max_step_s: float
@@ -63,7 +63,7 @@ class Limits(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Scratch of a step, made once and used again and again."""
+    """Scratch arrays of a step, allocated once."""
 
     way: Channel
     room: Room
@@ -84,7 +84,7 @@ class Work(NamedTuple):
 
 @compiled
 def stages_for(c: Constants, n: int) -> Stages:
-    """Room for the stages of a straw of n coordinates."""
+    """Allocate the stages of a straw of n coordinates."""
     memory = np.zeros((STAGES, c.cells, 2, MEMORIES, 2))
     return Stages(
         np.zeros((STAGES, n)),

@@ -24,9 +24,9 @@ Floats = NDArray[np.float64]
 DONE, STEP_TOO_SMALL, NOT_FINITE, TOO_MANY_STEPS = 0, 1, 2, 3
 SMALLEST_STEP_S = 1e-9
 NEWTON_LIMIT = 8
-#: It stops as well at corrections as small as rounding makes them: at rest there are no others, and they do not shrink.
+#: Newton also stops at corrections of the size of rounding errors: at rest there are no others, and they do not shrink.
 ROUNDING = 1e-6
-#: How much of Newton's rate of convergence is still believed a stage later.
+#: Factor by which an earlier rate of convergence counts in the next iteration.
 RATE_FADES = 0.3
 #: An angle's tolerance is the length's over this: about what turns it into a displacement of the tip, with a margin.
 LEVER_M = 0.2
@@ -45,7 +45,7 @@ def size(x: Floats, tolerance_m: float) -> float:
 
 @allocates_nothing
 def _length(state: State, table: Table, sums: Floats, limits: Limits) -> float:
-    """How long to try to step: as the error of the last step allows, to the end exactly and without a last sliver."""
+    """Length of the step to try: as the last error allows, to the end exactly and without a tiny last step."""
     time_s, step_s = state.clock[0], min(state.clock[1], limits.max_step_s)
     remaining = limits.end_s - time_s
     if step_s >= remaining * (1 - 1e-9):
@@ -126,7 +126,7 @@ def _solve_stages(
     """Find all stages; whether Newton converged in each."""
     n, hg = len(state.q), h * GAMMA
     per_hg, per_hg2 = 1 / hg, 1 / hg**2
-    rate = 1.0  # not believed from step to step: with friction or trapped gas that let 3 % of the energy slip
+    rate = 1.0  # not carried over from step to step: with friction or trapped gas that lost 3 % of the energy
     for i in range(STAGES):
         _known(state, h, i, limits.remembers, s, w)
         q, v, a = s.q[i], s.v[i], s.a[i]
@@ -172,7 +172,7 @@ def _solve_stages(
 def _error(c: Constants, h: float, limits: Limits, slope: float, flow_per_pa: float, s: Stages, w: Work) -> float:
     """Error of the step in units of the tolerance: the embedded formula's, times (1 - hg J)^-1.
 
-    By itself that formula would see stiff modes that the method damps.
+    By itself that formula would include stiff modes that the method damps.
     """
     n, per_hg = len(w.left), 1 / (h * GAMMA)
     for m in range(n):

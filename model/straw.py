@@ -1,4 +1,4 @@
-"""The straw: the sum of its terms, as a residual, an acceleration and the quantities a rig can see."""
+"""The straw: the sum of its terms, as a residual, an acceleration and the quantities a rig observes."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def body_loads(c: Constants, k: Floats, s: Chain, load: Load) -> None:
 
 
 class Room(NamedTuple):
-    """Scratch of one evaluation, made once and used again and again."""
+    """Scratch arrays of one evaluation, allocated once."""
 
     motion: Motion
     chain: Chain
@@ -74,7 +74,7 @@ class Room(NamedTuple):
 
 @compiled
 def room_for(c: Constants) -> Room:
-    """Scratch for a straw."""
+    """Allocate for a straw."""
     return Room(still_motion(c), empty_chain(c.cells), no_load(c.cells))
 
 

@@ -1,4 +1,4 @@
-"""Takes many right sides from the tip to the base and their answers back, cell by cell; columns lie side by side."""
+"""Solves for many right-hand sides, from the tip to the base and back, cell by cell; columns are contiguous."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def wide(columns: int) -> int:
 
 @compiled
 def sweeps_for(c: Constants, s: Links, columns: int) -> Sweeps:
-    """Room for as many right sides."""
+    """Allocate for so many right-hand sides."""
     k, dims, rows = 2 * c.active, s.next.shape[1], rows_of(c, s)
     block = np.zeros((c.cells, rows.end, wide(columns)))
     return Sweeps(
@@ -68,7 +68,7 @@ def sweeps_for(c: Constants, s: Links, columns: int) -> Sweeps:
 
 @called
 def solve(c: Constants, s: Links, e: Sweeps, accelerations: Floats) -> None:
-    """Take the block's right sides from the tip to the base and back: accelerations (cells, moving, wide).
+    """Solve for the block's right-hand sides from the tip to the base and back: accelerations (cells, moving, wide).
 
     Given: force, known displacement and rate of all cells, the wrench on the tip (the last cell's ``beyond``) and what
     the first joint does.

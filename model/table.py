@@ -1,4 +1,4 @@
-"""A law as a table: eight points and straight lines between them, for a force that nobody has a formula for yet."""
+"""A law as a table: eight points and straight lines between them, for a force without a known formula."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The way in, linearised for all columns: closes the loop from the flow to the pressure inside and back."""
+"""The inlet, linearised for all columns: closes the loop from the flow to the pressure inside and back."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 def advance_way(
     c: Constants, given: Given, w: Channel, s: Stages, stage: int, hg: float, d: Columns, b: Bench, rows: Rows
 ) -> None:
-    """Close the loop through the way in: the pressure inside, also into the bench, and the states of the way in."""
+    """Close the loop through the inlet: the pressure inside, also into the bench, and the states of the inlet."""
     P, n = len(d.inside_pa), c.cells
     inside_pa, flow, known = s.inside_pa[stage], s.way_in[stage, 1], s.known_way_in[stage]
     slopes = way_slopes(w, hg, inside_pa, flow)

@@ -76,7 +76,9 @@ def track_to_file(
         metadata["clock"] = str(clock or f"first frame given at {start_s:g} s")
         metadata |= {"calibration": calibration.name, "calibration_sha256": sha256} if calibration else {}
         if not filmed:
-            say(f"{files[0].name}: without --run the time of filming is unknown; the recording starts at the present time")
+            say(
+                f"{files[0].name}: without --run the time of filming is unknown; the recording starts at the present time"
+            )
         write_track(
             output,
             tracked.trace,

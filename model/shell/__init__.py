@@ -1,1 +1,1 @@
-"""What the walls do: finite elements of a frustum and a cell, as director shells of revolution bent in one plane."""
+"""The walls' elasticity: finite elements of a frustum or a cell, director shells of revolution bent in one plane."""

@@ -46,7 +46,7 @@ class Hold:
 
 
 class Held:
-    """Coefficients q = c(zeta, phi) + T(phi) y of a shell that is held, with y (free,) what it finds by itself."""
+    """Coefficients q = c(zeta, phi) + T(phi) y of a shell that is held, with y (free,) free to find equilibrium."""
 
     def __init__(self, shell: Shell, hold: Hold) -> None:
         self.shell, self.hold = shell, hold

@@ -38,7 +38,7 @@ COLUMNS = (
     "by_zeta0_n",
     "stable",
 )
-#: Share of the slant up to which |zeta| + r_i |phi| goes: beyond it the wall is stretched along and V shoots up.
+#: Share of the slant up to which |zeta| + r_i |phi| goes: beyond it the wall stretches and the energy rises steeply.
 REACH = 0.95
 #: Rows a worker takes at a time: from one to the next it need not start at the unloaded shape.
 CHUNK = 4

@@ -34,7 +34,7 @@ TERM = Term(
     name="asymmetry",
     kind="frustum",
     law="U = m phi (1 - x^2)^n within |x| < 1, x = (zeta/|zeta_0| - c)/w",
-    source="Ilssar et al., section 4: frusta are not perfectly axisymmetric; a bump between the two wells: ours",
+    source="Ilssar et al., section 4: frusta are not perfectly axisymmetric; bump between the wells chosen here",
     strengths=("moment_n_m",),
     constants=(
         Constant("moment_n_m", "N m", 0.0, -0.02, 0.02, "m, moment where it is largest"),

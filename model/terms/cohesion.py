@@ -47,7 +47,7 @@ TERM = Term(
     name="cohesion",
     kind="frustum",
     law="F = -F0 (1 + s w cycle)^(-1/s) exp(-((x - b)/l)^2/2), x = zeta + |zeta_0|, l r below b",
-    source="Ilssar et al., section 4: faces that stick after folding, less with each cycle; Gaussian well: ours",
+    source="Ilssar et al., section 4: faces that stick after folding, less with each cycle; Gaussian well chosen here",
     strengths=("force_n",),
     constants=(
         Constant("force_n", "N", 0.0, 0.5, 10.0, "F0, largest attraction of a fresh specimen's frustum"),

@@ -1,4 +1,4 @@
-"""A damping of the even frusta that nobody has a formula for: tables over their speed and their height.
+"""An unknown damping of the even frusta: tables over their speed and their height.
 
 F = -g(|zeta'|) sign zeta' - d(zeta / |zeta_0|) zeta'
 """

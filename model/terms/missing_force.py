@@ -1,4 +1,4 @@
-"""A force of the even frusta that nobody has a formula for: tables over height, bending angle and cycles.
+"""An unknown force of the even frusta: tables over height, bending angle and cycles.
 
 F = f(zeta / |zeta_0|) on zeta,  M = m(phi) on phi,  and the walls with E (1 + e(cycle)).
 """

@@ -1,4 +1,4 @@
-"""A loss on the way in that nobody has a formula for: tables over the flow, of either direction, and over cycles."""
+"""An unknown loss of pressure in the inlet: tables over the flow, of either direction, and over cycles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A force on the tip that nobody has a formula for: tables over where it is and how fast it moves.
+"""An unknown force on the tip: tables over its position and its speed.
 
 F_X = a(X / L), F_Z = b(X / L), L the unloaded length with all cells deployed, and h(|V|) along the tip's velocity.
 """

@@ -1,4 +1,4 @@
-"""The fluid's pressure at work: C3 p on every zeta (6a), pi r_i^2 p along the tip axis, a follower force (5)."""
+"""Forces of the fluid's pressure: C3 p on every zeta (6a), pi r_i^2 p along the tip axis, a follower force (5)."""
 
 from __future__ import annotations
 

@@ -27,12 +27,12 @@ TERM = Term(
     name="squeeze_film",
     kind="frustum",
     law="F = -c (g/h)^3 zeta', M = -b c (g/h)^3 r^2/2 phi', h = g/2 + (x + sqrt(x^2 + g^2))/2, x = zeta + |zeta_0|",
-    source="Stefan 1874, strip 2 pi mu R b^3 / h^3; a gap g stays open by roughness (smooth maximum: ours)",
+    source="Stefan 1874, strip 2 pi mu R b^3 / h^3; roughness keeps a gap g open (the smooth maximum is chosen here)",
     strengths=("folded_n_s_per_m",),
     constants=(
         Constant("folded_n_s_per_m", "N s/m", 0.0, 20.0, 5000.0, "c, damping at the folded rest state"),
         Constant("gap_m", "m", 0.2e-3, 0.05e-3, 0.6e-3, "g, gap of the folded faces"),
-        Constant("bending", "1", 1.0, 0.0, 2.0, "b, how much of it bending shares"),
+        Constant("bending", "1", 1.0, 0.0, 2.0, "b, share of it that acts on bending"),
     ),
     force=_force,
 )

@@ -28,7 +28,7 @@ TERM = Term(
     constants=(
         Constant("k1_n_per_m", "N/m", 0.0, 100.0, 3000.0, "k1, relaxing part of the stiffness"),
         Constant("tau_s", "s", 0.3, 0.02, 5.0, "tau, relaxation time"),
-        Constant("bending", "1", 1.0, 0.0, 2.0, "b, how much of it bending shares"),
+        Constant("bending", "1", 1.0, 0.0, 2.0, "b, share of it that acts on bending"),
     ),
     force=_force,
 )

@@ -22,7 +22,13 @@ def run(args: argparse.Namespace, out: Path) -> int:
         for name in (SYSTEM, READINGS, SOURCE):
             shutil.copyfile(shipped / name, out / name)
     print((out / SOURCE).read_text(encoding="utf-8").strip(), end="\n\n")
-    command = ["diagnose", "--system", *(str(out / name) for name in (SYSTEM, READINGS)), "--report", str(out / "why.html")]
+    command = [
+        "diagnose",
+        "--system",
+        *(str(out / name) for name in (SYSTEM, READINGS)),
+        "--report",
+        str(out / "why.html"),
+    ]
     print(f"straw {shlex.join(command)}\n", flush=True)
     given = ["--json", str(args.json)] if args.json else []
     diagnose_system.run(parser().parse_args([*command, *given]))

@@ -107,9 +107,7 @@ def opened(concealed: Concealed, seal: Seal, told: str, findings: Findings) -> d
 
 def story(concealed: Concealed, seal: Seal, told: str, findings: Findings) -> str:
     """The outcome for people."""
-    agrees = (
-        "as sealed above" if seal.sha256 == told else f"but its SHA-256 is {seal.sha256}, NOT the one above"
-    )
+    agrees = "as sealed above" if seal.sha256 == told else f"but its SHA-256 is {seal.sha256}, NOT the one above"
     found = figures.told(findings.parameters.get(concealed.cause, {}))
     if named(concealed, findings):
         verdict = "the diagnosis named it" + (f" and found {', '.join(found)}" if found else "")

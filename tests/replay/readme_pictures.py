@@ -55,15 +55,23 @@ def straw(*arguments: str | Path) -> None:
     subprocess.run([sys.executable, "-m", "straw.replay.cli", *map(str, arguments)], check=True)
 
 
-def take(tab: Tab, name: str, width: int, height: int, box: str = "({x: 0, y: 0, width: innerWidth, height: innerHeight})") -> None:
+def take(
+    tab: Tab, name: str, width: int, height: int, box: str = "({x: 0, y: 0, width: innerWidth, height: innerHeight})"
+) -> None:
     """Write the part of the page in ``box`` (JavaScript for x, y, width, height in its pixels) as a picture."""
     tab.call(
-        "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=WIDTH_PX / width, mobile=False
+        "Emulation.setDeviceMetricsOverride",
+        width=width,
+        height=height,
+        deviceScaleFactor=WIDTH_PX / width,
+        mobile=False,
     )
     tab.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": "light"}])
     tab.js("new Promise((drawn) => setTimeout(drawn, 600))")  # pages redraw 150 ms after they are resized
     clip = json.loads(tab.js(f"JSON.stringify({box})")) | {"scale": 1}
-    taken = base64.b64decode(tab.call("Page.captureScreenshot", format="png", clip=clip, captureBeyondViewport=True)["data"])
+    taken = base64.b64decode(
+        tab.call("Page.captureScreenshot", format="png", clip=clip, captureBeyondViewport=True)["data"]
+    )
     picture = Image.open(io.BytesIO(taken)).convert("RGB")
     where = PICTURES / name
     picture.quantize(256, kmeans=2, dither=Image.Dither.NONE).save(where, optimize=True)
@@ -87,12 +95,16 @@ def rig(browser: Browser, demo: Path, folder: Path) -> None:
         tab = browser.tab(lab.door.url)
         tab.goto(f"http://127.0.0.1:{lab.door.port}/panel")
         tab.until(f"{READY} && state.bench")
-        tab.js("$('#toml').value = field('toml').replace('for_s = 5.0', 'for_s = 15.0'); $('#specimen').value = 'straw-7'")
+        tab.js(
+            "$('#toml').value = field('toml').replace('for_s = 5.0', 'for_s = 15.0'); $('#specimen').value = 'straw-7'"
+        )
         tab.js("check().then(() => $('#add').click())")
         tab.until("state.bench.queue.items.length")
         tab.js("tell('arm', { on: true }).then(() => tell('start', {}))")
         tab.until("state.bench.run", 60)
-        tab.js("new Promise((later) => setTimeout(later, 7000))")  # until the run's page has loaded and both cells have snapped
+        tab.js(
+            "new Promise((later) => setTimeout(later, 7000))"
+        )  # until the run's page has loaded and both cells have snapped
         take(tab, "rig.png", 1240, 800)
         tab.until("!state.bench.run", 60)
 

@@ -195,7 +195,9 @@ class SystemFindings:
         these = f"{'this recording' if runs == 1 else f'these {runs} recordings'}"
         verdict = self.verdict
         if verdict == "complete":
-            return f"Nothing is missing: the base model explains {these} to within their noise where nothing was fitted."
+            return (
+                f"Nothing is missing: the base model explains {these} to within their noise where nothing was fitted."
+            )
         if verdict == "within_tolerance":
             return f"Good enough: {these} are explained within the tolerance given."
         if verdict == "unknown_physics":
@@ -210,7 +212,10 @@ class SystemFindings:
         text = names[0] if len(names) == 1 else f"{'; '.join(names[:-1])}; and {names[-1]}"
         if verdict == "ambiguous":
             first = self.laws[0].law
-            others = [*self.alike_places[:2], *(f"a law over {one}, which varies together with it" for one in self.goes_with[:1])]
+            others = [
+                *self.alike_places[:2],
+                *(f"a law over {one}, which varies together with it" for one in self.goes_with[:1]),
+            ]
             if not others:
                 by_itself = "a delay" if first.place.unit == "s" else "a drift"
                 changing = drifts(first) and not acts_in_recording(first)
