@@ -66,7 +66,8 @@ def track_to_file(
         except KeyboardInterrupt:
             say(f"{files[0].name}: what was tracked is kept in {record}; give the same command again to continue")
             raise
-    assert tracked.record is not None
+    kept = tracked.record
+    assert kept is not None
     try:
         tracked = by_hand(tracked, files, edits, 0.0 if clock else start_s)
         if clock:
@@ -76,9 +77,7 @@ def track_to_file(
         metadata["clock"] = str(clock or f"first frame given at {start_s:g} s")
         metadata |= {"calibration": calibration.name, "calibration_sha256": sha256} if calibration else {}
         if not filmed:
-            say(
-                f"{files[0].name}: without --run the time of filming is unknown; the recording starts at the present time"
-            )
+            say(f"{files[0].name}: without --run the time of filming is unknown; its recording starts now")
         write_track(
             output,
             tracked.trace,
@@ -91,7 +90,7 @@ def track_to_file(
             filmed.zero_time_ns if filmed else time.time_ns(),
         )
     except BaseException:
-        tracked.record.close()
+        kept.close()
         raise
     _warn_of_track(tracked, files[0].name)
     return tracked

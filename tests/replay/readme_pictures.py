@@ -1,8 +1,7 @@
 """Redraws README's pictures from real outputs: ``python -m tests.replay.readme_pictures [NAME ...]``.
 
 Each is a part of a page as Chromium shows it, in `.github`, about as wide as the code host's column. The outputs are
-those of ``straw demo`` (``--demo``, made where absent, five minutes), ``straw demo --measured`` and a lab on an emulated
-rig.
+those of ``straw demo`` (``--demo``, else made in five minutes), ``straw demo --measured``, and a lab on an emulated rig.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ BOARD_PX = 380
 #: The track's page reduced to a frame of the video beside the plots of the track and of its sigmas.
 BESIDE = """(() => {
   const [path, sigma] = document.images, frame = Object.assign(new Image(), { src: 'frame.png' });
-  const left = document.createElement('figure'), right = document.createElement('div'), both = document.createElement('div');
+  const [left, right, both] = ['figure', 'div', 'div'].map((tag) => document.createElement(tag));
   const caption = Object.assign(document.createElement('figcaption'), { textContent: CAPTION });
   left.append(frame, caption);
   right.append(path, sigma);
@@ -79,7 +78,7 @@ def take(
 
 
 def between(first: str, last: str, margin: int = 14) -> str:
-    """The box from the top of the first element (a CSS selector) to the bottom of the last other, over the page's width."""
+    """The box from the top of the first element (a CSS selector) to the bottom of the last, as wide as the page."""
     return f"""(() => {{
       const top = document.querySelector({json.dumps(first)}).getBoundingClientRect().top + scrollY;
       const end = [...document.querySelectorAll({json.dumps(last)})].at(-1).getBoundingClientRect().bottom + scrollY;
@@ -110,7 +109,7 @@ def rig(browser: Browser, demo: Path, folder: Path) -> None:
 
 
 def track(browser: Browser, demo: Path, folder: Path) -> None:
-    """The frame of `straw track --overlay` in which the tip is tilted most, beside the page of `straw track --report`."""
+    """The frame of `straw track --overlay` with the largest tilt, beside the page of `straw track --report`."""
     page, film, tip = folder / "track.html", folder / "overlay.mp4", folder / "tip.mcap"
     given = (demo / "video.mp4", "--camera", demo / "camera.json", "--run", demo / "run.mcap", "--start", "-0.5")
     straw("track", *given, "-o", tip, "--report", page, "--overlay", film)

@@ -191,7 +191,7 @@ class SystemFindings:
     @property
     def headline(self) -> str:
         """The verdict in one sentence."""
-        d, runs = self.discovery, len(self.recordings)
+        runs = len(self.recordings)
         these = f"{'this recording' if runs == 1 else f'these {runs} recordings'}"
         verdict = self.verdict
         if verdict == "complete":

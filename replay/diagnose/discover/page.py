@@ -32,7 +32,7 @@ def story(f: SystemFindings) -> Story:
     held = [one for one in f.recordings if one.held.any()]
     return Story(
         says=f.headline,
-        where=f"{d.base.system.model.title.rstrip('.')}. {_where(f)}{_gain(f)}{' Its form is not determined.' if f.forms else ''}",
+        where=f"{d.base.system.model.title.rstrip('.')}. {_where(f)}{_gain(f)}",
         picture=shown.picture(None, (), [one.law.place.name for one in f.laws]),
         runs=played(f.recordings, Model(d.base.system, d.base.fit), after, {one.name for one in held}),
         improved=after is not None,
@@ -69,7 +69,8 @@ def _gain(f: SystemFindings) -> str:
         f"{c.symbol} from {sig(d.held[0][k])} to {sig(d.held[-1][k])} {c.shown_unit} (noise {sig(d.noise[k])})"
         for k, c in enumerate(d.base.system.channels)
     ]
-    return f" {_there(f)}, the misfit decreases: {'; '.join(parts)}."
+    form = " Its form is not determined." if f.forms else ""
+    return f" {_there(f)}, the misfit decreases: {'; '.join(parts)}.{form}"
 
 
 def _there(f: SystemFindings) -> str:
