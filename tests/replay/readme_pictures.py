@@ -1,7 +1,7 @@
 """Redraws README's pictures from real outputs: ``python -m tests.replay.readme_pictures [NAME ...]``.
 
 Each is a part of a page as Chromium shows it, in `.github`, about as wide as the code host's column. The outputs are
-those of ``straw demo`` (``--demo``, else made in five minutes), ``straw demo --measured``, and a lab on an emulated rig.
+those of ``straw demo`` (``--demo``, else made in five minutes), ``straw demo --measured`` and a lab on an emulator.
 """
 
 from __future__ import annotations

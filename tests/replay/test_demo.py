@@ -12,12 +12,15 @@ import numpy as np
 import pytest
 
 from straw.model.parameters import StrawParameters
+from straw.replay.cli import main
+from straw.replay.commands import diagnose_system
 from straw.replay.commands.demo import figures
 from straw.replay.compare import CHANNELS
 from straw.replay.demo.campaign import PLANS, FaultyGauge, protocol_of
 from straw.replay.demo.conceal import DRAWER, NOTHING, Concealed, Seal, draw, named, opened, story
 from straw.replay.diagnose.systems.straw.instrument import Instrument
 from straw.replay.diagnose.systems.straw.library import causes
+from straw.replay.errors import ReplayError
 
 BASE = StrawParameters()
 
@@ -92,3 +95,16 @@ def test_what_the_demo_prints_of_runs_not_fitted_is_what_was_held_out() -> None:
         [n, n, f"{int(float(n)) / 1e3:.2f}"] for n in ("40.0", "20.0", "10.0")
     ]
     assert len(figures(filmed, None).splitlines()) == 3
+
+
+def test_the_measured_demo_gives_the_diagnosis_every_option_of_its_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The search itself, which takes a quarter of a minute, is left out."""
+
+    def search(*_: object, **__: object) -> None:
+        raise ReplayError("the search began")
+
+    monkeypatch.setattr(diagnose_system, "discover", search)
+    assert main(["demo", "--measured", "--out", str(tmp_path)]) == 2
+    assert "the search began" in capsys.readouterr().err
