@@ -149,6 +149,6 @@ def figures(filmed: Filmed, held: Held | None) -> str:
             f"{' and '.join(held.heldout)}, held out of the fit",
             row("base model, RMS misfit", held.before),
             row("improved model, RMS misfit", held.after),
-            row("noise, and snaps to 1 ms", held.floor),
+            row("noise floor, RMS", held.floor),
         ]
     return "\n".join(lines)

@@ -90,7 +90,7 @@ def test_what_the_demo_prints_of_runs_not_fitted_is_what_was_held_out() -> None:
         floor=dict.fromkeys(CHANNELS, 10e-6),
     )
     told = figures(filmed, held).splitlines()
-    assert told[3] == "deploy, not fitted"
+    assert told[3] == "deploy, held out of the fit"
     assert [line.split()[-3:] for line in told[4:]] == [
         [n, n, f"{int(float(n)) / 1e3:.2f}"] for n in ("40.0", "20.0", "10.0")
     ]
