@@ -55,6 +55,7 @@ class Judgement:
     probability: Mapping[str, float]
     excess: Mapping[str, float]  # misfit of each hypothesis beyond noise, sigmas squared
     left_over: float  # of the best one, in intervals whose differences are too large to be noise
+    faults: frozenset[str] = frozenset()  # causes that are faults of instruments
 
 
 def unexplained(campaign: Campaign, fit: Fit) -> float:
@@ -94,7 +95,8 @@ def judge(campaign: Campaign, null: Fit, contestants: Sequence[Contestant]) -> J
     left_over = max(0.0, unexplained(campaign, best) - NOISE_LEAVES)
     excess = {name: left_over + max(0.0, fit.cost - best.cost) for name, fit in fits.items()}
     constants = {c.name: len(c.hypothesis.unknowns) for c in contestants}
-    return Judgement(weighed(excess, constants, campaign.system.faults), excess, left_over)
+    faults = campaign.system.faults
+    return Judgement(weighed(excess, constants, faults), excess, left_over, faults)
 
 
 def weighed(

@@ -33,8 +33,8 @@ from tests.apparatus.cases import Case, deck
 Rows = Sequence[tuple[Case, Mapping[str, Any]]]
 #: What one would guess before any deck, and how many factors of e (of log priors: how many units) it may be off.
 GUESS = Calibration(
-    scale=20, cause=4, second=4, constant=0.5, unknown=6, other=0.2, other_fault=0.1, form=0.01, power=1.5, chance=0.003,
-    second_chance=0.003, missed=0.05,
+    scale=20, cause=4, second=4, constant=0.5, unknown=6, other=0.2, other_fault=0.1, form=0.01, power=1.5,
+    chance=0.003, second_chance=0.003, missed=0.05,
 )  # fmt: skip
 OFF = Calibration(
     scale=1,
