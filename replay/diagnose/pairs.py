@@ -117,11 +117,8 @@ def exchanged(found: Inquiry) -> None:
 
 def screened_pairs(found: Inquiry, names: Sequence[str]) -> None:
     """Second causes that gain most to first order beside the best two."""
-    campaign = found.campaign
     for first in found.ranked_singles[:2]:
-        others = [campaign.hypothesis([name]) for name in names if name not in first.hypothesis.causes]
-        for start in screen(campaign, first.fit, others, first.hypothesis)[:FOLLOWED]:
-            found.keep(fitted_contestant(campaign, start, FIRST_ROUNDS, found.null.unknowns))
+        _beside(found, first, names, FIRST_ROUNDS)
 
 
 def proposed_pairs(found: Inquiry, proposed: Sequence[Start]) -> None:
@@ -136,16 +133,22 @@ def proposed_pairs(found: Inquiry, proposed: Sequence[Start]) -> None:
 def seconds(found: Inquiry, names: Sequence[str]) -> None:
     """Second causes below the noise of a sample that over all samples gain enough to make a cause as probable as none:
     selected to first order beside the best single causes, then fitted."""
-    campaign, before, least = found.campaign, len(found.pairs), decisive()
+    before, least = len(found.pairs), decisive()
     for first in found.ranked_singles[:2]:
-        if first.cost > min(found.null.cost - least, found.best.cost + FAR):
-            continue
-        others = [campaign.hypothesis([name]) for name in names if name not in first.hypothesis.causes]
-        for start in screen(campaign, first.fit, others, first.hypothesis)[:FOLLOWED]:
-            if start.gain > least and not campaign.stop():
-                found.keep(fitted_contestant(campaign, start, ROUNDS, found.null.unknowns))
+        if first.cost <= min(found.null.cost - least, found.best.cost + FAR):
+            _beside(found, first, names, ROUNDS, least)
     if len(found.pairs) > before:
         nested(found)
+
+
+def _beside(found: Inquiry, first: Contestant, names: Sequence[str], rounds: int, least: float = -np.inf) -> None:
+    """The second causes that gain most to first order beside a first one, and more than ``least``, fitted."""
+    campaign = found.campaign
+    others = [campaign.hypothesis([name]) for name in names if name not in first.hypothesis.causes]
+    for start in screen(campaign, first.fit, others, first.hypothesis)[:FOLLOWED]:
+        if start.gain > least and not campaign.stop():
+            start = shortened(campaign, first.fit, start)
+            found.keep(fitted_contestant(campaign, start, rounds, found.null.unknowns))
 
 
 def nested(found: Inquiry) -> None:
