@@ -114,7 +114,8 @@ def _large(
         finish(found)
         if not _unexplained(found):
             return
-        if group is not groups[-1]:  # the truth is more often a second cause than one the proposal puts behind others
+        # the truth is more often a second cause beside one that explains much than one the proposal puts behind others
+        if group is not groups[-1] and found.best.cost < found.null.cost - FAR:
             steps("second causes", found)
             second_causes(found, [h.name for h in hypotheses])
 
