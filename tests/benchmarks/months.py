@@ -1,8 +1,8 @@
 """Months: a protocol of 60 days run to its end on an emulated controller, on a clock that is stepped.
 
 Everything is the rig's own (the run's loop, the driver, the wire, the recording and its thread) but the clock, on which
-60 days pass in minutes. So the loop's rate has to be low: a reading each two minutes is 43,200. Memory, lateness of the steps
-and the recording itself are looked at along the way and at the end.
+60 days pass in minutes. So the loop's rate has to be low: a reading each two minutes is 43,200. Memory, how late steps
+are, and the recording are looked at along the way and at the end.
 """
 
 from __future__ import annotations
@@ -76,7 +76,8 @@ def run_months(days: int, period_s: float, folder: Path) -> Months:
         outcome = run_protocol(controller, protocol, folder / "months.mcap", rate_hz=1.0 / period_s, progress=progress)
     found.cycles, found.missed = outcome.cycles, outcome.missed
     run = read_run(outcome.path)
-    assert run.pressure is not None and run.metadata["exit_status"] == "success"
+    assert run.pressure is not None
+    assert run.metadata["exit_status"] == "success"
     assert not run.lost
     found.readings = len(run.pressure)
     steps_s = np.array([event.time_s for event in run.events if event.kind == "step"])
