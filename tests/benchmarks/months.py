@@ -66,6 +66,7 @@ def run_months(days: int, period_s: float, folder: Path) -> Months:
     zero_ns = clock.wall_ns()
 
     def progress(now_s: float, duration_s: float, measured_pa: float) -> None:
+        emulation.wire.received.clear()  # the emulator's own list of the last 100,000 requests
         while now_s >= duration_s * (len(found.resident_mb) + 1) / 10.0 - period_s:
             found.resident_mb.append(resident_mb())
 
