@@ -13,7 +13,7 @@ from straw.replay.diagnose.fit import Contestant, Fit, cost_at, evaluated, fitte
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.judge import decisive, unexplained
-from straw.replay.diagnose.refine import finish, refine, refined
+from straw.replay.diagnose.refine import finish, reach, refine, refined
 from straw.replay.diagnose.screen import Start, screen
 from straw.replay.diagnose.settings import (
     COARSE_ROUNDS,
@@ -116,9 +116,10 @@ def exchanged(found: Inquiry) -> None:
 
 
 def screened_pairs(found: Inquiry, names: Sequence[str]) -> None:
-    """Second causes that gain most to first order beside the best two."""
+    """Second causes that gain most to first order beside the best, and beside a rival that is close."""
     for first in found.ranked_singles[:2]:
-        _beside(found, first, names, FIRST_ROUNDS)
+        if first.cost <= found.best.cost + reach(found):
+            _beside(found, first, names, FIRST_ROUNDS)
 
 
 def proposed_pairs(found: Inquiry, proposed: Sequence[Start]) -> None:
