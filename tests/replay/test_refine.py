@@ -1,4 +1,4 @@
-"""From a coarse fit to all samples: draws find the right cycle of a ring, where the coarse fit is good enough for it."""
+"""From a coarse fit to all samples: draws find the right cycle of a ring, where the coarse fit is good enough."""
 
 from __future__ import annotations
 
