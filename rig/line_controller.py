@@ -25,8 +25,9 @@ class LineController(Controller):
 
     After an exchange that failed, its answer may still be on its way and would be taken for the next one's. Instruments
     answer in order, so before the next request ``_catch_up`` sends one of the ``marks``: requests that change nothing
-    and whose answers identify them. After the last mark's answer no older one can arrive. Marks alternate, and an
-    answer counts for the oldest mark that it can belong to, so that a late one is not taken for the last one's either.
+    and whose answers identify them. After the last mark's answer no older one can arrive, provided that the mark was
+    asked after everything else. No mark is asked twice while its first answer may still come, so that a late one is
+    not taken for the last one's either.
     """
 
     terminator: bytes
@@ -38,8 +39,8 @@ class LineController(Controller):
         line.progress = lambda next_s=0.0: self.progress(next_s)
         self._behind = False  # an answer may still be on its way
         self._turn = 0
-        self._owed: deque[int] = deque()  # marks whose answers may still come, oldest first
-        self._asked_s = -float("inf")
+        self._owed: deque[tuple[int, float]] = deque()  # marks whose answers may still come, and when asked (s)
+        self._unmarked = True  # something was sent after the last mark
 
     @abstractmethod
     def _identify(self) -> None:
@@ -65,7 +66,7 @@ class LineController(Controller):
             while True:
                 try:
                     self._identify()
-                    self._owed.clear()  # of the previous link
+                    self._unmarked = True
                     self._catch_up()
                     break
                 except NoAnswerError:
@@ -83,25 +84,37 @@ class LineController(Controller):
         """Skip the answers to earlier requests; NoAnswerError while the mark's answer has not come."""
         if not self._owed:
             self._line.drain()
-        if not self._owed or time.monotonic() > self._asked_s + ASK_AGAIN_S:
+        if self._unmarked or not self._owed or time.monotonic() > self._owed[-1][1] + ASK_AGAIN_S:
             self._ask_mark()
         deadline_s = time.monotonic() + self.timeout_s
         while True:
             reply = self._line.read_until(self.terminator, deadline_s - time.monotonic())
-            mark = next((mark for mark in self._owed if self.marks[mark][1].fullmatch(reply)), None)
-            if mark is not None:
-                while self._owed.popleft() != mark:
+            if any(self.marks[mark][1].fullmatch(reply) for mark, _ in self._owed):
+                while not self.marks[self._owed.popleft()[0]][1].fullmatch(reply):
                     pass  # its answer was lost, or this one could not have come
-                if not self._owed:
+                if not self._owed and not self._unmarked:
                     return
-            elif not self._is_whole(reply):  # it may be the last mark's
+                uncovered = self._unmarked
+            else:
+                uncovered = not self._is_whole(reply)  # it may be the last mark's
+            if uncovered:
                 self._ask_mark()
 
     def _ask_mark(self) -> None:
-        self._turn = (self._turn + 1) % len(self.marks)
-        self._line.write(self.marks[self._turn][0])
-        self._owed.append(self._turn)
-        self._asked_s = time.monotonic()
+        """Ask for the next mark that is not owed; where all are, none until the oldest can no longer come."""
+        now_s = time.monotonic()
+        if self._owed and self._owed[0][1] < now_s - LATE_S:
+            self._line.drain()  # what came while this computer was busy may be its answer
+            while self._owed and self._owed[0][1] < now_s - LATE_S:
+                self._owed.popleft()
+        owed = {mark for mark, _ in self._owed}
+        turns = [(self._turn + 1 + k) % len(self.marks) for k in range(len(self.marks))]
+        mark = next((mark for mark in turns if mark not in owed), None)
+        if mark is not None:
+            self._turn = mark
+            self._owed.append((mark, now_s))
+            self._unmarked = False
+            self._line.write(self.marks[mark][0])
 
     def _ask(self, request: bytes) -> bytes:
         """One exchange, synchronised with the instrument."""
@@ -114,10 +127,13 @@ class LineController(Controller):
 
     def _vent(self, channel: int) -> None:
         """Unlike any other set, a vent is sent at once, whatever is still on its way, and repeated until confirmed."""
-        until_s, refusals = time.monotonic() + VENT_S, 0
+        until_s, again_s, refusals = time.monotonic() + VENT_S, -float("inf"), 0
         while True:
             try:
-                if self._behind:
+                if self._behind and time.monotonic() > again_s:
+                    again_s = time.monotonic() + ASK_AGAIN_S
+                    # Marks asked before do not cover these: their answers come after those marks'.
+                    self._unmarked = True
                     self._line.write(b"".join(self._vent_requests(channel)))
                 for request in self._vent_requests(channel):
                     self._confirm(request, self._ask(request))

@@ -2,12 +2,32 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from straw.tracking.planar import LEAST_SIGMA_PX, MEDIAN_OF_RAYLEIGH
 
 Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Linear:
+    """The problem near some constants, poses eliminated: its normal matrix (c, c) without priors, the ``score`` (c,).
+
+    ``size`` (c,): the diagonal of the normal matrix before, which rounding leaves positive.
+    ``disagreement`` (c, c): covariance of the score by stretches of time. Poses (f, 3) move by ``by_none`` (f, 3) less
+    ``by_theta`` (f, 3, c) times the constants' step. ``at_rest`` (n, 2, c): by how much corners at rest move the score.
+    """
+
+    normal: Floats
+    size: Floats
+    score: Floats
+    disagreement: Floats
+    by_none: Floats
+    by_theta: Floats
+    at_rest: Floats
 
 
 def carried(points: Floats, poses: Floats) -> tuple[Floats, Floats]:

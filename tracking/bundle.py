@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from straw.tracking.blocks import blocks, by_print, carried, eliminated, left_jacobian, sigma_px
+from straw.tracking.blocks import Linear, blocks, by_print, carried, eliminated, left_jacobian, sigma_px
 from straw.tracking.board import Board
 from straw.tracking.camera import Camera
 from straw.tracking.errors import TrackingError
 from straw.tracking.follow import Rest
 from straw.tracking.misprint import Misprint
-from straw.tracking.pose import Plane, apply, free_pose
+from straw.tracking.pose import apply
+from straw.tracking.start import first_poses
 from straw.tracking.views import Views
 
 Floats = NDArray[np.float64]
@@ -33,24 +34,6 @@ _ALIKE_S = 0.1  # errors of codec and pixels are correlated over about this time
 _TURN_RAD = 1e-6  # step of finite differences, where a derivative is not written out
 LINE = 8  # the row time's place among them
 SHARED = 9  # number of constants before the offsets of the print
-
-
-@dataclasses.dataclass(frozen=True)
-class Linear:
-    """The problem near some constants, poses eliminated: its normal matrix (c, c) without priors, the ``score`` (c,).
-
-    ``size`` (c,): the diagonal of the normal matrix before, which rounding leaves positive.
-    ``disagreement`` (c, c): covariance of the score by stretches of time. Poses (f, 3) move by ``by_none`` (f, 3) less
-    ``by_theta`` (f, 3, c) times the constants' step. ``at_rest`` (n, 2, c): by how much corners at rest move the score.
-    """
-
-    normal: Floats
-    size: Floats
-    score: Floats
-    disagreement: Floats
-    by_none: Floats
-    by_theta: Floats
-    at_rest: Floats
 
 
 class Bundle:
@@ -114,7 +97,9 @@ class Bundle:
 
     def solve(self) -> None:
         """Gauss-Newton until convergence; TrackingError when the frames contradict each other."""
-        poses = self._first_poses()
+        poses = first_poses(self.views, self.camera_at(self.theta), self.points, self.rest)
+        if self.rest:
+            poses[0] = np.where(self.held[0], self.rest, poses[0])
         for _ in range(_ROUNDS):
             here, linear = self.theta, self._linear(poses)
             away, normal = here - self.start, linear.normal
@@ -263,31 +248,3 @@ class Bundle:
         rays = views.at_once(float(theta[LINE]), self.exposure_s) if rays is None else rays
         miss = rays - seen[..., :2] / seen[..., 2:]
         return np.asarray(views.px_per_ray[..., 0] * miss[..., :1] + views.px_per_ray[..., 1] * miss[..., 1:])
-
-    def _first_poses(self) -> Floats:
-        camera = self.camera_at(self.theta)
-        assert camera.world_from_camera is not None
-        points = apply(camera.tip_from_board, self.points)
-        guess = np.array(self.rest) if self.rest else free_start(self.views, camera, self.points)
-        plane, poses = Plane(camera.lens, camera.world_from_camera), []
-        for rays, slopes, used in zip(self.views.rays, self.views.px_per_ray, self.views.used, strict=True):
-            fit = plane.fit_rays(rays[None], slopes[None], points, guess[None], used[None])
-            if np.isfinite(fit.rms_px[0]):  # the next frame's start; in order of time it is near
-                guess = fit.vector[0]
-            poses.append(guess)
-        first = np.array(poses)
-        if self.rest:
-            first[0] = np.where(self.held[0], self.rest, first[0])
-        return first
-
-
-def free_start(views: Views, camera: Camera, points_m: Floats) -> Floats:
-    """Return a first guess of (x, z, phi) for the first view, from its free pose."""
-    assert camera.world_from_camera is not None
-    used = views.used[0]
-    pixels = camera.lens.project(np.column_stack((views.rays[0], np.ones(len(used)))))
-    free = free_pose(camera.lens, points_m[used], pixels[used])
-    if free is None:
-        raise TrackingError("track: the first board fits no pose; check that the lens is this camera's")
-    plane = Plane(camera.lens, camera.world_from_camera)
-    return plane.pose_of(free[0] @ np.linalg.inv(camera.tip_from_board))[0]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.tracking.bundle import free_start
 from straw.tracking.noise import off_chord, without_lag
 from straw.tracking.pose import Poses, apply
 from straw.tracking.settle import Settled
+from straw.tracking.start import free_start
 from straw.tracking.task import Task
 from straw.tracking.variance import FAST, Scatter, Seen, kinds, learnt, seen_of
 from straw.tracking.views import Views

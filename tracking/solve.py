@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from straw.tracking.chapters import Timeline
 from straw.tracking.corners import FEWEST_CORNERS, LARGEST_RESIDUAL
-from straw.tracking.doubt import Courses, course_of, doubted
+from straw.tracking.course import Courses, course_of
+from straw.tracking.doubt import doubted
 from straw.tracking.errors import TrackingError
 from straw.tracking.follow import NOT_DUE
 from straw.tracking.lens import Lens

@@ -18,9 +18,9 @@ from straw.replay.diagnose.fit import Contestant, Fit, evaluated, fitted
 from straw.replay.diagnose.hypothesis import Hypothesis
 from straw.replay.diagnose.inquiry import Inquiry, Told
 from straw.replay.diagnose.judge import CALIBRATION, unexplained
-from straw.replay.diagnose.pairs import beside_best, find_pairs, seconds, telling
+from straw.replay.diagnose.pairs import find_pairs, second_causes, seconds, telling
 from straw.replay.diagnose.propose.proposal import Proposal
-from straw.replay.diagnose.refine import finish, refine
+from straw.replay.diagnose.refine import explains, finish, refine
 from straw.replay.diagnose.screen import Start, screen
 from straw.replay.diagnose.settings import (
     FAR,
@@ -61,9 +61,11 @@ def explain(
         null = min(null, fitted(campaign, null.unknowns, known, rounds=ROUNDS), key=lambda fit: fit.cost)
     check_simulated(campaign, null)
     random_effects(campaign, null)
-    found = Inquiry(campaign, fitted(campaign, null.unknowns, null.u, rounds=ROUNDS))
-    hypotheses = [campaign.hypothesis([name]) for name in names]
+    found = Inquiry(campaign, fitted(campaign, null.unknowns, null.u, rounds=FIRST_ROUNDS))
     far = unexplained(campaign, found.null) > FAR
+    if not far:
+        found.null = fitted(campaign, null.unknowns, found.null.u, rounds=ROUNDS)
+    hypotheses = [campaign.hypothesis([name]) for name in names]
     if far:  # a first-order expansion around a poor fit is not informative
         _large(found, hypotheses, wide_known, proposal, steps)
     if not found.contestants or not far or _unexplained(found):
@@ -82,6 +84,7 @@ def explain(
         steps("second causes that are small", found)
         seconds(found, names)
     steps("rivals from each other's constants", found)
+    found.null = fitted(campaign, found.null.unknowns, found.null.u, rounds=ROUNDS)
     from_each_other(found)
     for hypothesis in hypotheses:
         if hypothesis.name not in found.singles:
@@ -98,18 +101,23 @@ def _large(
     """
     wide = telling(found)
     known = evaluated(wide, base.unknowns, base.u)
-    if known.cost < len(known.residual):
+    if explains(known):
         return
     given = _starts(found.campaign, proposal)
-    for group in _in_turn(hypotheses, proposal):
+    groups = _in_turn(hypotheses, proposal)
+    for group in groups:
         steps("causes that are large", found)
-        refine(found, tournament(wide, known, group, given))
+        coarse = tournament(wide, known, group, given)
+        if not _unexplained(found):  # by a pair: only a single cause that explains as much may take its place
+            coarse = [one for one in coarse if explains(one.fit)]
+        refine(found, coarse)
         finish(found)
-        if _unexplained(found):  # the truth is more often a second cause than one that the proposal puts behind others
-            steps("second causes that are large", found)
-            beside_best(found, [h.name for h in hypotheses])
         if not _unexplained(found):
             return
+        # the truth is more often a second cause beside one that explains much than one the proposal puts behind others
+        if group is not groups[-1] and found.best.cost < found.null.cost - FAR:
+            steps("second causes", found)
+            second_causes(found, [h.name for h in hypotheses])
 
 
 class _Steps:

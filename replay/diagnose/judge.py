@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,7 +31,8 @@ class Calibration:
     second: float  # that the library does not hold; that of "complete" is 0
     constant: float
     unknown: float
-    other: float  # probability that a right law has another form than the true one;
+    other: float  # probability that a right law has another form than the true one,
+    other_fault: float  # and that a right fault of an instrument has;
     form: float  # its misfit is then at least this share of what it explains,
     power: float  # the less probable by this power
     chance: float  # probability that a wrong cause explains all that there is, and that a wrong second one explains all
@@ -54,6 +55,7 @@ class Judgement:
     probability: Mapping[str, float]
     excess: Mapping[str, float]  # misfit of each hypothesis beyond noise, sigmas squared
     left_over: float  # of the best one, in intervals whose differences are too large to be noise
+    faults: frozenset[str] = frozenset()  # causes that are faults of instruments
 
 
 def unexplained(campaign: Campaign, fit: Fit) -> float:
@@ -93,11 +95,15 @@ def judge(campaign: Campaign, null: Fit, contestants: Sequence[Contestant]) -> J
     left_over = max(0.0, unexplained(campaign, best) - NOISE_LEAVES)
     excess = {name: left_over + max(0.0, fit.cost - best.cost) for name, fit in fits.items()}
     constants = {c.name: len(c.hypothesis.unknowns) for c in contestants}
-    return Judgement(weighed(excess, constants), excess, left_over)
+    faults = campaign.system.faults
+    return Judgement(weighed(excess, constants, faults), excess, left_over, faults)
 
 
 def weighed(
-    excess: Mapping[str, float], constants: Mapping[str, int], by: Calibration = CALIBRATION
+    excess: Mapping[str, float],
+    constants: Mapping[str, int],
+    faults: Collection[str],
+    by: Calibration = CALIBRATION,
 ) -> dict[str, float]:
     """Probabilities, largest first, of hypotheses that leave ``excess`` and have so many ``constants``, of "complete"
     (in ``excess``) and "unknown".
@@ -109,12 +115,13 @@ def weighed(
     log_p = {"complete": -base / (2 * by.scale), "unknown": -by.unknown}
     for name, count in constants.items():
         causes = name.split("+")
+        other = by.other_fault if set(causes) <= set(faults) else by.other
         prior = by.cause + by.second * (len(causes) - 1) + by.constant * (min(count, MOST_COUNTED) - len(causes))
-        log_p[name] = _log_ratio(excess[name], base, by.chance, by) - prior
+        log_p[name] = _log_ratio(excess[name], base, by.chance, other, by) - prior
         if len(causes) > 1:  # one after the other, unless only both together explain something
             first = min(base, *(excess.get(cause, base) for cause in causes))
             alone = _log_ratio_of_form(first, base, by.chance, by)
-            both = alone + _log_ratio(excess[name], first, by.second_chance, by) - prior
+            both = alone + _log_ratio(excess[name], first, by.second_chance, other, by) - prior
             log_p[name] = max(log_p[name], both)
     top = max(log_p.values())
     total = sum(np.exp(v - top) for v in log_p.values())
@@ -129,17 +136,17 @@ def decisive(by: Calibration = CALIBRATION) -> float:
     from scipy.optimize import brentq  # slow to import
 
     def odds(left: float) -> float:
-        return _log_ratio(0.0, left, by.chance, by) - by.cause + left / (2 * by.scale)
+        return _log_ratio(0.0, left, by.chance, by.other, by) - by.cause + left / (2 * by.scale)
 
     return float(brentq(odds, 0.0, 2 * by.scale * (by.cause + 1)))
 
 
-def _log_ratio(excess: float, before: float, chance: float, by: Calibration) -> float:
+def _log_ratio(excess: float, before: float, chance: float, other: float, by: Calibration) -> float:
     """Log likelihood ratio of a hypothesis that leaves ``excess`` of a misfit ``before``: a mixture of laws of the true
     form, which leave noise, and of laws of another form."""
     noise = -excess / (2 * by.scale) - np.log(chance + (1 - chance) * _noise_share(before, by))
     form = _log_ratio_of_form(excess, before, chance, by)
-    return float(np.logaddexp(np.log1p(-by.other) + noise, np.log(by.other) + form))
+    return float(np.logaddexp(np.log1p(-other) + noise, np.log(other) + form))
 
 
 def _log_ratio_of_form(excess: float, before: float, chance: float, by: Calibration) -> float:

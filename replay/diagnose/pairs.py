@@ -13,7 +13,7 @@ from straw.replay.diagnose.fit import Contestant, Fit, cost_at, evaluated, fitte
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.judge import decisive, unexplained
-from straw.replay.diagnose.refine import finish, refine, refined
+from straw.replay.diagnose.refine import finish, reach, refine, refined
 from straw.replay.diagnose.screen import Start, screen
 from straw.replay.diagnose.settings import (
     COARSE_ROUNDS,
@@ -36,13 +36,26 @@ def telling(found: Inquiry) -> Campaign:
 
 
 def find_pairs(found: Inquiry, names: Sequence[str], proposed: Sequence[Start]) -> None:
-    """Second causes beside the best: fitted coarsely where its fit is poor, to first order where more than noise is
-    left."""
+    """Second causes beside the best, then the ``proposed`` pairs, as long as more than noise is left."""
     beside_best(found, names)
-    if not found.campaign.stop() and unexplained(found.campaign, found.best) > NOISE_LEAVES:
-        screened_pairs(found, names, proposed)
+    if _unexplained(found):
+        screened_pairs(found, names)
+        proposed_pairs(found, proposed)
         finish(found)
         nested(found)
+
+
+def second_causes(found: Inquiry, names: Sequence[str]) -> None:
+    """Second causes beside the best: fitted coarsely where its fit is poor, to first order where little is left."""
+    beside_best(found, names)
+    if NOISE_LEAVES < unexplained(found.campaign, found.best) <= FAR and not found.campaign.stop():
+        screened_pairs(found, names)
+        finish(found)
+        nested(found)
+
+
+def _unexplained(found: Inquiry) -> bool:
+    return not found.campaign.stop() and unexplained(found.campaign, found.best) > NOISE_LEAVES
 
 
 def beside_best(found: Inquiry, names: Sequence[str]) -> None:
@@ -102,33 +115,41 @@ def exchanged(found: Inquiry) -> None:
     finish(found)
 
 
-def screened_pairs(found: Inquiry, names: Sequence[str], proposed: Sequence[Start]) -> None:
-    """Second causes that gain most to first order beside the best two, and the ``proposed`` pairs."""
-    campaign, wide = found.campaign, telling(found)
+def screened_pairs(found: Inquiry, names: Sequence[str]) -> None:
+    """Second causes that gain most to first order beside the best, and beside a rival that is close."""
     for first in found.ranked_singles[:2]:
-        others = [campaign.hypothesis([name]) for name in names if name not in first.hypothesis.causes]
-        for start in screen(campaign, first.fit, others, first.hypothesis)[:FOLLOWED]:
-            found.keep(fitted_contestant(campaign, start, FIRST_ROUNDS, found.null.unknowns))
+        if first.cost <= found.best.cost + reach(found):
+            _beside(found, first, names, FIRST_ROUNDS)
+
+
+def proposed_pairs(found: Inquiry, proposed: Sequence[Start]) -> None:
+    """The first of the proposed pairs, fitted coarsely before."""
+    wide = telling(found)
     two = [s for s in proposed if len(s.hypothesis.causes) == 2]
-    base = found.null.unknowns
     for start in two[:FOLLOWED]:
-        coarse = fitted_contestant(wide, start, sum(COARSE_ROUNDS), base)
-        found.keep(Contestant(coarse.hypothesis, refined(campaign, coarse.fit, FIRST_ROUNDS)))
+        coarse = fitted_contestant(wide, start, sum(COARSE_ROUNDS), found.null.unknowns)
+        found.keep(Contestant(coarse.hypothesis, refined(found.campaign, coarse.fit, FIRST_ROUNDS)))
 
 
 def seconds(found: Inquiry, names: Sequence[str]) -> None:
     """Second causes below the noise of a sample that over all samples gain enough to make a cause as probable as none:
     selected to first order beside the best single causes, then fitted."""
-    campaign, before, least = found.campaign, len(found.pairs), decisive()
+    before, least = len(found.pairs), decisive()
     for first in found.ranked_singles[:2]:
-        if first.cost > min(found.null.cost - least, found.best.cost + FAR):
-            continue
-        others = [campaign.hypothesis([name]) for name in names if name not in first.hypothesis.causes]
-        for start in screen(campaign, first.fit, others, first.hypothesis)[:FOLLOWED]:
-            if start.gain > least and not campaign.stop():
-                found.keep(fitted_contestant(campaign, start, ROUNDS, found.null.unknowns))
+        if first.cost <= min(found.null.cost - least, found.best.cost + FAR):
+            _beside(found, first, names, ROUNDS, least)
     if len(found.pairs) > before:
         nested(found)
+
+
+def _beside(found: Inquiry, first: Contestant, names: Sequence[str], rounds: int, least: float = -np.inf) -> None:
+    """The second causes that gain most to first order beside a first one, and more than ``least``, fitted."""
+    campaign = found.campaign
+    others = [campaign.hypothesis([name]) for name in names if name not in first.hypothesis.causes]
+    for start in screen(campaign, first.fit, others, first.hypothesis)[:FOLLOWED]:
+        if start.gain > least and not campaign.stop():
+            start = shortened(campaign, first.fit, start)
+            found.keep(fitted_contestant(campaign, start, rounds, found.null.unknowns))
 
 
 def nested(found: Inquiry) -> None:

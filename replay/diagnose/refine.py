@@ -25,9 +25,14 @@ Floats = NDArray[np.float64]
 
 
 def refined(campaign: Campaign, coarse: Fit, rounds: int) -> Fit:
-    """The fit to all samples from a coarse one, and from draws about it where it leaves more than noise."""
-    plain = fitted(campaign, coarse.unknowns, coarse.u, rounds=rounds)
-    if campaign.stop() or unexplained(campaign, plain) <= NOISE_LEAVES:
+    """The fit to all samples from a coarse one, and from draws about it where it leaves more than noise.
+
+    A coarse fit that does not explain the coarse comparison lacks more than the right cycle of a ring: it is continued
+    briefly, and without draws.
+    """
+    close = explains(coarse)
+    plain = fitted(campaign, coarse.unknowns, coarse.u, rounds=rounds if close else FIRST_ROUNDS)
+    if not close or campaign.stop() or unexplained(campaign, plain) <= NOISE_LEAVES:
         return plain
     points = drawn(coarse, len(campaign.system.base))
     residuals = campaign.residuals(coarse.unknowns, points)
@@ -38,6 +43,11 @@ def refined(campaign: Campaign, coarse: Fit, rounds: int) -> Fit:
     if rounds > FIRST_ROUNDS:
         end = fitted(campaign, coarse.unknowns, end.u, rounds=rounds)
     return min(plain, end, key=lambda fit: fit.cost)
+
+
+def explains(coarse: Fit) -> bool:
+    """Whether a fit explains the coarse comparison to its noise: reduced chi-square below one."""
+    return coarse.cost < len(coarse.residual)
 
 
 def drawn(fit: Fit, known: int) -> list[Floats]:

@@ -42,7 +42,7 @@ def foreseen(
     inside = [*among, *(name for name in ("complete",) if name not in among)]
     now = {name: judgement.excess[name] for name in inside}
     counted = {name: constants[name] for name in among if name != "complete"}
-    before = weighed(now, counted)
+    before = weighed(now, counted, judgement.faults)
     prior = np.array([judgement.probability[name] for name in among])
     prior = prior / prior.sum()
     told, chances = 0.0, []
@@ -50,7 +50,7 @@ def foreseen(
         sure = 0.0
         for true, name in enumerate(among):
             apart = np.nan_to_num(separation[true]) ** 2
-            after = weighed(now | _more(now, among, runs * apart), counted)
+            after = weighed(now | _more(now, among, runs * apart), counted, judgement.faults)
             sure += prior[true] * (takes_part(after, name.split("+")) >= certainty)
             if runs == 1:
                 told += prior[true] * float(np.log(after[name] / before[name]))

@@ -26,14 +26,15 @@ from scipy.optimize import minimize
 
 import straw.replay.diagnose.judge
 from straw.replay.diagnose.judge import CALIBRATION, Calibration, weighed
+from straw.replay.diagnose.systems.straw.constants import MEASUREMENT
 from straw.replay.diagnose.systems.straw.library import causes
 from tests.apparatus.cases import Case, deck
 
 Rows = Sequence[tuple[Case, Mapping[str, Any]]]
 #: What one would guess before any deck, and how many factors of e (of log priors: how many units) it may be off.
 GUESS = Calibration(
-    scale=20, cause=4, second=4, constant=0.5, unknown=6, other=0.2, form=0.01, power=1.5, chance=0.003,
-    second_chance=0.003, missed=0.05,
+    scale=20, cause=4, second=4, constant=0.5, unknown=6, other=0.2, other_fault=0.1, form=0.01, power=1.5,
+    chance=0.003, second_chance=0.003, missed=0.05,
 )  # fmt: skip
 OFF = Calibration(
     scale=1,
@@ -42,17 +43,18 @@ OFF = Calibration(
     constant=1,
     unknown=3,
     other=1,
+    other_fault=1,
     form=1.5,
     power=0.5,
     chance=1,
     second_chance=1,
     missed=1.5,
 )
-LOGARITHMIC = ("scale", "other", "form", "power", "chance", "second_chance", "missed")
+LOGARITHMIC = ("scale", "other", "other_fault", "form", "power", "chance", "second_chance", "missed")
 #: What one of two causes alone must leave for only both to be the truth, sigmas squared: what noise leaves of a base.
 ALONE = 150.0
 #: Probabilities are at most this: a guess may be off by factors that lead beyond one.
-MOST = {"missed": 0.5, "other": 0.9, "chance": 0.5, "second_chance": 0.5}
+MOST = {"missed": 0.5, "other": 0.9, "other_fault": 0.9, "chance": 0.5, "second_chance": 0.5}
 
 
 def main() -> None:
@@ -97,7 +99,7 @@ def probability(row: Mapping[str, Any], by: Calibration) -> dict[str, float]:
     """Probabilities by what each hypothesis left."""
     own = {name: len(unknowns) for name, (unknowns, _) in causes(9).items()}
     counts = {name: sum(own[part] for part in name.split("+")) for name in row["excess"] if name != "complete"}
-    return weighed(row["excess"], counts, by)
+    return weighed(row["excess"], counts, MEASUREMENT, by)
 
 
 def of_truth(case: Case, row: Mapping[str, Any], p: Mapping[str, float], by: Calibration) -> float:

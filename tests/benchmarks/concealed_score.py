@@ -77,7 +77,7 @@ def judged_again(row: Row, cells: int = 9) -> Row:
     """The row with probabilities, verdict and causes by today's judge from what each hypothesis had left then."""
     own = {name: len(unknowns) for name, (unknowns, _) in causes(cells).items()}
     constants = {n: sum(own[part] for part in n.split("+")) for n in row["excess"] if n != "complete"}
-    probability = weighed(row["excess"], constants)
+    probability = weighed(row["excess"], constants, MEASUREMENT)
     verdict, named = verdict_of(probability, MEASUREMENT)
     if (
         row["verdict"] != verdict_of(row["probability"], MEASUREMENT)[0]

@@ -201,35 +201,44 @@ def test_an_inquiry_that_is_stopped_settles_nothing_and_holds_nothing_out(plain)
 def test_a_cause_whose_law_has_another_form_is_named_while_no_rival_explains_nearly_as_much():
     excess = {"complete": 1e6, "intrinsic_curvature": 1e4, "asymmetry": 4e5, "gauge_gain": 9e5}
     counts = {"intrinsic_curvature": 1, "asymmetry": 9, "gauge_gain": 1}
-    assert verdict_of(weighed(excess, counts), MEASUREMENT) == ("missing_physics", ["intrinsic_curvature"])
+    assert verdict_of(weighed(excess, counts, MEASUREMENT), MEASUREMENT) == ("missing_physics", ["intrinsic_curvature"])
     assert (
-        verdict_of(weighed(excess | {"intrinsic_curvature": 8e5, "asymmetry": 8e5}, counts), MEASUREMENT)[0]
+        verdict_of(weighed(excess | {"intrinsic_curvature": 8e5, "asymmetry": 8e5}, counts, MEASUREMENT), MEASUREMENT)[
+            0
+        ]
         == "unknown_physics"
     )
-    undecided = weighed(excess | {"gauge_gain": 1e4}, counts)
-    assert undecided["gauge_gain"] == undecided["intrinsic_curvature"] < NAMED_ALONE
+    undecided = weighed(excess | {"asymmetry": 1e4}, counts | {"asymmetry": 1}, MEASUREMENT)
+    assert undecided["asymmetry"] == undecided["intrinsic_curvature"] < NAMED_ALONE
+
+
+def test_a_fault_of_an_instrument_that_leaves_as_much_as_a_law_is_less_probable_as_it_has_no_other_form():
+    probability = weighed(
+        {"complete": 1e6, "ambient_drag": 1e4, "gauge_gain": 1e4}, {"ambient_drag": 1, "gauge_gain": 1}, MEASUREMENT
+    )
+    assert probability["ambient_drag"] > probability["gauge_gain"]
 
 
 def test_where_no_hypothesis_explains_much_it_is_unknown_but_never_more_surely_than_the_search_is():
     excess = {"complete": 40_000.0, "cohesion": 30_000.0, "asymmetry": 35_000.0, "gauge_gain": 39_000.0}
-    probability = weighed(excess, {"cohesion": 6, "asymmetry": 9, "gauge_gain": 1})
+    probability = weighed(excess, {"cohesion": 6, "asymmetry": 9, "gauge_gain": 1}, MEASUREMENT)
     assert 0.8 < probability["unknown"] < 1 - CALIBRATION.missed + CALIBRATION.missed / 5
     assert sum(probability.values()) == pytest.approx(1.0)
     assert verdict_of(probability, MEASUREMENT) == ("unknown_physics", ["unknown"])
 
 
 def test_a_cause_of_one_constant_that_gains_what_is_decisive_is_as_probable_as_none():
-    probability = weighed({"complete": decisive(), "line_lag": 0.0}, {"line_lag": 1})
+    probability = weighed({"complete": decisive(), "line_lag": 0.0}, {"line_lag": 1}, ())
     assert probability["line_lag"] == pytest.approx(probability["complete"])
 
 
 def test_a_pair_that_explains_all_of_what_either_cause_leaves_much_of_is_named_and_not_its_first_cause_alone():
     excess = {"complete": 8e4, "trapped_gas": 3.1e4, "camera_roll": 5.4e4, "camera_roll+trapped_gas": 0.0}
     counts = {"trapped_gas": 1, "camera_roll": 1, "camera_roll+trapped_gas": 2}
-    verdict, causes = verdict_of(weighed(excess, counts), MEASUREMENT)
+    verdict, causes = verdict_of(weighed(excess, counts, MEASUREMENT), MEASUREMENT)
     assert (verdict, set(causes)) == ("missing_physics", {"trapped_gas", "camera_roll"})
     beside_noise = excess | {"trapped_gas": 60.0}  # which leaves nothing for a second cause
-    assert verdict_of(weighed(beside_noise, counts), MEASUREMENT) == ("missing_physics", ["trapped_gas"])
+    assert verdict_of(weighed(beside_noise, counts, MEASUREMENT), MEASUREMENT) == ("missing_physics", ["trapped_gas"])
 
 
 def test_the_first_order_gain_is_nil_for_an_absent_cause_and_largest_for_the_present_one(plain):

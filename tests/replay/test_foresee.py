@@ -14,7 +14,7 @@ TWO = {"cohesion": 1, "squeeze_film": 1}
 def seen(apart: float, excess: dict[str, float] | None = None, left_over: float = 0.0) -> Foreseen:
     """Two causes, so many sigmas apart, each of which explains what the base does not."""
     excess = excess or {"complete": 3000.0, "cohesion": 0.0, "squeeze_film": 0.0}
-    judgement = Judgement(weighed(excess, TWO), excess, left_over)
+    judgement = Judgement(weighed(excess, TWO, ()), excess, left_over)
     return foreseen(judgement, TWO, list(TWO), np.array([[0.0, apart], [apart, 0.0]]), 0.9)
 
 
@@ -41,7 +41,7 @@ def test_the_posterior_after_runs_as_expected_is_the_expected_one() -> None:
     """Runs that turn out as one cause predicts add n s^2 to what the other leaves: then the judge is as sure."""
     apart, excess = 9.0, {"complete": 3000.0, "cohesion": 0.0, "squeeze_film": 0.0}
     for runs, chance in enumerate(seen(apart).chances, 1):
-        after = weighed({**excess, "squeeze_film": runs * apart**2}, TWO)
+        after = weighed({**excess, "squeeze_film": runs * apart**2}, TWO, ())
         assert (after["cohesion"] >= 0.9) == (chance > 0.4)
 
 

@@ -7,7 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from straw.tracking.doubt import JUMPS, LOST, MISFIT, REPEATED, Courses, course_of, doubted
+from straw.tracking.course import Courses, course_of
+from straw.tracking.doubt import JUMPS, LOST, MISFIT, REPEATED, doubted
 from straw.tracking.lattice import chequered
 from straw.tracking.misprint import Misprint
 from tests.benchmarks.tracking_painted import errors, side_on, tracked

@@ -136,3 +136,16 @@ def test_a_video_that_starts_in_motion_is_refused(setup, seen_by_opencv):
     with pytest.raises(TrackingError, match="still frames") as caught:
         settle(Camera(setup.lens), Board(), REST, views)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("line_s", "turn_deg"), [(8e-6, (0.0, 0.0)), (3.7e-6, (1.5, -1.0))])
+def test_settling_ends_because_it_has_converged_not_because_its_rounds_ran_out(
+    setup, seen_by_opencv, monkeypatch, line_s, turn_deg
+):
+    """The constants bend the problem, the print's offsets shrink for long: only the first are to be waited for."""
+    askew = replace(setup, board_turn_rad=tuple(np.radians(turn_deg)))
+    views = followed(seen_by_opencv, askew, folding(80), noise_px=0.05, line_s=line_s)
+    settled = settle(Camera(setup.lens), Board(), REST, views).bundle
+    monkeypatch.setattr("straw.tracking.bundle._ROUNDS", 40)
+    longer = settle(Camera(setup.lens), Board(), REST, views).bundle
+    np.testing.assert_array_equal(settled.theta, longer.theta)

@@ -108,10 +108,9 @@ def applied(straw: StrawParameters, unknowns: Sequence[Unknown], at: Floats) -> 
             changes[name] = np.asarray(changes.get(name, getattr(straw, name))) * np.array(which)
         else:
             changes[name] = value
-    changed = straw.replace(**changes) if changes else straw
-    for term, constants in terms.items():
-        changed = changed.with_term(term, **constants)
-    return changed, Instrument.of(instrument)
+    if terms:
+        changes["terms"] = {**straw.terms, **{t: {**straw.terms.get(t, {}), **more} for t, more in terms.items()}}
+    return straw.replace(**changes) if changes else straw, Instrument.of(instrument)
 
 
 def walls_known(straw: StrawParameters) -> bool:

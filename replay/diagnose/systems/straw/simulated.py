@@ -58,6 +58,7 @@ def simulated(
     tolerance_m: float = TOLERANCE_M,
 ) -> Simulated:
     """The straw's motion in this run with the unknowns at u; ModelError where it cannot be simulated."""
+    straw = straw.replace(cycle=float(observed.run.cycle))
     changed, instrument = applied(straw, unknowns, at)
     seen, by = _until_it_snaps(observed, straw, changed, instrument, unknowns, at, derivatives, tolerance_m)
     pose = np.stack([seen.x_m, seen.z_m, seen.phi_rad])
@@ -104,21 +105,20 @@ def _until_it_snaps(
     unknowns."""
     deployed = observed.run.initial_deployed
     assert deployed is not None
-    cycle, table = float(observed.run.cycle), observed.pressure
+    table = observed.pressure
     shown_s = table.start_s + table.step_s * np.arange(len(table.pressure_pa), dtype=np.float64)
     pressure = table._replace(pressure_pa=instrument.true_pressure(table.pressure_pa, shown_s))
     tolerance_m = min(tolerance_m, *(FINER_M.get(term, tolerance_m) for term in ("", *changed.terms)))
-    worn = changed.replace(cycle=cycle)
     ends = instrument.true_time(np.array([observed.start_s, observed.end_s]))
     start, end = float(min(ends[0], observed.start_s)), float(ends[1])
     near, most = observed.rests.get(changed.form), most_steps_per_s(tolerance_m)
-    moving, directions = _directions(straw, changed, unknowns, at, table, shown_s, cycle) if derivatives else ([], [])
+    moving, directions = _directions(straw, changed, unknowns, at, table, shown_s) if derivatives else ([], [])
     for extra_s in (0.0, EXTRA_TIME_S):
         grid = np.arange(start, end + extra_s + 2 * SIMULATED_EVERY_S, SIMULATED_EVERY_S)
         by = None
         if derivatives:
             by = differentiate(
-                worn,
+                changed,
                 pressure,
                 grid,
                 deployed,
@@ -130,7 +130,7 @@ def _until_it_snaps(
             )
             seen = by.prediction
         else:
-            seen = simulate(worn, pressure, grid, deployed, tolerance_m, near, most)
+            seen = simulate(changed, pressure, grid, deployed, tolerance_m, near, most)
         if len(_events(observed, seen, instrument)) >= len(observed.snaps_s):
             break
     return seen, None if by is None else (moving, by)
@@ -143,14 +143,13 @@ def _directions(
     at: Floats,
     table: Table,
     shown_s: Floats,
-    cycle: float,
 ) -> tuple[list[int], list[Direction]]:
     """The unknowns that affect the straw, and the directions in its constants or driving pressure."""
     moving, directions = [], []
     for k, unknown in enumerate(unknowns):
         if unknown.target.startswith(("straw.", "term.")):
             (low, _), (high, _), step = _beside(straw, unknowns, at, k)
-            directions.append(Direction.between(low.replace(cycle=cycle), high.replace(cycle=cycle), step))
+            directions.append(Direction.between(low, high, step))
         elif unknown.target.startswith("instrument.gauge"):
             (_, under), (_, over), step = _beside(straw, unknowns, at, k)
             shift = over.true_pressure(table.pressure_pa, shown_s) - under.true_pressure(table.pressure_pa, shown_s)

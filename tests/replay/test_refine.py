@@ -1,0 +1,45 @@
+"""From a coarse fit to all samples: draws find the right cycle of a ring, where the coarse fit is good enough."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from straw.replay.diagnose.fit import Fit
+from straw.replay.diagnose.refine import refined
+from straw.replay.diagnose.settings import FIRST_ROUNDS, ROUNDS
+from tests.replay.test_fit_campaign import FIRST, Toy
+
+SAMPLES = 480
+TIME_S = np.arange(SAMPLES) / 240
+
+
+class Ringing(Toy):
+    """A tip that rings with a frequency to be found, in one run of one channel, 30 sigmas high."""
+
+    def __init__(self, true_hz):
+        super().__init__(lambda v: 30 * (np.sin(2 * np.pi * v[0] * TIME_S) - np.sin(2 * np.pi * true_hz * TIME_S)))
+        self.system = SimpleNamespace(base=(FIRST,))
+        self.observations = [SimpleNamespace(seen=np.zeros((1, SAMPLES)))]
+
+    def slices(self):
+        return [slice(0, SAMPLES)]
+
+
+def coarse(at_hz, misfit):
+    """A coarse fit at a frequency, known to 0.2 Hz, that leaves ``misfit`` sigmas in each of its 25 residuals."""
+    slopes = np.full((25, 1), 1 / 0.2 / 5)
+    return Fit((FIRST,), np.array([at_hz]), np.full(25, misfit), slopes, 25 * misfit**2)
+
+
+def test_draws_about_a_coarse_fit_find_the_right_cycle_of_a_ring():
+    fit = refined(Ringing(true_hz=6.0), coarse(4.6, 0.5), ROUNDS)  # three cycles off after two seconds
+    assert fit.u[0] == pytest.approx(6.0, abs=1e-3)
+
+
+def test_no_draws_are_made_about_a_coarse_fit_that_lacks_more_than_the_right_cycle():
+    campaign = Ringing(true_hz=6.0)
+    refined(campaign, coarse(4.6, 2.0), ROUNDS)
+    assert campaign.asked <= 2 * FIRST_ROUNDS + 1  # a residual and a Jacobian in each round
