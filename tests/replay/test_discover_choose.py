@@ -15,7 +15,7 @@ from straw.replay.diagnose.systems.function.laws import Law, Place, State
 from straw.replay.diagnose.systems.function.shapes import CUBE, LINEAR, POWER, SQUARE, TABLE
 
 LEAK = Place(RATE, 0, "rate:p", "the rate of the pressure", "bar/s", 1.0)
-SENSOR = Place(CHANNEL, 0, "channel:p", "what is shown of the pressure", "bar", 1.0)
+SENSOR = Place(CHANNEL, 0, "channel:p", "the reading of the pressure", "bar", 1.0)
 PRESSURE = State(OF_STATE, 0, "the pressure", "bar", 1.0, 7.0)
 TIME = State(OF_TIME, 0, "time", "s", 0.0, 100.0)
 

@@ -97,7 +97,7 @@ def places(system: FunctionSystem, seen: Sequence[Passed]) -> list[Place]:
     for i, channel in enumerate(model.channels):
         size = float(np.std(np.concatenate([p.recording.seen[i][np.isfinite(p.recording.seen[i])] for p in seen])))
         says = model.named(channel.name)
-        out.append(Place(CHANNEL, i, f"channel:{channel.name}", f"what is shown of {says}", channel.unit, size or 1.0))
+        out.append(Place(CHANNEL, i, f"channel:{channel.name}", f"the reading of {says}", channel.unit, size or 1.0))
         step = float(np.median(np.concatenate([np.diff(p.recording.time_s) for p in seen])))
         out.append(Place(CLOCK, i, f"clock:{channel.name}", f"the clock of {says}", "s", step))
     for i, signal in enumerate(model.inputs):
