@@ -18,24 +18,27 @@ from straw.replay.diagnose.fit import Fit, evaluated, fitted
 from straw.replay.diagnose.formula import Formula, formula, tangent
 from straw.replay.diagnose.inquiry import Told, silent
 from straw.replay.diagnose.judge import unexplained
+from straw.replay.diagnose.refine import refined
 from straw.replay.diagnose.robust import weights
-from straw.replay.diagnose.settings import NOISE_LEAVES
+from straw.replay.diagnose.settings import COARSE_ROUNDS, NOISE_LEAVES, ROUNDS
 from straw.replay.diagnose.systems.straw.base import telling_runs
 from straw.replay.diagnose.systems.straw.constants import applied
 from straw.replay.diagnose.systems.straw.dictionary import atoms
 from straw.replay.diagnose.systems.straw.discovered import discovered
 from straw.replay.diagnose.systems.straw.of import straw_of, with_straw
 from straw.replay.diagnose.systems.straw.simulated import simulated
-from straw.replay.diagnose.systems.straw.states import STATES, State, points
+from straw.replay.diagnose.systems.straw.states import STATES, State, bent_points, points
 
 Floats = NDArray[np.float64]
 
 #: Prior deviation of a curve's point from the line between its neighbours, in units of the state.
 ROUGH = 1.5
-#: States that are fitted, that are carried to the end; rounds of the first fit and of the last.
-FITTED, FINISHED, FIRST_ROUNDS, ROUNDS = 4, 2, 8, 10
+#: States that are fitted, that are carried to the end; rounds of the first fit.
+FITTED, FINISHED, FIRST_ROUNDS = 4, 2, 8
 
 
+#: How often the points of a curve are moved to where it bends.
+MOVES = 2
 #: Steps of the search to the size of force that the first slopes predict, and its limit in units.
 STEPS, LARGEST = 3.0, 1000.0
 #: Another state is a rival while its first fit costs less than this many times the best's.
@@ -57,7 +60,18 @@ class Curve:
     campaign: Campaign
     smooth: Floats
     fit: Fit
-    at: Floats  # (n,) points that were searched, as the table counts them
+    placed: Floats  # (n,) points of the table as first placed, as it counts them
+    points: Floats  # (n,) and as moved to where the curve bends
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """Which of the points are searched, not held at zero, (n,)."""
+        return ~((self.points == 0) & self.state.zero)
+
+    @property
+    def at(self) -> Floats:
+        """The points that are searched."""
+        return self.points[self.free]
 
 
 def rows_for(state: State, at: Floats, free: NDArray[np.bool_]) -> Floats:
@@ -200,15 +214,46 @@ def curves(campaign: Campaign, null: Fit, told: Told = silent, states: Sequence[
         told(curve.state.name, len(states) + FITTED + k, len(states) + 2 * FITTED)
         here = campaign.with_system(curve.campaign.system)
         rival = len(found) < FINISHED and curve.fit.cost < RIVAL * first[0].fit.cost
-        found.append(_carried_on(curve, here, ROUNDS if rival else 0, 2e-3))
+        found.append(_finished(curve, campaign, wide) if rival else _carried_on(curve, here, 0))
     return sorted(found, key=lambda c: c.fit.cost)
 
 
-def _carried_on(curve: Curve, campaign: Campaign, rounds: int, share: float) -> Curve:
+def _bent(curve: Curve, campaign: Campaign) -> Curve:
+    """The curve on points that lie closer where it bends (`bent_points`), to be fitted again."""
+    state, fit, base = curve.state, curve.fit, curve.smooth.shape[1] - len(curve.at)
+    values = np.zeros(len(curve.points))
+    values[curve.free] = fit.u[base:]
+    at = bent_points(state, curve.placed, curve.points, values)
+    free = ~((at == 0) & state.zero)
+    here = with_straw(campaign, state.straw_with(straw_of(campaign), at))
+    rows = rows_for(state, at, free)
+    smooth = np.hstack([np.zeros((len(rows), base)), rows])
+    scale = fit.unknowns[-1].scale
+    unknowns = (*fit.unknowns[:base], *(replace(k, scale=scale) for k in state.unknowns(at)))
+    where, known = (np.append(0.0, x) if state.odd else x for x in (curve.points, values))
+    u = np.concatenate([fit.u[:base], np.interp(at, where, known)[free]])
+    return replace(curve, campaign=here, smooth=smooth, points=at, fit=replace(fit, unknowns=unknowns, u=u))
+
+
+def _carried_on(curve: Curve, campaign: Campaign, rounds: int, share: float = 1e-4) -> Curve:
     """The curve's fit continued, perhaps on other runs; with no rounds only evaluated there."""
     fit, smooth = curve.fit, curve.smooth
     fit = fitted(campaign, fit.unknowns, fit.u, rounds=rounds, share=share, smooth=smooth)
     return replace(curve, campaign=campaign, fit=fit)
+
+
+def _finished(curve: Curve, campaign: Campaign, wide: Campaign) -> Curve:
+    """The curve with its points moved to where it bends, fitted coarsely to all runs, then to all samples from several
+    starts, as a cause of the library is."""
+    for _ in range(MOVES):
+        other = _bent(curve, wide)
+        other = _carried_on(other, other.campaign, FIRST_ROUNDS, 0.01)
+        if other.fit.cost > curve.fit.cost:
+            break
+        curve = other
+    here = campaign.with_system(curve.campaign.system)
+    coarse = _carried_on(curve, here.coarse(), COARSE_ROUNDS[-1]).fit
+    return replace(curve, campaign=here, fit=refined(here, coarse, ROUNDS, curve.smooth))
 
 
 def _starts(
@@ -237,7 +282,7 @@ def _starts(
         slopes[:, len(base) :] *= larger
         unknowns = (*base, *(replace(k, scale=unit * larger) for k in unknowns[len(base) :]))
         fit = replace(fit, unknowns=unknowns, slopes=slopes)
-        yield _Start(Curve(state, here, smooth, fit, at[free]), fit.cost - _downhill(fit, smooth)[1])
+        yield _Start(Curve(state, here, smooth, fit, at, at), fit.cost - _downhill(fit, smooth)[1])
 
 
 def _downhill(fit: Fit, smooth: Floats) -> tuple[Floats, float]:
