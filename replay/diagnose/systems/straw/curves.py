@@ -31,8 +31,6 @@ Floats = NDArray[np.float64]
 ROUGH = 1.5
 #: States that are fitted, that are carried to the end; rounds of the first fit.
 FITTED, FINISHED, FIRST_ROUNDS = 4, 2, 8
-
-
 #: How often the points of a curve are moved to where it bends at most, which halves the distance of a point from a kink
 #: each time, and the share of the cost that another move has to gain.
 MOVES, GAINS = 4, 0.01
