@@ -95,8 +95,9 @@ def missing_force(
     found = curves(campaign, null, told, states)
     if campaign.stop() or not found:
         return None
-    left = max(unexplained(campaign, null) - NOISE_LEAVES, 1.0)
-    shares = [max(0.0, 1 - max(0.0, unexplained(campaign, c.fit) - NOISE_LEAVES) / left) for c in found]
+    left = unexplained(campaign, null) - NOISE_LEAVES
+    rest = [max(0.0, unexplained(campaign, c.fit) - NOISE_LEAVES) for c in found]
+    shares = [max(0.0, 1 - r / left) if left > 0 else 0.0 for r in rest]  # of nothing, nothing is explained
     best, state, base = found[0], found[0].state, len(null.u)
     fit, rough = best.fit, best.smooth[:, base:]
     seen, at = tangent(fit, base, rough), best.at * state.scale(straw_of(campaign))
