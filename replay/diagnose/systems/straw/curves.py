@@ -59,7 +59,7 @@ class Curve:
     @property
     def free(self) -> NDArray[np.bool_]:
         """Which of the points are searched, not held at zero, (n,)."""
-        return ~((self.points == 0) & self.state.zero)
+        return np.asarray(~((self.points == 0) & self.state.zero))
 
     @property
     def at(self) -> Floats:
