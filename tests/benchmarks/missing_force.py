@@ -120,6 +120,7 @@ def main() -> None:
         observations = [observe(run) for run in campaign((planted.cause,), SEED, SIX)]
         with ThreadPoolExecutor() as pool:
             here = Campaign(observations, StrawSystem(BASE), pool)
+            here.system.ready(observations)
             null, _ = base_fit(here)
             random_effects(here, null)
             null = fitted(here, null.unknowns, null.u, rounds=ROUNDS)
