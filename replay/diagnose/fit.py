@@ -98,7 +98,8 @@ def fitted(
     low, high = (np.array([getattr(k, name) for k in unknowns]) for name in ("low", "high"))
     start = clipped(unknowns, np.asarray(u, dtype=np.float64))
     if rounds > 0 and len(unknowns) and not campaign.stop():
-        with suppress(StoppedError):
+        # a step that overflows is not finite, and is refused as one that costs more
+        with suppress(StoppedError), np.errstate(over="ignore", divide="ignore", invalid="ignore"):
             least_squares(
                 problem.rows,
                 np.clip(start, low + 1e-10, high - 1e-10),

@@ -24,24 +24,24 @@ from straw.replay.diagnose.tournament import finished
 Floats = NDArray[np.float64]
 
 
-def refined(campaign: Campaign, coarse: Fit, rounds: int) -> Fit:
+def refined(campaign: Campaign, coarse: Fit, rounds: int, smooth: Floats | None = None) -> Fit:
     """The fit to all samples from a coarse one, and from draws about it where it leaves more than noise.
 
     A coarse fit that does not explain the coarse comparison lacks more than the right cycle of a ring: it is continued
-    briefly, and without draws.
+    briefly, and without draws. ``smooth``: roughness penalty of a curve, as in `fitted`.
     """
     close = explains(coarse)
-    plain = fitted(campaign, coarse.unknowns, coarse.u, rounds=rounds if close else FIRST_ROUNDS)
+    plain = fitted(campaign, coarse.unknowns, coarse.u, rounds=rounds if close else FIRST_ROUNDS, smooth=smooth)
     if not close or campaign.stop() or unexplained(campaign, plain) <= NOISE_LEAVES:
         return plain
-    points = drawn(coarse, len(campaign.system.base))
+    points = drawn(coarse, len(campaign.system.base), smooth)
     residuals = campaign.residuals(coarse.unknowns, points)
-    costs = [cost_at(coarse.unknowns, u, r) for u, r in zip(points, residuals, strict=True)]
+    costs = [cost_at(coarse.unknowns, u, r, smooth) for u, r in zip(points, residuals, strict=True)]
     best = [points[k] for k in np.argsort(costs, kind="stable")[:FOLLOWED]]
-    ends = [fitted(campaign, coarse.unknowns, u, rounds=FIRST_ROUNDS) for u in best]
+    ends = [fitted(campaign, coarse.unknowns, u, rounds=FIRST_ROUNDS, smooth=smooth) for u in best]
     end = min(ends, key=lambda fit: fit.cost)
     if rounds > FIRST_ROUNDS:
-        end = fitted(campaign, coarse.unknowns, end.u, rounds=rounds)
+        end = fitted(campaign, coarse.unknowns, end.u, rounds=rounds, smooth=smooth)
     return min(plain, end, key=lambda fit: fit.cost)
 
 
@@ -50,13 +50,15 @@ def explains(coarse: Fit) -> bool:
     return coarse.cost < len(coarse.residual)
 
 
-def drawn(fit: Fit, known: int) -> list[Floats]:
+def drawn(fit: Fit, known: int, smooth: Floats | None = None) -> list[Floats]:
     """Points u about a fit: the first ``known`` unknowns, which determine the frequency, drawn evenly from their
-    posterior, ``WIDENED`` times as wide; the others at their conditional mean."""
+    posterior, ``WIDENED`` times as wide; the others at their conditional mean. ``smooth`` as in `fitted`."""
     if not known:
         return []
     w, sd = weights(fit.residual), np.array([k.sd for k in fit.unknowns])
     information = (fit.slopes * w[:, None]).T @ fit.slopes / WIDENED**2 + np.diag(1 / sd**2)
+    if smooth is not None:
+        information += smooth.T @ smooth
     covariance = np.linalg.inv(information)
     own = covariance[:known, :known]
     follow = np.linalg.solve(own, covariance[:known]).T  # (unknowns, known), the identity first

@@ -17,7 +17,7 @@ from straw.replay.diagnose.systems.straw.dictionary import atoms
 from straw.replay.diagnose.systems.straw.instrument import Instrument
 from straw.replay.diagnose.systems.straw.missing import missing_force
 from straw.replay.diagnose.systems.straw.observation import observe
-from straw.replay.diagnose.systems.straw.states import STATES, points
+from straw.replay.diagnose.systems.straw.states import STATES, bent_points, points
 from straw.replay.diagnose.systems.straw.system import StrawSystem
 from tests.apparatus.campaign import NONE, campaign
 from tests.apparatus.effects import Cause
@@ -96,6 +96,26 @@ def test_points_lie_where_the_runs_are_and_reach_over_all_of_them():
     few = points(BY_NAME["cycles: stiffness"], [np.array([float(n)]) for n in (0, 1, 1, 2)])
     np.testing.assert_array_equal(few, [0.0, 1.0, 2.0])
     assert points(BY_NAME["cycles: stiffness"], [np.zeros(1), np.ones(1)]) is None
+
+
+@pytest.mark.parametrize("kink", [0.31, 0.85, 0.97])
+def test_points_move_to_a_kink_and_leave_none_of_the_range_without(kink):
+    state, placed = BY_NAME["tip X, along X"], np.linspace(0.2, 1.0, 8)
+    law, fine, at, errors = (lambda x: np.maximum(0.0, x - kink)), np.linspace(0.2, 1.0, 2000), placed, []
+    for _ in range(4):
+        errors.append(float(np.sqrt(np.mean((np.interp(fine, at, law(at)) - law(fine)) ** 2))))
+        at = bent_points(state, placed, at, law(at))
+    assert errors[-1] < errors[0] / 5
+    assert (at[0], at[-1]) == (0.2, 1.0)
+    # half of the points stay spread as they were placed, so that none is farther apart than two and a bit of them
+    assert np.max(np.diff(at)) < 2.1 * 0.8 / 7
+
+
+def test_points_stay_where_a_curve_is_straight_or_over_cycles():
+    at = np.linspace(0.2, 1.0, 8)
+    np.testing.assert_array_equal(bent_points(BY_NAME["tip X, along X"], at, at, 0 * at), at)
+    cycles = np.arange(8.0)
+    np.testing.assert_array_equal(bent_points(BY_NAME["cycles: channel"], cycles, cycles, cycles**2), cycles)
 
 
 def test_a_curve_of_the_clock_is_undone_by_its_opposite():

@@ -1,4 +1,4 @@
-"""From a coarse fit to all samples: draws find the right cycle of a ring, where the coarse fit is good enough."""
+"""From a coarse fit to all samples: draws find the right cycle of a ring where the coarse fit is good enough."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from straw.replay.diagnose.fit import Fit
-from straw.replay.diagnose.refine import refined
+from straw.replay.diagnose.refine import drawn, refined
 from straw.replay.diagnose.settings import FIRST_ROUNDS, ROUNDS
-from tests.replay.test_fit_campaign import FIRST, Toy
+from tests.replay.test_fit_campaign import FIRST, SECOND, Toy
 
 SAMPLES = 480
 TIME_S = np.arange(SAMPLES) / 240
@@ -43,3 +43,11 @@ def test_no_draws_are_made_about_a_coarse_fit_that_lacks_more_than_the_right_cyc
     campaign = Ringing(true_hz=6.0)
     refined(campaign, coarse(4.6, 2.0), ROUNDS)
     assert campaign.asked <= 2 * FIRST_ROUNDS + 1  # a residual and a Jacobian in each round
+
+
+def test_draws_follow_a_penalty_on_roughness_as_the_fit_does():
+    """Two unknowns that the data tell only in their sum; the penalty ties the second to twice the first."""
+    fit = Fit((FIRST, SECOND), np.zeros(2), np.zeros(25), np.ones((25, 2)), 0.0)
+    points = np.array(drawn(fit, 1, np.array([[2e3, -1e3]])))
+    np.testing.assert_allclose(points[:, 1], 2 * points[:, 0], rtol=1e-2, atol=1e-4)
+    assert np.ptp(points[:, 0]) > 0

@@ -1,84 +1,33 @@
-"""The missing force where no hypothesis explains the runs: a curve over the state that explains most, and a formula.
+"""The missing force where no hypothesis explains the runs: the curve over a state that explains most, and a formula.
 
-The curve is a table of values, fitted beside the base's constants with a roughness penalty. All states are tried; a
-curve that explains nothing is reported as such.
+A curve that explains nothing is reported as such.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.fit import Fit, evaluated, fitted
+from straw.replay.diagnose.fit import Fit
 from straw.replay.diagnose.formula import Formula, formula, tangent
 from straw.replay.diagnose.inquiry import Told, silent
 from straw.replay.diagnose.judge import unexplained
-from straw.replay.diagnose.robust import weights
 from straw.replay.diagnose.settings import NOISE_LEAVES
-from straw.replay.diagnose.systems.straw.base import telling_runs
-from straw.replay.diagnose.systems.straw.constants import applied
+from straw.replay.diagnose.systems.straw.curves import Curve, curves
 from straw.replay.diagnose.systems.straw.dictionary import atoms
 from straw.replay.diagnose.systems.straw.discovered import discovered
-from straw.replay.diagnose.systems.straw.of import straw_of, with_straw
-from straw.replay.diagnose.systems.straw.simulated import simulated
-from straw.replay.diagnose.systems.straw.states import STATES, State, points
+from straw.replay.diagnose.systems.straw.of import straw_of
+from straw.replay.diagnose.systems.straw.states import STATES, State
 
 Floats = NDArray[np.float64]
 
-#: Prior deviation of a curve's point from the line between its neighbours, in units of the state.
-ROUGH = 1.5
-#: States that are fitted, that are carried to the end; rounds of the first fit and of the last.
-FITTED, FINISHED, FIRST_ROUNDS, ROUNDS = 4, 2, 8, 10
-
-
-#: Steps of the search to the size of force that the first slopes predict, and its limit in units.
-STEPS, LARGEST = 3.0, 1000.0
-#: Another state is a rival while its first fit costs less than this many times the best's.
-RIVAL = 1.5
 #: A curve that explains less than this share of the base's misfit counts as explaining nothing.
 TELLS = 0.5
-#: Constants of the base that are taken from its fit; elasticity and geometry start as given.
-TAKEN_ALONG = ("straw.r_ch_m", "straw.c_zeta_n_s_per_m", "straw.c_phi_n_m_s_per_rad")
-
-
-@dataclass(frozen=True, eq=False)
-class Curve:
-    """A state's curve fitted beside the base's constants; ``campaign`` holds the straw with the curve's points.
-
-    ``smooth`` (k, unknowns) are the rows of the roughness penalty, by u.
-    """
-
-    state: State
-    campaign: Campaign
-    smooth: Floats
-    fit: Fit
-    at: Floats  # (n,) points that were searched, as the table counts them
-
-
-def rows_for(state: State, at: Floats, free: NDArray[np.bool_]) -> Floats:
-    """Each point's distance from the line between its neighbours, in ROUGH: (k, free points)."""
-    where = np.concatenate([[0.0], at]) if state.odd else at
-    keep = np.concatenate([[False], free]) if state.odd else free
-    rows = []
-    for k in range(1, len(where) - 1):
-        row = np.zeros(len(where))
-        share = (where[k] - where[k - 1]) / (where[k + 1] - where[k - 1])
-        row[k - 1 : k + 2] = share - 1, 1.0, -share
-        rows.append(row[keep] / ROUGH)
-    return np.array(rows).reshape(len(rows), int(keep.sum()))
-
-
-@dataclass(frozen=True, eq=False)
-class _Start:
-    """A state's curve at zero, beside the base's fit: the cost predicted by its slopes."""
-
-    curve: Curve
-    promise: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,8 +95,9 @@ def missing_force(
     found = curves(campaign, null, told, states)
     if campaign.stop() or not found:
         return None
-    left = max(unexplained(campaign, null) - NOISE_LEAVES, 1.0)
-    shares = [max(0.0, 1 - max(0.0, unexplained(campaign, c.fit) - NOISE_LEAVES) / left) for c in found]
+    left = unexplained(campaign, null) - NOISE_LEAVES
+    rest = [max(0.0, unexplained(campaign, c.fit) - NOISE_LEAVES) for c in found]
+    shares = [max(0.0, 1 - r / left) if left > 0 else 0.0 for r in rest]  # of nothing, nothing is explained
     best, state, base = found[0], found[0].state, len(null.u)
     fit, rough = best.fit, best.smooth[:, base:]
     seen, at = tangent(fit, base, rough), best.at * state.scale(straw_of(campaign))
@@ -176,75 +126,3 @@ def _unit(state: State, power: float) -> str:
         return state.value_unit
     per = f"({state.state_unit})" if "/" in state.state_unit else state.state_unit
     return f"{state.value_unit}/{per}" + (f"^{power:g}" if power != 1 else "")
-
-
-def curves(campaign: Campaign, null: Fit, told: Told = silent, states: Sequence[State] = STATES) -> list[Curve]:
-    """Curves over the states that promise most, the best first; the best few are carried to their end."""
-    wide = campaign.only(telling_runs(campaign, null)).coarse()
-    # the missing force has biased the base's constants: only damping and channel are kept
-    calm = np.where([k.target in TAKEN_ALONG for k in null.unknowns], null.u, 0.0)
-    known = evaluated(wide, null.unknowns, calm)
-    starts: list[_Start] = []
-    for start in _starts(wide, known, campaign.observations, told, states):
-        starts.append(start)
-        if campaign.stop():
-            return []
-    starts.sort(key=lambda start: start.promise)
-    first = []
-    for k, start in enumerate(starts[:FITTED]):
-        told(start.curve.state.name, len(states) + k, len(states) + 2 * FITTED)
-        first.append(_carried_on(start.curve, start.curve.campaign, FIRST_ROUNDS, 0.01))
-    first.sort(key=lambda c: c.fit.cost)
-    found: list[Curve] = []
-    for k, curve in enumerate(first):
-        told(curve.state.name, len(states) + FITTED + k, len(states) + 2 * FITTED)
-        here = campaign.with_system(curve.campaign.system)
-        rival = len(found) < FINISHED and curve.fit.cost < RIVAL * first[0].fit.cost
-        found.append(_carried_on(curve, here, ROUNDS if rival else 0, 2e-3))
-    return sorted(found, key=lambda c: c.fit.cost)
-
-
-def _carried_on(curve: Curve, campaign: Campaign, rounds: int, share: float) -> Curve:
-    """The curve's fit continued, perhaps on other runs; with no rounds only evaluated there."""
-    fit, smooth = curve.fit, curve.smooth
-    fit = fitted(campaign, fit.unknowns, fit.u, rounds=rounds, share=share, smooth=smooth)
-    return replace(curve, campaign=campaign, fit=fit)
-
-
-def _starts(
-    campaign: Campaign, null: Fit, observations: Sequence[Any], told: Told, states: Sequence[State]
-) -> Iterator[_Start]:
-    """Every state's curve at zero with its slopes; its points lie where all observations pass."""
-    base = null.unknowns
-    straw, _ = applied(straw_of(campaign), base, null.u)
-    seen = [(o, simulated(o, straw_of(campaign), base, null.u).prediction) for o in observations]
-    for k, state in enumerate(states):
-        told(state.name, k, len(states) + 2 * FITTED)
-        at = points(state, [state.visited(straw, o, p) for o, p in seen])
-        if at is None:
-            continue
-        free = ~((at == 0) & state.zero)
-        here = with_straw(campaign, state.straw_with(straw_of(campaign), at))
-        rows = rows_for(state, at, free)
-        smooth = np.hstack([np.zeros((len(rows), len(base))), rows])
-        unknowns = (*base, *state.unknowns(at))
-        u = np.concatenate([null.u, np.zeros(len(unknowns) - len(base))])
-        fit = evaluated(here, unknowns, u, smooth)
-        unit, wanted = unknowns[-1].scale, -_downhill(fit, smooth)[0][len(base) :]
-        # in units of the predicted size a large force is as near as a small one
-        larger = float(np.clip(np.max(np.abs(wanted)) / STEPS, 1.0, LARGEST))
-        slopes = fit.slopes.copy()
-        slopes[:, len(base) :] *= larger
-        unknowns = (*base, *(replace(k, scale=unit * larger) for k in unknowns[len(base) :]))
-        fit = replace(fit, unknowns=unknowns, slopes=slopes)
-        yield _Start(Curve(state, here, smooth, fit, at[free]), fit.cost - _downhill(fit, smooth)[1])
-
-
-def _downhill(fit: Fit, smooth: Floats) -> tuple[Floats, float]:
-    """Minus the step to the optimum of the linearised problem, and its gain."""
-    w = weights(fit.residual)
-    sd, mean = np.array([k.sd for k in fit.unknowns]), np.array([k.mean for k in fit.unknowns])
-    curvature = (fit.slopes * w[:, None]).T @ fit.slopes + np.diag(1 / sd**2) + smooth.T @ smooth
-    gradient = fit.slopes.T @ (w * fit.residual) + (fit.u - mean) / sd**2 + smooth.T @ (smooth @ fit.u)
-    step = np.linalg.solve(curvature, gradient)
-    return step, float(gradient @ step)

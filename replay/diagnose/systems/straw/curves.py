@@ -1,0 +1,201 @@
+"""Curves over the states that a missing force may depend on, fitted beside the base's constants.
+
+A curve is a table of values with a roughness penalty. All states are tried to first order, the most promising fitted to
+the coarse comparison, and the best of these to all samples, its points moved to where it bends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.fit import Fit, evaluated, fitted
+from straw.replay.diagnose.inquiry import Told, silent
+from straw.replay.diagnose.refine import refined
+from straw.replay.diagnose.robust import weights
+from straw.replay.diagnose.settings import COARSE_ROUNDS, ROUNDS
+from straw.replay.diagnose.systems.straw.base import telling_runs
+from straw.replay.diagnose.systems.straw.constants import applied
+from straw.replay.diagnose.systems.straw.of import straw_of, with_straw
+from straw.replay.diagnose.systems.straw.simulated import simulated
+from straw.replay.diagnose.systems.straw.states import STATES, State, bent_points, points
+
+Floats = NDArray[np.float64]
+
+#: Prior deviation of a curve's point from the line between its neighbours, in units of the state.
+ROUGH = 1.5
+#: States that are fitted, that are carried to the end; rounds of the first fit.
+FITTED, FINISHED, FIRST_ROUNDS = 4, 2, 8
+#: How often the points of a curve are moved to where it bends at most, which halves the distance of a point from a kink
+#: each time, and the share of the cost that another move has to gain.
+MOVES, GAINS = 4, 0.01
+#: Steps of the search to the size of force that the first slopes predict, and its limit in units.
+STEPS, LARGEST = 3.0, 1000.0
+#: Another state is a rival while its first fit costs less than this many times the best's.
+RIVAL = 1.5
+#: Constants of the base that are taken from its fit; elasticity and geometry start as given.
+TAKEN_ALONG = ("straw.r_ch_m", "straw.c_zeta_n_s_per_m", "straw.c_phi_n_m_s_per_rad")
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A state's curve fitted beside the base's constants; ``campaign`` holds the straw with the curve's points.
+
+    ``smooth`` (k, unknowns) are the rows of the roughness penalty, by u.
+    """
+
+    state: State
+    campaign: Campaign
+    smooth: Floats
+    fit: Fit
+    placed: Floats  # (n,) points of the table as first placed, as it counts them
+    points: Floats  # (n,) and as moved to where the curve bends
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """Which of the points are searched, not held at zero, (n,)."""
+        return np.asarray(~((self.points == 0) & self.state.zero))
+
+    @property
+    def at(self) -> Floats:
+        """The points that are searched."""
+        return self.points[self.free]
+
+
+def rows_for(state: State, at: Floats, free: NDArray[np.bool_]) -> Floats:
+    """Each point's distance from the line between its neighbours, in ROUGH: (k, free points)."""
+    where = np.concatenate([[0.0], at]) if state.odd else at
+    keep = np.concatenate([[False], free]) if state.odd else free
+    rows = []
+    for k in range(1, len(where) - 1):
+        row = np.zeros(len(where))
+        share = (where[k] - where[k - 1]) / (where[k + 1] - where[k - 1])
+        row[k - 1 : k + 2] = share - 1, 1.0, -share
+        rows.append(row[keep] / ROUGH)
+    return np.array(rows).reshape(len(rows), int(keep.sum()))
+
+
+@dataclass(frozen=True, eq=False)
+class _Start:
+    """A state's curve at zero, beside the base's fit: the cost predicted by its slopes."""
+
+    curve: Curve
+    promise: float
+
+
+def curves(campaign: Campaign, null: Fit, told: Told = silent, states: Sequence[State] = STATES) -> list[Curve]:
+    """Curves over the states that promise most, the best first; the best few are carried to their end."""
+    wide = campaign.only(telling_runs(campaign, null)).coarse()
+    # the missing force has biased the base's constants: only damping and channel are kept
+    calm = np.where([k.target in TAKEN_ALONG for k in null.unknowns], null.u, 0.0)
+    known = evaluated(wide, null.unknowns, calm)
+    starts: list[_Start] = []
+    for start in _starts(wide, known, campaign.observations, told, states):
+        starts.append(start)
+        if campaign.stop():
+            return []
+    starts.sort(key=lambda start: start.promise)
+    first = []
+    for k, start in enumerate(starts[:FITTED]):
+        told(start.curve.state.name, len(states) + k, len(states) + 2 * FITTED)
+        first.append(_carried_on(start.curve, start.curve.campaign, FIRST_ROUNDS, 0.01))
+    first.sort(key=lambda c: c.fit.cost)
+    found: list[Curve] = []
+    for k, curve in enumerate(first):
+        told(curve.state.name, len(states) + FITTED + k, len(states) + 2 * FITTED)
+        here = campaign.with_system(curve.campaign.system)
+        rival = len(found) < FINISHED and curve.fit.cost < RIVAL * first[0].fit.cost
+        found.append(_finished(curve, campaign, wide) if rival else _carried_on(curve, here, 0))
+    return sorted(found, key=lambda c: c.fit.cost)
+
+
+def _bent(curve: Curve, campaign: Campaign) -> Curve:
+    """The curve on points that lie closer where it bends (`bent_points`), to be fitted again."""
+    state, fit, base = curve.state, curve.fit, curve.smooth.shape[1] - len(curve.at)
+    values = np.zeros(len(curve.points))
+    values[curve.free] = fit.u[base:]
+    at = bent_points(state, curve.placed, curve.points, values)
+    free = ~((at == 0) & state.zero)
+    here = with_straw(campaign, state.straw_with(straw_of(campaign), at))
+    rows = rows_for(state, at, free)
+    smooth = np.hstack([np.zeros((len(rows), base)), rows])
+    scale = fit.unknowns[-1].scale
+    unknowns = (*fit.unknowns[:base], *(replace(k, scale=scale) for k in state.unknowns(at)))
+    where, known = (np.append(0.0, x) if state.odd else x for x in (curve.points, values))
+    u = np.concatenate([fit.u[:base], np.interp(at, where, known)[free]])
+    return replace(curve, campaign=here, smooth=smooth, points=at, fit=replace(fit, unknowns=unknowns, u=u))
+
+
+def _carried_on(curve: Curve, campaign: Campaign, rounds: int, share: float = 1e-4) -> Curve:
+    """The curve's fit continued, perhaps on other runs; with no rounds only evaluated there."""
+    fit, smooth = curve.fit, curve.smooth
+    fit = fitted(campaign, fit.unknowns, fit.u, rounds=rounds, share=share, smooth=smooth)
+    return replace(curve, campaign=campaign, fit=fit)
+
+
+def _finished(curve: Curve, campaign: Campaign, wide: Campaign) -> Curve:
+    """The curve with its points moved to where it bends, fitted coarsely to all runs, then to all samples from several
+    starts, as a cause of the library is."""
+    curve = _moved(curve, wide)
+    here = campaign.with_system(curve.campaign.system)
+    coarse = _carried_on(curve, here.coarse(), COARSE_ROUNDS[-1]).fit
+    return _moved(replace(curve, campaign=here, fit=refined(here, coarse, ROUNDS, curve.smooth)), campaign)
+
+
+def _moved(curve: Curve, campaign: Campaign) -> Curve:
+    """The curve fitted with its points moved to where it bends, until that gains little."""
+    for _ in range(MOVES):
+        other = _bent(curve, campaign)
+        if np.array_equal(other.points, curve.points):
+            break
+        other = _carried_on(other, other.campaign, FIRST_ROUNDS)
+        if not other.fit.cost < curve.fit.cost:
+            break
+        gain, curve = 1 - other.fit.cost / curve.fit.cost, other
+        if gain < GAINS:
+            break
+    return curve
+
+
+def _starts(
+    campaign: Campaign, null: Fit, observations: Sequence[Any], told: Told, states: Sequence[State]
+) -> Iterator[_Start]:
+    """Every state's curve at zero with its slopes; its points lie where all observations pass."""
+    base = null.unknowns
+    straw, _ = applied(straw_of(campaign), base, null.u)
+    seen = [(o, simulated(o, straw_of(campaign), base, null.u).prediction) for o in observations]
+    for k, state in enumerate(states):
+        told(state.name, k, len(states) + 2 * FITTED)
+        at = points(state, [state.visited(straw, o, p) for o, p in seen])
+        if at is None:
+            continue
+        free = ~((at == 0) & state.zero)
+        here = with_straw(campaign, state.straw_with(straw_of(campaign), at))
+        rows = rows_for(state, at, free)
+        smooth = np.hstack([np.zeros((len(rows), len(base))), rows])
+        unknowns = (*base, *state.unknowns(at))
+        u = np.concatenate([null.u, np.zeros(len(unknowns) - len(base))])
+        fit = evaluated(here, unknowns, u, smooth)
+        unit, wanted = unknowns[-1].scale, -_downhill(fit, smooth)[0][len(base) :]
+        # in units of the predicted size a large force is as near as a small one
+        larger = float(np.clip(np.max(np.abs(wanted)) / STEPS, 1.0, LARGEST))
+        slopes = fit.slopes.copy()
+        slopes[:, len(base) :] *= larger
+        unknowns = (*base, *(replace(k, scale=unit * larger) for k in unknowns[len(base) :]))
+        fit = replace(fit, unknowns=unknowns, slopes=slopes)
+        yield _Start(Curve(state, here, smooth, fit, at, at), fit.cost - _downhill(fit, smooth)[1])
+
+
+def _downhill(fit: Fit, smooth: Floats) -> tuple[Floats, float]:
+    """Minus the step to the optimum of the linearised problem, and its gain."""
+    w = weights(fit.residual)
+    sd, mean = np.array([k.sd for k in fit.unknowns]), np.array([k.mean for k in fit.unknowns])
+    curvature = (fit.slopes * w[:, None]).T @ fit.slopes + np.diag(1 / sd**2) + smooth.T @ smooth
+    gradient = fit.slopes.T @ (w * fit.residual) + (fit.u - mean) / sd**2 + smooth.T @ (smooth @ fit.u)
+    step = np.linalg.solve(curvature, gradient)
+    return step, float(gradient @ step)
