@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,5 +66,10 @@ class Hypothesis:
     def beside(self, first: Hypothesis) -> Hypothesis:
         """Both hypotheses' causes together, physics named before instruments; no starts."""
         faults = first.faults | self.faults
-        both = sorted((*first.causes, *self.causes), key=lambda name: (name in faults, name))
-        return Hypothesis(tuple(both), (*first.unknowns, *self.unknowns), (), faults)
+        both = in_order((*first.causes, *self.causes), faults)
+        return Hypothesis(both, (*first.unknowns, *self.unknowns), (), faults)
+
+
+def in_order(causes: Sequence[str], faults: Collection[str]) -> tuple[str, ...]:
+    """Causes in the order in which a pair is named, so that it has one name: physics first, then by the alphabet."""
+    return tuple(sorted(causes, key=lambda name: (name in faults, name)))

@@ -92,3 +92,9 @@ def test_a_share_of_one_is_the_other_of_the_two_elasticities():
     walls = [applied(straw, (share,), u)[0].constants().wall for straw in (BASE, other)]
     np.testing.assert_allclose(walls[0], other.constants().wall)
     assert np.abs(walls[1][:, :, SHARE]).max() < 1e-12
+
+
+def test_a_pair_has_one_name_in_whatever_order_its_causes_come():
+    one, other = hypothesis(["camera_roll"], 9), hypothesis(["trapped_gas"], 9)
+    names = {one.beside(other).name, other.beside(one).name, hypothesis(["camera_roll", "trapped_gas"], 9).name}
+    assert names == {"trapped_gas+camera_roll"}  # physics first

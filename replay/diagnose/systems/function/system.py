@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Fit, fitted
-from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
+from straw.replay.diagnose.hypothesis import Hypothesis, Unknown, in_order
 from straw.replay.diagnose.numerical import jacobian
 from straw.replay.diagnose.robust import robust_cost, weights
 from straw.replay.diagnose.settings import FIRST_ROUNDS, ROUNDS
@@ -94,7 +94,7 @@ class FunctionSystem(System):
                 unknowns += [unknown_of(c, strength=True) for c in self.model.constants if c.name in wanted]
         first = tuple(k.mean if k.kind != "strength" else 0.5 for k in unknowns)
         signs = tuple(tuple(sign * 0.3 if k.mean == 0 else k.mean for k in unknowns) for sign in (1, -1))
-        return Hypothesis(tuple(names), tuple(unknowns), (first, *signs), self.faults)
+        return Hypothesis(in_order(names, self.faults), tuple(unknowns), (first, *signs), self.faults)
 
     def with_laws(self, *laws: Law) -> FunctionSystem:
         """The system with these laws in place of its present ones."""

@@ -14,7 +14,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
+from straw.replay.diagnose.hypothesis import Hypothesis, Unknown, in_order
 from straw.replay.diagnose.numerical import jacobian
 from straw.replay.diagnose.system import Channel, Differences, Level, Stretch, System
 
@@ -182,7 +182,7 @@ class OscillatorSystem(System):
         unknowns = tuple(u for name in names for u in LIBRARY[name][0])
         starts = (sum(parts, ()) for parts in itertools.product(*(LIBRARY[name][1] for name in names)))
         at = (tuple(k.at(s) for k, s in zip(unknowns, start, strict=True)) for start in starts)
-        return Hypothesis(tuple(names), unknowns, tuple(at), self.faults)
+        return Hypothesis(in_order(names, self.faults), unknowns, tuple(at), self.faults)
 
     def misfit(
         self,

@@ -9,7 +9,8 @@ import numpy as np
 
 from straw.model.term import Law
 from straw.model.terms import CAUSES
-from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
+from straw.replay.diagnose.hypothesis import Hypothesis, Unknown, in_order
+from straw.replay.diagnose.systems.straw.constants import MEASUREMENT
 
 #: Distance of a cause's starting sizes, in units of u.
 NEXT_SIZE = 0.6
@@ -239,4 +240,5 @@ def hypothesis(names: Sequence[str], cells: int) -> Hypothesis:
         tuple(unknown.at(s) for unknown, s in zip(unknowns, sum(parts, ()), strict=True))
         for parts in itertools.product(*(known[name][1] for name in names))
     )
-    return Hypothesis(tuple(names), unknowns, starts if names else ((),))
+    faults = frozenset(MEASUREMENT)
+    return Hypothesis(in_order(names, faults), unknowns, starts if names else ((),), faults)
