@@ -28,11 +28,12 @@ def refined(campaign: Campaign, coarse: Fit, rounds: int, smooth: Floats | None 
     """The fit to all samples from a coarse one, and from draws about it where it leaves more than noise.
 
     A coarse fit that does not explain the coarse comparison lacks more than the right cycle of a ring: it is continued
-    briefly, and without draws. ``smooth``: roughness penalty of a curve, as in `fitted`.
+    briefly, and without draws, unless a run cannot be simulated where it ends, which has no slope.
+    ``smooth``: roughness penalty of a curve, as in `fitted`.
     """
     close = explains(coarse)
     plain = fitted(campaign, coarse.unknowns, coarse.u, rounds=rounds if close else FIRST_ROUNDS, smooth=smooth)
-    if not close or campaign.stop() or unexplained(campaign, plain) <= NOISE_LEAVES:
+    if campaign.stop() or (not close and follows(campaign, plain)) or unexplained(campaign, plain) <= NOISE_LEAVES:
         return plain
     points = drawn(coarse, len(campaign.system.base), smooth)
     residuals = campaign.residuals(coarse.unknowns, points)
@@ -43,6 +44,12 @@ def refined(campaign: Campaign, coarse: Fit, rounds: int, smooth: Floats | None 
     if rounds > FIRST_ROUNDS:
         end = fitted(campaign, coarse.unknowns, end.u, rounds=rounds, smooth=smooth)
     return min(plain, end, key=lambda fit: fit.cost)
+
+
+def follows(campaign: Campaign, fit: Fit) -> bool:
+    """Whether every run can be simulated at a fit."""
+    (row,) = campaign.misfits(fit.unknowns, [fit.u])
+    return all(one is not None for one in row)
 
 
 def explains(coarse: Fit) -> bool:

@@ -9,7 +9,7 @@ import pytest
 
 from straw.replay.diagnose.fit import Fit
 from straw.replay.diagnose.refine import drawn, refined
-from straw.replay.diagnose.settings import FIRST_ROUNDS, ROUNDS
+from straw.replay.diagnose.settings import FAILED_SIGMAS, FIRST_ROUNDS, ROUNDS
 from tests.replay.test_fit_campaign import FIRST, SECOND, Toy
 
 SAMPLES = 480
@@ -17,12 +17,22 @@ TIME_S = np.arange(SAMPLES) / 240
 
 
 class Ringing(Toy):
-    """A tip that rings with a frequency to be found, in one run of one channel, 30 sigmas high."""
+    """A tip that rings with a frequency to be found, in one run of one channel, 30 sigmas high; below ``least_hz`` it
+    cannot be simulated."""
 
-    def __init__(self, true_hz):
-        super().__init__(lambda v: 30 * (np.sin(2 * np.pi * v[0] * TIME_S) - np.sin(2 * np.pi * true_hz * TIME_S)))
+    def __init__(self, true_hz, least_hz=0.0):
+        super().__init__(self.ringing)
+        self.true_hz, self.least_hz = true_hz, least_hz
         self.system = SimpleNamespace(base=(FIRST,))
         self.observations = [SimpleNamespace(seen=np.zeros((1, SAMPLES)))]
+
+    def ringing(self, v):
+        if v[0].real < self.least_hz:
+            return np.full(SAMPLES, FAILED_SIGMAS, dtype=complex)
+        return 30 * (np.sin(2 * np.pi * v[0] * TIME_S) - np.sin(2 * np.pi * self.true_hz * TIME_S))
+
+    def misfits(self, unknowns, points):
+        return [[None if u[0] < self.least_hz else u] for u in points]
 
     def slices(self):
         return [slice(0, SAMPLES)]
@@ -43,6 +53,11 @@ def test_no_draws_are_made_about_a_coarse_fit_that_lacks_more_than_the_right_cyc
     campaign = Ringing(true_hz=6.0)
     refined(campaign, coarse(4.6, 2.0), ROUNDS)
     assert campaign.asked <= 2 * FIRST_ROUNDS + 1  # a residual and a Jacobian in each round
+
+
+def test_draws_lead_out_of_where_a_run_cannot_be_simulated():
+    fit = refined(Ringing(true_hz=6.0, least_hz=5.0), coarse(4.6, 2.0), ROUNDS)
+    assert fit.u[0] == pytest.approx(6.0, abs=1e-3)
 
 
 def test_draws_follow_a_penalty_on_roughness_as_the_fit_does():
