@@ -26,7 +26,6 @@ from straw.replay.diagnose.settings import (
     FAR,
     FIRST_ROUNDS,
     FOLLOWED,
-    NOISE_LEAVES,
     ROUNDS,
     SHORTLIST,
 )
@@ -68,16 +67,16 @@ def explain(
     hypotheses = [campaign.hypothesis([name]) for name in names]
     if far:  # a first-order expansion around a poor fit is not informative
         _large(found, hypotheses, wide_known, proposal, steps)
-    if not found.contestants or not far or _unexplained(found):
+    if not found.contestants or not far or found.goes_on:
         steps("causes that are small", found)
-        left = _unexplained(found)
+        left = found.goes_on
         for start in screen(campaign, found.null, hypotheses)[:SHORTLIST]:
             if not campaign.stop() and (left or start.gain > CALIBRATION.scale):
                 found.keep(fitted_contestant(campaign, start, FIRST_ROUNDS))
         finish(found)
-    if not far and _unexplained(found):
+    if not far and found.goes_on:
         _large(found, hypotheses, wide_known, proposal, steps)
-    if _unexplained(found):
+    if found.goes_on:
         steps("pairs", found)
         find_pairs(found, names, _starts(campaign, proposal))
     elif not campaign.stop():
@@ -108,11 +107,11 @@ def _large(
     for group in groups:
         steps("causes that are large", found)
         coarse = tournament(wide, known, group, given)
-        if not _unexplained(found):  # by a pair: only a single cause that explains as much may take its place
+        if not found.goes_on:  # by a pair: only a single cause that explains as much may take its place
             coarse = [one for one in coarse if explains(one.fit)]
         refine(found, coarse)
         finish(found)
-        if not _unexplained(found):
+        if not found.goes_on:
             return
         # the truth is more often a second cause beside one that explains much than one the proposal puts behind others
         if group is not groups[-1] and found.best.cost < found.null.cost - FAR:
@@ -135,11 +134,6 @@ class _Steps:
             text += f"; {found.contestants[0].name} leads, {100 * found.best.cost / found.null.cost:.2g} % left"
         self.told(text, self.done, STAGES)
         self.done += 1
-
-
-def _unexplained(found: Inquiry) -> bool:
-    """Whether the best so far leaves more than noise, and the search was not stopped."""
-    return not found.campaign.stop() and unexplained(found.campaign, found.best) > NOISE_LEAVES
 
 
 def _base_start(proposal: Proposal | None) -> list[Floats]:

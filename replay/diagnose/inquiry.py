@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Contestant, Fit
-from straw.replay.diagnose.judge import Judgement, judge
+from straw.replay.diagnose.judge import Judgement, judge, unexplained
+from straw.replay.diagnose.settings import NOISE_LEAVES
 
 #: Called with (activity, steps done, steps in all).
 Told = Callable[[str, int, int], None]
@@ -54,6 +55,11 @@ class Inquiry:
     def best(self) -> Fit:
         """The best fit apart from the base's; the base's where the library is empty."""
         return self.contestants[0].fit if self.contestants else self.null
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether the best so far leaves more than noise, and the search was not stopped."""
+        return not self.campaign.stop() and unexplained(self.campaign, self.best) > NOISE_LEAVES
 
     def judgement(self) -> Judgement:
         """Probabilities from the fits so far."""

@@ -20,7 +20,6 @@ from straw.replay.diagnose.settings import (
     FAR,
     FIRST_ROUNDS,
     FOLLOWED,
-    NOISE_LEAVES,
     ROUNDS,
     SHORTLIST,
     STARTS,
@@ -38,7 +37,7 @@ def telling(found: Inquiry) -> Campaign:
 def find_pairs(found: Inquiry, names: Sequence[str], proposed: Sequence[Start]) -> None:
     """Second causes beside the best, then the ``proposed`` pairs, as long as more than noise is left."""
     beside_best(found, names)
-    if _unexplained(found):
+    if found.goes_on:
         screened_pairs(found, names)
         proposed_pairs(found, proposed)
         finish(found)
@@ -48,14 +47,10 @@ def find_pairs(found: Inquiry, names: Sequence[str], proposed: Sequence[Start]) 
 def second_causes(found: Inquiry, names: Sequence[str]) -> None:
     """Second causes beside the best: fitted coarsely where its fit is poor, to first order where little is left."""
     beside_best(found, names)
-    if NOISE_LEAVES < unexplained(found.campaign, found.best) <= FAR and not found.campaign.stop():
+    if found.goes_on and unexplained(found.campaign, found.best) <= FAR:
         screened_pairs(found, names)
         finish(found)
         nested(found)
-
-
-def _unexplained(found: Inquiry) -> bool:
-    return not found.campaign.stop() and unexplained(found.campaign, found.best) > NOISE_LEAVES
 
 
 def beside_best(found: Inquiry, names: Sequence[str]) -> None:

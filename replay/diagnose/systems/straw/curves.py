@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Fit, evaluated, fitted
+from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.inquiry import Told, silent
 from straw.replay.diagnose.refine import refined
 from straw.replay.diagnose.robust import weights
@@ -59,12 +60,26 @@ class Curve:
     @property
     def free(self) -> NDArray[np.bool_]:
         """Which of the points are searched, not held at zero, (n,)."""
-        return np.asarray(~((self.points == 0) & self.state.zero))
+        return searched(self.state, self.points)
 
     @property
     def at(self) -> Floats:
         """The points that are searched."""
         return self.points[self.free]
+
+
+def searched(state: State, at: Floats) -> NDArray[np.bool_]:
+    """Which points (n,) have a value to be found: all but one that is held at zero."""
+    return np.asarray(~((at == 0) & state.zero))
+
+
+def with_points(
+    campaign: Campaign, base: Sequence[Unknown], state: State, at: Floats
+) -> tuple[Campaign, tuple[Unknown, ...], Floats]:
+    """The campaign with a curve at points (n,), all unknowns, and the rows (k, unknowns) of its roughness penalty."""
+    rows = rows_for(state, at, searched(state, at))
+    here = with_straw(campaign, state.straw_with(straw_of(campaign), at))
+    return here, (*base, *state.unknowns(at)), np.hstack([np.zeros((len(rows), len(base))), rows])
 
 
 def rows_for(state: State, at: Floats, free: NDArray[np.bool_]) -> Floats:
@@ -120,14 +135,11 @@ def _bent(curve: Curve, campaign: Campaign) -> Curve:
     values = np.zeros(len(curve.points))
     values[curve.free] = fit.u[base:]
     at = bent_points(state, curve.placed, curve.points, values)
-    free = ~((at == 0) & state.zero)
-    here = with_straw(campaign, state.straw_with(straw_of(campaign), at))
-    rows = rows_for(state, at, free)
-    smooth = np.hstack([np.zeros((len(rows), base)), rows])
+    here, unknowns, smooth = with_points(campaign, fit.unknowns[:base], state, at)
     scale = fit.unknowns[-1].scale
-    unknowns = (*fit.unknowns[:base], *(replace(k, scale=scale) for k in state.unknowns(at)))
+    unknowns = (*unknowns[:base], *(replace(k, scale=scale) for k in unknowns[base:]))
     where, known = (np.append(0.0, x) if state.odd else x for x in (curve.points, values))
-    u = np.concatenate([fit.u[:base], np.interp(at, where, known)[free]])
+    u = np.concatenate([fit.u[:base], np.interp(at, where, known)[searched(state, at)]])
     return replace(curve, campaign=here, smooth=smooth, points=at, fit=replace(fit, unknowns=unknowns, u=u))
 
 
@@ -174,11 +186,7 @@ def _starts(
         at = points(state, [state.visited(straw, o, p) for o, p in seen])
         if at is None:
             continue
-        free = ~((at == 0) & state.zero)
-        here = with_straw(campaign, state.straw_with(straw_of(campaign), at))
-        rows = rows_for(state, at, free)
-        smooth = np.hstack([np.zeros((len(rows), len(base))), rows])
-        unknowns = (*base, *state.unknowns(at))
+        here, unknowns, smooth = with_points(campaign, base, state, at)
         u = np.concatenate([null.u, np.zeros(len(unknowns) - len(base))])
         fit = evaluated(here, unknowns, u, smooth)
         unit, wanted = unknowns[-1].scale, -_downhill(fit, smooth)[0][len(base) :]
