@@ -27,7 +27,7 @@ from straw.replay.diagnose.judge import unexplained
 from straw.replay.diagnose.locate import locate
 from straw.replay.diagnose.settings import ROUNDS
 from straw.replay.diagnose.systems.straw.base import base_fit
-from straw.replay.diagnose.systems.straw.missing import Missing, missing_force
+from straw.replay.diagnose.systems.straw.missing import MissingLaw, missing_force
 from straw.replay.diagnose.systems.straw.observation import observe
 from straw.replay.diagnose.systems.straw.states import STATES
 from straw.replay.diagnose.systems.straw.system import StrawSystem
@@ -83,7 +83,7 @@ PLANTED = (
 )
 
 
-def error(found: Missing, law: Callable[[np.ndarray], np.ndarray]) -> float:
+def error(found: MissingLaw, law: Callable[[np.ndarray], np.ndarray]) -> float:
     """Largest difference where the curve is known to a fifth of the law's size, as a share of that; either sign."""
     want = law(found.at)
     size = float(np.max(np.abs(want)))
@@ -125,27 +125,29 @@ def main() -> None:
             random_effects(here, null)
             null = fitted(here, null.unknowns, null.u, rounds=ROUNDS)
             left, start, before = unexplained(here, null), time.process_time(), here.tally["played"]
-            found = missing_force(here, null, states=states)
-            assert found is not None
-            curve = found.curve
-            held = hold_out(curve.campaign, null, curve.fit, locate(here, null), smooth=curve.smooth)
+            for found in missing_force(here, null, states=states):
+                curve = found.curve
+                held = hold_out(curve.campaign, null, curve.fit, locate(here, null), smooth=curve.smooth)
+                if held and found.tells and held.better:
+                    break
         assert held is not None
         tried += 1
-        right += found.curve.state.name == planted.state
+        right += planted.state in [law.state.name for law in found.laws]
         cpu = time.process_time() - start
         print(f"{name}: the base leaves {left:.0f} sigmas squared; over {planted.state!r} it should be")
         print(f"  {found.says}")
         x = [row["x_m"] for row in (held.before, held.after, held.floor)]
         better = held.better and (x[1] < x[0] / 3 or x[1] < 1.3 * x[2])
         good += better
-        law = left_by_the_law(planted.cause, held.heldout)
-        at_law += better or (held.better and x[1] < 1.3 * law)
-        shown = "shown" if found.formula and held.better else "not shown as an improvement"
-        print(f"  held out, X: {', '.join(f'{1e3 * v:.3f}' for v in (*x, law))} mm: {shown}")
-        if planted.law:
-            print(f"  largest error of the curve: {100 * error(found, planted.law):.0f} % of the law's size")
-        if found.formula:
-            print(f"  {found.formula.text}  (keeps {100 * found.formula.keeps:.0f} %)")
+        left_there = left_by_the_law(planted.cause, held.heldout)
+        at_law += better or (held.better and x[1] < 1.3 * left_there)
+        shown = "shown" if found.tells and held.better else "not shown as an improvement"
+        print(f"  held out, X: {', '.join(f'{1e3 * v:.3f}' for v in (*x, left_there))} mm: {shown}")
+        for law in found.laws:
+            if planted.law and law.state.name == planted.state:
+                print(f"  largest error of the curve: {100 * error(law, planted.law):.0f} % of the law's size")
+            if law.formula:
+                print(f"  {law.formula.text}  (keeps {100 * law.formula.keeps:.0f} %)")
         print(f"  {cpu:.0f} s CPU, {here.tally['played'] - before} runs played", flush=True)
     print(f"the state was right in {right} of {tried}; held out 3 times better, or near noise, in {good}")
     print(f"held out 3 times better, or near what the law itself leaves, in {at_law}")

@@ -32,17 +32,17 @@ def test_a_gauge_that_saturates_is_found_as_an_error_over_what_it_shows_with_its
         here, base = Campaign([observe(run) for run in runs], StrawSystem(BASE), pool), base_unknowns(BASE)[:3]
         null = fitted(here, base, np.zeros(len(base)), rounds=5)
         found = missing_force(here, null, states=[BY_NAME["gauge over pressure"], BY_NAME["tip X, along Z"]])
-    assert found is not None
-    assert found.curve.state.name == "gauge over pressure"
-    assert found.explains > 0.8
+    assert found[-1].curve.state.name == "gauge over pressure"
+    assert found[-1].explains > 0.8
+    law = found[-1].laws[0]
     # it shows 31 kPa where there are 35, and -21 where there are -25
-    wrong = np.interp([31e3, 0.0, -21e3], found.at, found.values)
+    wrong = np.interp([31e3, 0.0, -21e3], law.at, law.values)
     assert wrong[0] - wrong[1] == pytest.approx(-4e3, rel=0.4)
     assert wrong[2] - wrong[1] == pytest.approx(4e3, rel=0.4)
-    assert found.formula is not None
-    assert found.formula.keeps > 0.7
-    told = found.as_json()
-    assert len(told["curve"]) == len(found.at)
+    assert law.formula is not None
+    assert law.formula.keeps > 0.7
+    told = found[-1].as_json()
+    assert len(told["curve"]) == len(law.at)
     assert told["formula"]["text"].startswith("error(p) = ")
 
 
