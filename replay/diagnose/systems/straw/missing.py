@@ -159,9 +159,9 @@ def _law(curve: Curve, null: Fit, formed: bool = True) -> MissingLaw:
     at, rough = curve.at * state.scale(straw_of(curve.campaign)), curve.smooth[:, base:]
     seen, law = tangent(fit, base, rough), None
     if formed:
-        chosen, *found, keeps = formula(curve.campaign, fit, base, rough, at, atoms(state, at), null.cost)
+        chosen, a, sd, keeps = formula(curve.campaign, fit, base, rough, at, atoms(state, at), null.cost)
         units = tuple(_unit(state, atom.power) for atom in chosen)
-        law = Formula(f"{state.value_symbol}({state.symbol})", chosen, *found, units, keeps)
+        law = Formula(f"{state.value_symbol}({state.symbol})", chosen, a, sd, units, keeps)
     sigmas = np.sqrt(np.diag(np.linalg.inv(seen.H + seen.smooth)))
     matters = np.abs(seen.values) * np.sqrt(np.maximum(np.diag(seen.H), 0.0))
     return MissingLaw(state, at, seen.values, sigmas, matters, law)
