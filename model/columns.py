@@ -60,7 +60,7 @@ def _linearised(c: Constants, given: Given, s: Stages, stage: int, hg: float, b:
         at_base[x] = 0.0
 
 
-@called
+@allocates_nothing
 def _answered(c: Constants, given: Given, s: Stages, stage: int, hg: float, b: Bench, rows: Rows) -> None:
     """Accelerations of all columns at the pressure of the stage, and behind them those per pascal inside."""
     block, n, P = b.sweeps.block, c.cells, given.scalars.shape[1]
