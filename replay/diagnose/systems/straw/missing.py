@@ -130,7 +130,7 @@ def missing_force(
         return [alone]
     both = beside(best, campaign, null, told, states)
     share = _explained(campaign, null, both.fit) if both else 0.0
-    if not both or campaign.stop() or 1 - share > (1 - TELLS) * (1 - shares[0]):
+    if not both or campaign.stop() or share < shares[0] + TELLS * (1 - shares[0]):
         return [alone]
     told("formulas", 1, 1)
     return [Missing(both, (_law(_first_last(best, both), null), _law(both, null)), share, others), alone]
@@ -156,10 +156,10 @@ def _first_last(first: Curve, both: Curve) -> Curve:
 def _law(curve: Curve, null: Fit, formed: bool = True) -> MissingLaw:
     """A curve's values with their deviations, and its formula if asked."""
     state, fit, base = curve.state, curve.fit, len(curve.fit.unknowns) - len(curve.at)
-    at, rough = curve.at * state.scale(straw_of(curve.campaign)), curve.smooth[:, base:]
-    seen, law = tangent(fit, base, rough), None
+    at, law = curve.at * state.scale(straw_of(curve.campaign)), None
+    seen = tangent(fit, base, curve.smooth)
     if formed:
-        chosen, a, sd, keeps = formula(curve.campaign, fit, base, rough, at, atoms(state, at), null.cost)
+        chosen, a, sd, keeps = formula(curve.campaign, fit, base, curve.smooth, at, atoms(state, at), null.cost)
         units = tuple(_unit(state, atom.power) for atom in chosen)
         law = Formula(f"{state.value_symbol}({state.symbol})", chosen, a, sd, units, keeps)
     sigmas = np.sqrt(np.diag(np.linalg.inv(seen.H + seen.smooth)))
