@@ -82,7 +82,7 @@ class Tangent:
     values: Floats
     g: Floats
     H: Floats
-    smooth: Floats  # (n, n) not included in H: the roughness penalty and the values' prior
+    sigmas: Floats  # (n,) one deviation of each value, the roughness penalty and the values' prior included
 
 
 def tangent(fit: Fit, base: int, smooth: Floats) -> Tangent:
@@ -91,22 +91,20 @@ def tangent(fit: Fit, base: int, smooth: Floats) -> Tangent:
 
     Robust weights; misfit beyond noise widens all uncertainties.
     """
-    w = weights(fit.residual)
+    w, unknowns = weights(fit.residual), fit.unknowns
     spread = max(1.0, float(np.mean(w * fit.residual**2)))
-    per_u = np.array([k.per_u(float(u)) for k, u in zip(fit.unknowns[base:], fit.u[base:], strict=True)])
-    J = fit.slopes / np.concatenate([np.ones(base), per_u])
-    S, s = (J * w[:, None]).T @ J / spread, J.T @ (w * fit.residual) / spread
-    others, rows = smooth[:, :base], smooth[:, base:]
-    S[:base, :base] += np.diag([1 / k.sd**2 for k in fit.unknowns[:base]]) + others.T @ others
-    s[:base] += others.T @ (others @ fit.u[:base])
-    s[:base] += [(u - k.mean) / k.sd**2 for k, u in zip(fit.unknowns[:base], fit.u[:base], strict=True)]
-    inverse = np.linalg.inv(S[:base, :base])
-    H = S[base:, base:] - S[base:, :base] @ inverse @ S[:base, base:]
-    g = s[base:] - S[base:, :base] @ inverse @ s[:base]
-    values = np.array([k.value(float(u)) for k, u in zip(fit.unknowns[base:], fit.u[base:], strict=True)])
-    units = np.array([k.scale for k in fit.unknowns[base:]])
-    wide = np.diag([1 / (k.sd * slope) ** 2 for k, slope in zip(fit.unknowns[base:], per_u, strict=True)])
-    return Tangent(values, g, H, (rows / units).T @ (rows / units) + wide)
+    S, s = (fit.slopes * w[:, None]).T @ fit.slopes / spread, fit.slopes.T @ (w * fit.residual) / spread
+    prior = np.diag([1 / k.sd**2 for k in unknowns]) + smooth.T @ smooth
+    sigmas_u = np.sqrt(np.diag(np.linalg.inv(S + prior)))[base:]
+    pull = smooth.T @ (smooth @ fit.u) + [(u - k.mean) / k.sd**2 for k, u in zip(unknowns, fit.u, strict=True)]
+    S[:base, :base] += prior[:base, :base]
+    s[:base] += pull[:base]
+    beside = np.linalg.solve(S[:base, :base], np.column_stack([S[:base, base:], s[:base]]))
+    per_u = np.array([k.per_u(float(u)) for k, u in zip(unknowns[base:], fit.u[base:], strict=True)])
+    H = (S[base:, base:] - S[base:, :base] @ beside[:, :-1]) / np.outer(per_u, per_u)
+    g = (s[base:] - S[base:, :base] @ beside[:, -1]) / per_u
+    values = np.array([k.value(float(u)) for k, u in zip(unknowns[base:], fit.u[base:], strict=True)])
+    return Tangent(values, g, H, np.abs(per_u) * sigmas_u)
 
 
 def sparse(t: Tangent, at: Floats, atoms: Sequence[Atom]) -> list[tuple[tuple[Atom, ...], Floats]]:

@@ -61,7 +61,7 @@ def test_a_formula_leaves_out_what_the_base_can_compensate():
     known = np.eye(8) * 1e4
     line = known @ v
     H = known - np.outer(line, line) / (v @ line)
-    t = Tangent(12.0 * v**2 - 3.0 * v, np.zeros(8), H, np.zeros((8, 8)))
+    t = Tangent(12.0 * v**2 - 3.0 * v, np.zeros(8), H, np.ones(8))
     chosen, a = sparse(t, v, atoms(state, v))[0]
     assert [atom.text for atom in chosen] == ["|v| v"]
     assert a == pytest.approx([12.0])

@@ -162,9 +162,8 @@ def _law(curve: Curve, null: Fit, formed: bool = True) -> MissingLaw:
         chosen, a, sd, keeps = formula(curve.campaign, fit, base, curve.smooth, at, atoms(state, at), null.cost)
         units = tuple(_unit(state, atom.power) for atom in chosen)
         law = Formula(f"{state.value_symbol}({state.symbol})", chosen, a, sd, units, keeps)
-    sigmas = np.sqrt(np.diag(np.linalg.inv(seen.H + seen.smooth)))
     matters = np.abs(seen.values) * np.sqrt(np.maximum(np.diag(seen.H), 0.0))
-    return MissingLaw(state, at, seen.values, sigmas, matters, law)
+    return MissingLaw(state, at, seen.values, seen.sigmas, matters, law)
 
 
 def _unit(state: State, power: float) -> str:
