@@ -98,7 +98,7 @@ def line(done: Rows) -> list[str]:
 
 
 def reliability(done: Rows) -> list[str]:
-    """By stated probability of the most probable, in `BINS`: its mean, and how often it was right, with nothing concealed
+    """By stated probability of the first, in `BINS`: its mean, and how often it was right, with nothing concealed
     or above the limit."""
     seen = [(c, r) for c, r in done if c.kind == "null" or base_leaves(r) > LIMIT]
     top = np.array([next(iter(r["probability"].values())) for _, r in seen])
