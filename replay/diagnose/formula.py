@@ -95,7 +95,7 @@ def tangent(fit: Fit, base: int, smooth: Floats) -> Tangent:
     spread = max(1.0, float(np.mean(w * fit.residual**2)))
     S, s = (fit.slopes * w[:, None]).T @ fit.slopes / spread, fit.slopes.T @ (w * fit.residual) / spread
     prior = np.diag([1 / k.sd**2 for k in unknowns]) + smooth.T @ smooth
-    sigmas_u = np.sqrt(np.diag(np.linalg.inv(S + prior)))[base:]
+    sigmas_u = deviations(S + prior)[base:]
     pull = smooth.T @ (smooth @ fit.u) + [(u - k.mean) / k.sd**2 for k, u in zip(unknowns, fit.u, strict=True)]
     S[:base, :base] += prior[:base, :base]
     s[:base] += pull[:base]
@@ -105,6 +105,15 @@ def tangent(fit: Fit, base: int, smooth: Floats) -> Tangent:
     g = (s[base:] - S[base:, :base] @ beside[:, -1]) / per_u
     values = np.array([k.value(float(u)) for k, u in zip(unknowns[base:], fit.u[base:], strict=True)])
     return Tangent(values, g, H, np.abs(per_u) * sigmas_u)
+
+
+def deviations(information: Floats) -> Floats:
+    """Standard deviations (n,) from a positive definite information matrix (n, n), also where it is nearly singular:
+    there they are large, limited by the accuracy of its elements."""
+    size = np.sqrt(np.diag(information))
+    values, ways = np.linalg.eigh(information / np.outer(size, size))
+    values = np.maximum(values, len(size) * np.finfo(float).eps)
+    return np.asarray(np.sqrt(np.sum(ways**2 / values, axis=1)) / size)
 
 
 def sparse(t: Tangent, at: Floats, atoms: Sequence[Atom]) -> list[tuple[tuple[Atom, ...], Floats]]:
@@ -206,8 +215,8 @@ def formula(
     spread = max(1.0, float(np.mean(w * end.residual**2)))
     prior = np.diag([1 / k.sd**2 for k in end.unknowns])
     prior[:base, :base] += others.T @ others
-    covariance = np.linalg.inv((end.slopes * w[:, None]).T @ end.slopes / spread + prior)
-    sigmas = np.sqrt(np.diag(covariance))[base:] * np.abs(coefficients / end.u[base:])
+    information = (end.slopes * w[:, None]).T @ end.slopes / spread + prior
+    sigmas = deviations(information)[base:] * np.abs(coefficients / end.u[base:])
     return chosen, coefficients, sigmas, (null_cost - end.cost) / max(null_cost - curve_cost, 1e-9)
 
 

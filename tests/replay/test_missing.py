@@ -11,7 +11,7 @@ from straw.model.parameters import StrawParameters, straw_from_toml
 from straw.model.simulate import simulate
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import fitted
-from straw.replay.diagnose.formula import Formula, Tangent, sparse
+from straw.replay.diagnose.formula import Formula, Tangent, deviations, sparse
 from straw.replay.diagnose.systems.straw.constants import applied, base_unknowns
 from straw.replay.diagnose.systems.straw.dictionary import atoms
 from straw.replay.diagnose.systems.straw.instrument import Instrument
@@ -123,3 +123,13 @@ def test_a_curve_of_the_clock_is_undone_by_its_opposite():
     assert late.stamped(np.array([1.0])) == pytest.approx(1.02)
     np.testing.assert_allclose(late.true_time(late.stamped(np.array([0.5, 1.5]))), [0.5, 1.5], atol=1e-3)
     assert late.true_pressure(np.array([1000.0]), np.zeros(1)) == pytest.approx(950.0)
+
+
+def test_deviations_are_those_of_the_inverse_and_finite_where_two_constants_can_hardly_be_told_apart():
+    a = np.random.default_rng(2).normal(0, 1, (40, 5)) * [1e6, 1.0, 1e-3, 30.0, 1e4]
+    assert deviations(a.T @ a) == pytest.approx(np.sqrt(np.diag(np.linalg.inv(a.T @ a))), rel=1e-6)
+    b = np.column_stack([a, a[:, 0] + a[:, 1]])
+    known = deviations(b.T @ b)
+    assert np.all(np.isfinite(known))
+    assert known[2:5] == pytest.approx(deviations(a.T @ a)[2:], rel=1e-3)
+    assert known[0] > 1e3 * deviations(a.T @ a)[0]
