@@ -180,17 +180,18 @@ def _parts(shape: tuple[int, int], seen: Seen) -> Floats:
     K = Patterns.of(shape, every).whole()
     slopes, left = (each[:, ::every, ::every] for each in (seen.slopes, seen.left))
     A, b = np.zeros((3, len(K), len(K))), np.zeros((3, len(K)))
+    products = (K[:, None] * K).reshape(-1, K.shape[-1])
     for J, r, which in zip(slopes.reshape(len(left), -1, 3), left.reshape(len(left), -1), seen.kind, strict=True):
         used = np.abs(J).sum(axis=1) > 0
         if np.count_nonzero(used) <= J.shape[1]:
             continue
         H = np.linalg.qr(J)[0]
         r = r - H @ (H.T @ r)
-        PK = K * (used[:, None] & used)
-        PK -= H @ (H.T @ PK)
-        PK -= (PK @ H) @ H.T  # symmetric: the trace of a product is a sum of products
-        flat = PK.reshape(len(K), -1)
-        A[which] += flat @ flat.T
+        # With P = 1 - H H^T, tr(P K P L) = tr(K L) - 2 tr(H^T K L H) + tr(H^T K H H^T L H), each of them symmetric.
+        KH = (K @ H) * used[:, None]
+        within = (H.T @ KH).reshape(len(K), -1)
+        flat = KH.reshape(len(K), -1)
+        A[which] += (products @ used).reshape(len(K), len(K), -1) @ used - 2 * flat @ flat.T + within @ within.T
         b[which] += r @ K @ r
     few = np.bincount(seen.kind, minlength=3) < _FEWEST
     A[few], b[few] = A.sum(axis=0), b.sum(axis=0)
