@@ -1,6 +1,6 @@
 """An unknown force of the even frusta: tables over height, bending angle and cycles.
 
-F = f(zeta / |zeta_0|) on zeta,  M = m(phi) on phi,  and the walls with E (1 + e(cycle)).
+F = f(zeta / |zeta_0|) (1 + c(cycle)) on zeta,  M = m(phi) (1 + c(cycle)) on phi,  and the walls with E (1 + e(cycle)).
 """
 
 from __future__ import annotations
@@ -20,6 +20,10 @@ def _force(f: Frustum, k: Floats) -> tuple[float, float]:
         force += table(-f.zeta / f.zeta0, k, 1)
     if not empty(k, 17):
         moment += table(f.phi, k, 17)
+    if not empty(k, 49):
+        changed = 1.0 + table(f.cycle, k, 49)
+        force *= changed
+        moment *= changed
     if not empty(k, 33):
         share = table(f.cycle, k, 33)
         elastic, bending = walls_force(f)
@@ -33,8 +37,8 @@ def _energy(f: Frustum, k: Floats) -> float:
     if f.zeta0 > 0:
         return 0.0
     stored = f.zeta0 * table_area(-f.zeta / f.zeta0, k, 1) - table_area(f.phi, k, 17)
-    share = table(f.cycle, k, 33)
-    return float(k[0] * (stored + share * walls_energy(f)))
+    changed, share = 1.0 + table(f.cycle, k, 49), table(f.cycle, k, 33)
+    return float(k[0] * (stored * changed + share * walls_energy(f)))
 
 
 #: Dense where the faces of a folded frustum nearly touch.
@@ -45,17 +49,18 @@ CYCLES = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
 TERM = Term(
     name="missing_force",
     kind="frustum",
-    law="F = f(zeta/|zeta_0|), M = m(phi), walls with E (1 + e(cycle)); tables, even frusta only",
+    law="F = f(zeta/|zeta_0|), M = m(phi), both (1 + c(cycle)), walls with E (1 + e(cycle)); tables, even frusta only",
     source="fitted by `straw diagnose` where no hypothesis explains the runs",
-    strengths=("amount", *names("force_{}_n"), *names("moment_{}_n_m"), *names("stiffness_{}")),
+    strengths=("amount", *names("force_{}_n"), *names("moment_{}_n_m"), *names("stiffness_{}"), *names("change_{}")),
     constants=(
         AMOUNT,
         *points("height_{}", HEIGHTS, "force_{}_n", "N", -20.0, 2.0),
         *points("angle_{}_rad", ANGLES, "moment_{}_n_m", "N m", -0.1, 4e-3),
         *points("cycle_{}", CYCLES, "stiffness_{}", "1", -0.5, 0.2),
+        *points("changed_{}", CYCLES, "change_{}", "1", -1.0, 0.5),
     ),
     force=_force,
     energy=_energy,
-    rising=(names("height_{}"), names("angle_{}_rad"), names("cycle_{}")),
+    rising=(names("height_{}"), names("angle_{}_rad"), names("cycle_{}"), names("changed_{}")),
     cause=False,
 )

@@ -123,6 +123,10 @@ STATES: tuple[State, ...] = (
         "term.missing_force.stiffness_{}", "cycle_{}", 2e-3, _cycle,
     ),
     State(
+        "cycles: force", "n", "cycles", "c", "1", "a change of the frusta's missing force with the cycles before",
+        "term.missing_force.change_{}", "changed_{}", 0.02, _cycle,
+    ),
+    State(
         "tip X, along X", "X", "m", "F_X", "N", "a force along X on the tip that depends on where it is",
         "term.missing_tip_force.along_x_{}_n", "x_{}", 0.01, _along, scale=_length_m,
     ),
