@@ -22,7 +22,7 @@ TIME = State(OF_TIME, 0, "time", "s", 0.0, 100.0)
 
 def trial(law: Law, *errors: float) -> Any:
     """A fit with its squared errors by blocks."""
-    return SimpleNamespace(laws=(law,), errors=np.array(errors), predicts=float(sum(errors)))
+    return SimpleNamespace(laws=(law,), error=np.array(errors), predicts=float(sum(errors)))
 
 
 def test_a_law_over_a_state_comes_before_a_drift_that_it_is_not_told_from():

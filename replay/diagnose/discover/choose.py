@@ -1,4 +1,4 @@
-"""The choice among fitted laws: relevant, better on held-out samples, distinguishable, and the simplest form."""
+"""The choice among fitted laws, by cross-validation: relevant, distinguishable, and the simplest form."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Floats = NDArray[np.float64]
 
 #: A law is relevant when it reduces the root mean square prediction error by a tenth; less would not count as found.
 OF_NOTE = 0.9**2
-#: And its held-out RMS is at most this share of the one before: half of a relevant improvement.
+#: What was chosen is accepted if its held-out RMS is at most this share of the base's: half of a relevant improvement.
 HELD = 0.95
 #: Difference of Schwarz's criterion that is strong evidence (Kass and Raftery 1995: 6 to 10).
 STRONG = 10.0
@@ -96,10 +96,10 @@ def of_note(one: Trial, current: Trial) -> bool:
     return one.predicts < OF_NOTE * current.predicts and one.evidence(worth) < current.evidence(worth) - STRONG
 
 
-def better(one: Trial, held_before: Floats, held_after: Floats) -> bool:
-    """Whether a trial is better on held-out samples."""
-    before, after = (float(np.sqrt(np.mean((h / one.unit) ** 2))) for h in (held_before, held_after))
-    return bool(after < HELD * before)
+def holds(unit: Floats, before: Floats, after: Floats) -> bool:
+    """Whether held-out RMS (channels,) is better after than before, in sigmas of ``unit`` (channels,)."""
+    told = [float(np.sqrt(np.mean((h / unit) ** 2))) for h in (before, after)]
+    return told[1] < HELD * told[0]
 
 
 def simplest(one: Trial) -> tuple[float, ...]:
@@ -116,7 +116,7 @@ def apart(one: Trial, other: Trial) -> bool:
     """Whether the first is worse than the second: by a relevant share, and blockwise by more than chance."""
     if OF_NOTE * one.predicts <= other.predicts:
         return False
-    difference = (one.errors - other.errors)[one.errors > 0]
+    difference = (one.error - other.error)[one.error > 0]
     spread = float(np.std(difference, ddof=1)) * np.sqrt(len(difference)) if len(difference) > 1 else 0.0
     return float(np.sum(difference)) > TOLD_APART * spread
 

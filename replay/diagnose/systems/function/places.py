@@ -64,17 +64,19 @@ def passed(system: FunctionSystem, recordings: Sequence[Recorded], values: dict[
         states, rates = states[:n].copy(), rates[:n].copy()
         for i, state in enumerate(system.model.starts):
             if state.state in names:
-                states[i] = smooth(one, names.index(state.state))
+                states[i] = smooth(one, names.index(state.state), shown)
                 rates[i] = np.gradient(states[i], one.time_s)
         out.append(Passed(one, states, rates, shown, simulated))
     return out
 
 
-def smooth(recording: Recorded, channel: int) -> Floats:
-    """A channel (n,) with gaps filled and noise smoothed."""
+def smooth(recording: Recorded, channel: int, shown: Floats) -> Floats:
+    """A channel (n,) with noise smoothed, and gaps filled by a simulation's channels (channels, n) and its difference
+    on both sides."""
     row, t = recording.seen[channel], recording.time_s
+    base = shown[channel] if np.isfinite(shown[channel]).all() else np.zeros_like(t)
     good = np.isfinite(row)
-    return np.asarray(gaussian_filter1d(np.interp(t, t[good], row[good]), 1.0))
+    return np.asarray(gaussian_filter1d(base + np.interp(t, t[good], (row - base)[good]), 1.0))
 
 
 def places(system: FunctionSystem, seen: Sequence[Passed]) -> list[Place]:
