@@ -143,7 +143,7 @@ def one_profiled(
             columns[:] = 0.0
         return ys
     stale = not fresh
-    for _ in range(START_ROUNDS):
+    for number in range(START_ROUNDS):
         if fresh:
             for i in range(many):
                 at_new[:] = at
@@ -165,10 +165,14 @@ def one_profiled(
             for j in range(many):
                 curvature[i, j] += np.sum(columns[:, i] * w * columns[:, j])
         step_o = -np.linalg.solve(curvature, pull)
-        if -np.sum(step_o * pull) < START_GAIN * cost:
+        # the first step is taken even where it gains little, so that small differences between fits are right
+        small = -np.sum(step_o * pull) < START_GAIN * cost
+        if small and number > 0:
             break
         gain = 0.0
         for share in (1.0, 0.2):
+            if small and share < 1.0:
+                break
             at_new[:] = at
             for i in range(many):
                 x = start[free[i]] + scale[free[i]] * (o[i] + share * step_o[i])
@@ -182,11 +186,15 @@ def one_profiled(
                 at[:], ys[:], r[:] = at_new, ys_new, r_new
                 break
         if gain < START_GAIN * cost:
-            if not stale:
+            if small or not stale:
                 break
             fresh = True
         else:
             stale = True
+    for i in range(many):  # a start that is held at a bound does not follow the other values
+        slope = np.sum(columns[:, i] * r)
+        if at[free[i]] <= low[i] and slope > 0 or at[free[i]] >= high[i] and slope < 0:
+            columns[:, i] = 0.0
     return ys
 
 
