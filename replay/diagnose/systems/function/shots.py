@@ -193,7 +193,7 @@ def one_profiled(
             stale = True
     for i in range(many):  # a start that is held at a bound does not follow the other values
         slope = np.sum(columns[:, i] * r)
-        if at[free[i]] <= low[i] and slope > 0 or at[free[i]] >= high[i] and slope < 0:
+        if (at[free[i]] <= low[i] and slope > 0) or (at[free[i]] >= high[i] and slope < 0):
             columns[:, i] = 0.0
     return ys
 
