@@ -122,14 +122,23 @@ def apart(one: Trial, other: Trial) -> bool:
 
 
 def picked(promised: Sequence[Candidate]) -> list[Candidate]:
-    """The most promising, of different places and over different states."""
+    """The most promising, of different places and over different states.
+
+    A law over the history of a state is fitted from its best lag, and beside it the law over the state itself.
+    """
     places: dict[str, int] = {}
     states: dict[str, int] = {}
-    out = []
+    out: list[list[Candidate]] = []
+    known: set[tuple[str, str]] = set()
     for one in promised:
-        place, state = one.law.place.name, one.law.over
-        if one.leaves > 0.98 or places.get(place, 0) >= ALIKE or states.get(state, 0) >= ALIKE:
+        place, state = one.law.place.name, one.law.state.name
+        if one.leaves > 0.98 or (place, state) in known or len(out) == FITTED:
             continue
+        if places.get(place, 0) >= ALIKE or states.get(state, 0) >= ALIKE:
+            continue
+        known.add((place, state))
         places[place], states[state] = places.get(place, 0) + 1, states.get(state, 0) + 1
-        out.append(one)
-    return out[:FITTED]
+        own = [x for x in promised if (x.law.place.name, x.law.state.name) == (place, state)]
+        prompt = [x for x in own if x.law.state.lag_s is None and one.law.state.lag_s is not None]
+        out.append([one, *prompt])
+    return [one for group in out for one in group]

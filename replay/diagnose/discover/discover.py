@@ -43,8 +43,8 @@ from straw.replay.diagnose.systems.function.system import FunctionSystem
 
 Floats = NDArray[np.float64]
 
-#: Laws chosen at most; written as formulas.
-LAWS, FORMULAS = 3, 3
+#: Laws chosen at most; places and states of which a law is written as formulas.
+LAWS, FORMULAS = 3, 4
 #: Samples that suffice where nothing is integrated: a law of a dozen constants needs hundreds.
 ENOUGH = 4000
 #: Samples at least of each held-out recording whose prediction is looked at.
@@ -273,6 +273,9 @@ def one_round(current: Trial, unit: Floats, pool: Executor, stop: Callable[[], b
     jobs = [pool.submit(_fitted, current, candidate, unit) for candidate in picked(promised)]
     tables = sorted((job.result() for job in jobs), key=lambda one: one.predicts)
     near = [one for one in tables if one.predicts < OF_NOTE * current.predicts][:FORMULAS]
+    # where a law over history predicts well, a formula over the state itself may, though its table does not reach far
+    late = {(one.laws[-1].place.name, one.laws[-1].state.name) for one in near if one.laws[-1].state.lag_s is not None}
+    near += [one for one in tables if one not in near and (one.laws[-1].place.name, one.laws[-1].over) in late]
     open_ = [one for one in near if one.laws[-1].shape == TABLE or one.laws[-1].state.lag_s]
     more = [] if stop() else [pool.submit(formulas, one, current, seen) for one in open_]
     every = [*tables, *(trial for job in more for trial in job.result())]

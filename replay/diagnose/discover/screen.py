@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.replay.diagnose.discover.blocks import blocks, predicted
+from straw.replay.diagnose.discover.blocks import blocks, how_asked, predicted
 from straw.replay.diagnose.discover.trial import Trial, rough
 from straw.replay.diagnose.inquiry import Told
-from straw.replay.diagnose.systems.function.kernel import OF_INPUT, OF_NOTHING, OF_RATE, OF_STATE
+from straw.replay.diagnose.systems.function.kernel import OF_INPUT, OF_NOTHING, OF_RATE, OF_STATE, OF_TIME
 from straw.replay.diagnose.systems.function.laws import Law
 from straw.replay.diagnose.systems.function.places import Passed, makes_sense, passed, places, points, smooth, states
-from straw.replay.diagnose.systems.function.recording import Recorded
+from straw.replay.diagnose.systems.function.recording import HeldOut, Recorded
 from straw.replay.diagnose.systems.function.shapes import CONSTANT, LINEAR, TABLE
 from straw.replay.diagnose.systems.function.stack import Stack, stacked
 from straw.replay.diagnose.systems.function.system import FunctionSystem
@@ -42,7 +42,7 @@ def screened(trial: Trial, pool: Executor, told: Told) -> tuple[list[Candidate],
     system, campaign = trial.system, trial.campaign
     recordings = [one for one in campaign.observations if isinstance(one, Recorded)]
     seen = passed(system, recordings, trial.values)
-    laws = candidates(system, seen)
+    laws = [law for law in candidates(system, seen) if told_ahead(law, how_asked(campaign))]
     number, unknowns = len(system.laws), trial.fit.unknowns
     extended = [_with_measured(one) for one in seen]
     base = system.at(trial.values)
@@ -63,6 +63,11 @@ def screened(trial: Trial, pool: Executor, told: Told) -> tuple[list[Candidate],
         error, step = predicted(both, every, u, rough(every, (*system.laws, law)))
         out.append(Candidate(law, float(error.sum()) / max(own, 1e-300), step))
     return sorted(out, key=lambda c: c.leaves), seen
+
+
+def told_ahead(law: Law, asked: HeldOut) -> bool:
+    """Whether what is fitted can tell a law where it is asked: at later times it cannot tell one over time."""
+    return not (asked.lies == "after" and law.state.kind == OF_TIME)
 
 
 def candidates(system: FunctionSystem, seen: Sequence[Passed]) -> list[Law]:

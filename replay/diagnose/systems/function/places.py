@@ -80,9 +80,12 @@ def smooth(recording: Recorded, channel: int, shown: Floats) -> Floats:
 
 
 def places(system: FunctionSystem, seen: Sequence[Passed]) -> list[Place]:
-    """Every equation, constant, channel, input and clock."""
+    """Every equation but definitions, every constant, channel, input and clock."""
     model, out = system.model, []
+    wanted = model.get("places")
     for i, name in enumerate(model.states):
+        if wanted is None and _is_a_state(i, seen):
+            continue  # it defines that state, as a height's rate the speed: nothing can be missing
         size = float(np.std(np.concatenate([p.rates[i] for p in seen]))) or 1.0
         unit = f"{model.unit(name)}/s"
         out.append(Place(RATE, i, f"rate:{name}", f"the rate of {model.named(name)}", unit, size))
@@ -113,7 +116,6 @@ def places(system: FunctionSystem, seen: Sequence[Passed]) -> list[Place]:
         if law.place.kind in (CLOCK, DELAY):
             continue
         out.append(Place(STRENGTH, k, f"strength:{k}", f"the strength of the law in {law.place.says}", "1", 0.5))
-    wanted = model.get("places")
     return out if wanted is None else [p for p in out if p.name in wanted or p.kind in (STRENGTH, SHIFT)]
 
 
