@@ -127,8 +127,7 @@ def _found(effect: Effect, f: SystemFindings) -> str:
         forms = {*(f.forms if number == 0 else ()), *([SHAPES[one.law.shape].name] if one.law.shape != TABLE else [])}
         if effect.untold:
             rivals = [other for other in (*f.alike_places, *f.same) if other.startswith(one.law.place.says)]
-            more = any(x.law.says.startswith(f"the strength of the law in {one.law.place.says},") for x in f.laws)
-            return "no (claims)" if more or (len(forms) == 1 and not rivals) else "yes"
+            return "no (claims)" if len(f.laws) > 1 or (len(forms) == 1 and not rivals) else "yes"
         return "yes" if not effect.forms or forms & set(effect.forms) else "place only"
     return "no"
 
