@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.replay.diagnose.discover.blocks import how_held
 from straw.replay.diagnose.discover.choose import (
     FITTED,
     OF_NEARLY,
@@ -31,6 +30,7 @@ from straw.replay.diagnose.discover.choose import (
 from straw.replay.diagnose.discover.formulas import formulas
 from straw.replay.diagnose.discover.inline import Inline, never
 from straw.replay.diagnose.discover.same import written_otherwise
+from straw.replay.diagnose.discover.samples import asked_as, held_out, longest_step, thinned, to_predict
 from straw.replay.diagnose.discover.screen import Candidate, screened
 from straw.replay.diagnose.discover.trial import LAST_ROUNDS, LAST_SHARE, Trial, noise_in, rough, tried
 from straw.replay.diagnose.fit import cost_at
@@ -45,12 +45,6 @@ Floats = NDArray[np.float64]
 
 #: Laws chosen at most; places and states of which a law is written as formulas.
 LAWS, FORMULAS = 3, 4
-#: Samples that suffice where nothing is integrated: a law of a dozen constants needs hundreds.
-ENOUGH = 4000
-#: Samples at least of each held-out recording whose prediction is looked at.
-FEWEST = 50
-#: The longest step of an integration is at first this many times the median interval of samples.
-LATE = 1.25
 #: The base explains a channel if its RMS is within this multiple of the noise.
 TO_NOISE = 1.3
 
@@ -146,21 +140,6 @@ def discover(
     return Discovery(base, tuple(steps), noise, held, searched, refused, not stop())
 
 
-def asked_as(some: Sequence[Recorded], recordings: Sequence[Recorded]) -> tuple[Recorded, ...]:
-    """Recordings that know how they must predict what is held out of all of them."""
-    return tuple(replace(one, asked=how_held(some, recordings)) for one in some)
-
-
-def to_predict(system: FunctionSystem, recordings: Sequence[Recorded]) -> tuple[Recorded, ...]:
-    """Held-out recordings without readings but those that tell their starts; of many samples the first."""
-    whole = [one for one in recordings if one.held.any() and not one.fitted.any()]
-    blind = [replace(one, seen=np.where(one.tells_start, one.seen, np.nan)) for one in whole]
-    most = max(ENOUGH // max(len(blind), 1), FEWEST)
-    if not system.model.states:
-        return tuple(one.every(max(1, len(one.time_s) // most)) for one in blind)
-    return tuple(one.until(most) for one in blind)
-
-
 def base_trial(system: FunctionSystem, recordings: Sequence[Recorded], ahead: tuple[Recorded, ...] = ()) -> Trial:
     """The base from its file's values and from across their ranges, sigma following the fit."""
     spread = [float(np.nanstd(np.concatenate([o.seen[k] for o in recordings]))) for k in range(len(system.channels))]
@@ -174,59 +153,6 @@ def base_trial(system: FunctionSystem, recordings: Sequence[Recorded], ahead: tu
     unit = np.array(first.system.sigma)
     finer = replace(first.system, longest_s=longest_step(first.system.at(first.values), recordings))
     return tried(campaign.with_system(finer), fit.unknowns, first.fit.u, unit)
-
-
-def thinned(system: FunctionSystem, recordings: Sequence[Recorded]) -> list[Recorded]:
-    """The search's samples where there are more than it needs: evenly thinned ones, or, where a system is integrated
-    from sample to sample, the first recordings. Accepted laws are finally fitted to all."""
-    every = int(np.ceil(sum(int(o.fitted.sum()) for o in recordings) / ENOUGH))
-    if every < 2:
-        return list(recordings)
-    if not system.model.states:
-        return [o.every(every) for o in recordings]
-    kept, total = [], 0
-    for one in recordings:
-        if one.fitted.any() and total < ENOUGH:
-            kept.append(one)
-            total += int(one.fitted.sum())
-    return kept
-
-
-def longest_step(system: FunctionSystem, recordings: Sequence[Recorded]) -> float:
-    """The longest step (s) whose halving changes the result by less than a tenth of a sigma."""
-    if system.model.plain or not system.model.states:
-        return np.inf
-    # a sample that is a little late needs no second step
-    step = LATE * float(np.median(np.concatenate([np.diff(o.time_s) for o in recordings])))
-    some = recordings[:3]
-
-    def shown(longest_s: float) -> list[Floats]:
-        here = replace(system, longest_s=longest_s)
-        return [here.played(o, here.fixed, here.started(o)[0])[0] for o in some]
-
-    before = shown(step)
-    for _ in range(8):
-        after = shown(step / 2)
-        off = [np.max(np.abs(a - b) / np.array(system.sigma)[:, None]) for a, b in zip(before, after, strict=True)]
-        if np.isfinite(off).all() and max(off) < 0.1:
-            break
-        step, before = step / 2, after
-    return step
-
-
-def held_out(trial: Trial, recordings: Sequence[Recorded]) -> Floats:
-    """Held-out RMS, (channels,), in the channels' units; where nothing is held out, of the fit."""
-    total, count = np.zeros(len(trial.unit)), np.zeros(len(trial.unit))
-    for one in recordings:
-        where = one.held if any(o.held.any() for o in recordings) else one.fitted
-        if not where.any():
-            continue
-        shown = trial.system.simulated(one, trial.fit.unknowns, trial.fit.u)
-        off = (shown - one.seen)[:, where]
-        good = np.isfinite(one.seen[:, where])
-        total += np.sum(np.where(good, off, 0.0) ** 2, axis=1)
-        count += good.sum(axis=1)
-    return np.asarray(np.sqrt(total / np.maximum(count, 1)))
 
 
 def polished(trial: Trial) -> Trial:
