@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from straw.model.bench import Bench, Columns, add, bench_for
 from straw.model.channel import STATES, Channel
-from straw.model.compiled import allocates_nothing, called, compiled, inlined
+from straw.model.compiled import allocates_nothing, compiled, inlined
 from straw.model.constants import Constants
 from straw.model.drive import Table, pressure_in
 from straw.model.elimination import eliminate
@@ -184,7 +184,7 @@ def _solve_stage(
         _remembered(c, stage, hg, b, rows)
 
 
-@called
+@inlined
 def advance_columns(
     c: Constants, given: Given, table: Table, w: Channel, state: State, h: float, s: Stages, d: Columns, b: Bench
 ) -> None:

@@ -14,7 +14,7 @@ from straw.rig.errors import RigError
 from straw.rig.notes import SUFFIX, Notes, read_notes
 from straw.rig.preview import Preview, preview_of
 from straw.rig.run import Run
-from straw.rig.run_read import read_run
+from straw.rig.run_read import read_fitting
 
 CRATE = "ro-crate-metadata.json"  # other files beside it are copies for other programs
 INDEX = ".straw-runs.json"
@@ -171,7 +171,7 @@ def entry_of(path: Path, name: str) -> Entry:
         return Entry(name, 0, 0, "unreadable", problem=f"cannot be read: {error.strerror}")
     bare = Entry(name, stat.st_size, stat.st_mtime_ns, "unreadable")
     try:
-        run = read_run(path)
+        run, _ = read_fitting(path)
     except RigError as error:
         return replace(bare, problem=str(error))
     start_s, end_s = span_s(run)

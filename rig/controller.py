@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-import importlib
 import math
-import pkgutil
 import shlex
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from importlib import metadata
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, final
 
-from straw.model.errors import ModelError
-from straw.model.plugged import module_of, said
 from straw.rig.clock import Clock
+from straw.rig.drivers import checked_driver, controller_names, driver_in, driver_of, make_controller
 from straw.rig.errors import LimitError, LinkLostError, RigError
 from straw.rig.limits import STRAW_LIMITS, Leash, PressureLimits
 from straw.rig.plausible import Expectation
-from straw.rig.reading import Answer, Command, Reading, Stamp
+from straw.rig.reading import Answer, Command, Reading, Stamp, stamp_of
+
+__all__ = ["Controller", "checked_driver", "controller_names", "driver_in", "driver_of", "make_controller"]
 
 
 class Controller(ABC):
@@ -167,9 +165,8 @@ class Controller(ABC):
     def set_pressure(self, channel: int, pressure_pa: float) -> Command:
         """Command one gauge pressure (Pa); RigError, with nothing sent, when it is not within the limits."""
         if channel not in self.channels:
-            raise RigError(
-                f"{self.name}: channel {channel} is not in use; open the controller with channels=({channel},)"
-            )
+            cure = f"open the controller with channels=({channel},)"
+            raise RigError(f"{self.name}: channel {channel} is not in use; {cure}")
         reason = self.limits.why_not(pressure_pa)
         with self._lock:
             before_ns = self.clock.monotonic_ns()
@@ -177,9 +174,8 @@ class Controller(ABC):
                 pressure_pa = self.rounded(pressure_pa)
                 reason = self._leashes[channel].why_not(pressure_pa, self.limits.max_rate_pa_s, before_ns * 1e-9)
             if reason is not None:
-                raise LimitError(
-                    f"{self.name}: {reason} (channel {channel}); nothing was sent; ask for less, or for a slower ramp"
-                )
+                cure = "ask for less, or for a slower ramp"
+                raise LimitError(f"{self.name}: {reason} (channel {channel}); nothing was sent; {cure}")
             self._expected[channel].told(pressure_pa)
             raw = self._send(channel, pressure_pa)
             stamp = self._stamp(before_ns, len(raw))
@@ -194,7 +190,9 @@ class Controller(ABC):
             answer = self._read()
             stamp = self._stamp(before_ns, len(answer.raw))
         for channel in self.channels:
-            self._check_plausible(channel, answer)
+            in_force_pa = self._leashes[channel].places_pa
+            if reason := self._expected[channel].why_refused(channel, answer, self.span, in_force_pa):
+                raise RigError(f"{self.name}: {reason}")
         return tuple(
             Reading(
                 **stamp,
@@ -218,10 +216,8 @@ class Controller(ABC):
                 except RigError as error:
                     failures.append(str(error))
         if failures:
-            raise RigError(
-                f"{self.name}: THE VENT IS NOT CONFIRMED, vent by hand now, or with `{self.vent_command}`: "
-                f"{failures[0]}"
-            )
+            what = f"THE VENT IS NOT CONFIRMED, vent by hand now, or with `{self.vent_command}`"
+            raise RigError(f"{self.name}: {what}: {failures[0]}")
 
     @final
     def trigger(self, high: bool) -> Stamp:
@@ -249,86 +245,5 @@ class Controller(ABC):
                 raise lost from None
         self._leashes[channel].arrived(0.0)
 
-    def _check_plausible(self, channel: int, answer: Answer) -> None:
-        raw = answer.raw
-        if channel not in answer.pressure_pa:
-            raise RigError(f"{self.name}: channel {channel} is not in its reply {raw!r}; check the channel number")
-        pressure_pa = answer.pressure_pa[channel]
-        slack_pa = 0.05 * (self.span.max_pa - self.span.min_pa)
-        if not self.span.min_pa - slack_pa <= pressure_pa <= self.span.max_pa + slack_pa:
-            raise RigError(f"{self.name}: reads {pressure_pa / 1e3:g} kPa ({raw!r}), beyond its own range; not used")
-        if reason := self._expected[channel].why_not(pressure_pa, self._leashes[channel].places_pa):
-            raise RigError(f"{self.name}: {reason} ({raw!r}); not used")
-
     def _stamp(self, before_ns: int, answer_bytes: int = 0) -> dict[str, Any]:
-        # The instrument measured before it began to answer, and the bytes of the answer take milliseconds.
-        on_the_line_ns = round(answer_bytes * self.byte_s * 1e9)
-        after_ns = max(before_ns, self.clock.monotonic_ns() - on_the_line_ns)
-        middle_ns = (before_ns + after_ns) // 2
-        return {
-            "monotonic_ns": middle_ns,
-            "wall_ns": self.clock.wall_ns(middle_ns),
-            "half_width_ns": (after_ns - before_ns + 1) // 2,
-        }
-
-
-GROUP = "straw.controllers"
-
-
-def controller_names() -> tuple[str, ...]:
-    """Names that ``make_controller`` knows: of the files in ``rig/controllers``, and of installed packages."""
-    import straw.rig.controllers
-
-    own = {module.name.replace("_", "-") for module in pkgutil.iter_modules(straw.rig.controllers.__path__)}
-    return tuple(sorted(own | {entry.name for entry in metadata.entry_points(group=GROUP)}))
-
-
-def make_controller(name: str, port: str, **settings: Any) -> Controller:
-    """The controller called ``name`` on ``port``, not opened yet; settings as its class takes them.
-
-    ``name`` is one of `controller_names`, or the file of a driver (``my_controller.py``).
-    """
-    try:
-        return driver_of(name)(port, **settings)
-    except TypeError as error:
-        raise RigError(f"controller {name}: {error}; its docstring names the settings it takes") from None
-
-
-def driver_of(name: str) -> Callable[..., Controller]:
-    """The driver of a controller, by its name or file; RigError where there is none, or it is no driver."""
-    if name.endswith(".py"):
-        return driver_in(Path(name).resolve())
-    if name not in controller_names():
-        raise RigError(f"controller {name!r} is unknown; known: {', '.join(controller_names())}, or a file D.py")
-    for entry in metadata.entry_points(group=GROUP):
-        if entry.name == name:
-            try:
-                given = entry.load()
-            except Exception as error:
-                raise RigError(
-                    f"controller {name} of an installed package: {said(error)}; repair the package"
-                ) from None
-            return checked_driver(getattr(given, "CONTROLLER", given), f"controller {name} = {entry.value}")
-    own = importlib.import_module(f"straw.rig.controllers.{name.replace('-', '_')}")
-    driver: Callable[..., Controller] = own.CONTROLLER
-    return driver
-
-
-def driver_in(path: Path) -> type[Controller]:
-    """The driver that a file gives as CONTROLLER; RigError, one line, where it gives no usable one."""
-    try:
-        module = module_of(path, "controller")
-    except ModelError as error:
-        raise RigError(str(error)) from None
-    return checked_driver(getattr(module, "CONTROLLER", None), str(path))
-
-
-def checked_driver(driver: object, where: str) -> type[Controller]:
-    """A driver's class, if it is complete; otherwise a RigError that names what is missing."""
-    if not (isinstance(driver, type) and issubclass(driver, Controller)):
-        raise RigError(f"{where}: CONTROLLER = {driver!r}; expected a class made of straw.Controller")
-    if lacking := sorted(driver.__abstractmethods__):
-        raise RigError(f"{where}: {driver.__name__} lacks {', '.join(lacking)}; see straw.Controller")
-    if not isinstance(getattr(driver, "name", None), str):
-        raise RigError(f"{where}: {driver.__name__} has no name; give it one, as recordings name it")
-    return driver
+        return stamp_of(self.clock, before_ns, answer_bytes * self.byte_s)

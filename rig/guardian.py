@@ -17,49 +17,18 @@ import queue
 import signal
 import threading
 import time
-from collections import deque
 from collections.abc import Callable
-from typing import Any, BinaryIO, TypeAlias
+from typing import Any, BinaryIO
 
 from straw.rig.controller import Controller, make_controller
 from straw.rig.errors import LimitError, LinkLostError, RigError
 from straw.rig.interrupts import NAMES
 from straw.rig.last_word import PULSE_S, Notes, Orders, vent_until_confirmed
+from straw.rig.script_requests import Requests
 from straw.rig.standby import Standby
 
 STUCK_S = 0.5  # a driver inside one call for longer counts as hanging; it waits for answers in slices of 0.02 s
 Reply = Callable[[int, Any], None]  # (number of the request, answer); number 0 is a heartbeat
-Request: TypeAlias = "tuple[int, tuple[str, tuple[Any, ...]]] | str"  # as text: why the script is no longer served
-
-
-class Requests:
-    """The script's requests, in order; ``urgent`` tells whether a vent or the end is among them."""
-
-    def __init__(self) -> None:
-        self._queue: queue.SimpleQueue[Request] = queue.SimpleQueue()
-        self._urgent: deque[None] = deque()  # its append is atomic, also within a signal handler
-
-    def put(self, request: Request) -> None:
-        """Queue one."""
-        if _is_urgent(request):
-            self._urgent.append(None)
-        self._queue.put(request)
-
-    def get(self, timeout_s: float | None) -> Request:
-        """The next one; queue.Empty where none comes in time."""
-        request = self._queue.get(timeout=timeout_s)
-        if _is_urgent(request):
-            self._urgent.popleft()
-        return request
-
-    @property
-    def urgent(self) -> bool:
-        """Whether a request is queued that must not wait for an instrument's answer."""
-        return bool(self._urgent)
-
-
-def _is_urgent(request: Request) -> bool:
-    return isinstance(request, str) or request[1][0] in ("vent", "close")
 
 
 class Guardian:

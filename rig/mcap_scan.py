@@ -1,164 +1,207 @@
-"""Scans the bytes of an MCAP file, whole or damaged: all that is intact, and a description of what is lost."""
+"""Scans an MCAP file, whole or damaged, a record at a time: all that is intact, and a description of what is lost."""
 
 from __future__ import annotations
 
 import struct
-import zlib
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, TypeAlias
 
 from straw.rig.errors import RigError
+from straw.rig.mcap_source import MAGIC, Source
+from straw.rig.mcap_unpack import HEAD, attachment, in_chunk, stream_of
 from straw.rig.schema import LAST_NS
 
-MAGIC = b"\x89MCAP0\r\n"
 SCHEMA, CHANNEL, MESSAGE, CHUNK, ATTACHMENT, METADATA, DATA_END = 0x03, 0x04, 0x05, 0x06, 0x09, 0x0C, 0x0F
+#: What is done with each message: (channel id, happened ns, data, logged ns).
+Take: TypeAlias = Callable[[int, int, bytes, int], None]
+#: Longest record, beside chunks and attachments, which state their size twice: more is a damaged length.
+LONGEST_BYTES = 1 << 28
+#: Sentences on what is lost; damage beyond is counted.
+MOST_LOST = 1000
+_MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 
 
 @dataclass
 class Scan:
-    """What a file holds: messages as (channel id, happened ns, data, logged ns), and in words what of it is lost."""
+    """What a file holds beside its messages, how many those are by channel, and in words what is lost."""
 
     schemas: dict[int, Any] = field(default_factory=dict)
     channels: dict[int, Any] = field(default_factory=dict)
-    messages: list[tuple[int, int, bytes, int]] = field(default_factory=list)
+    counts: Counter[int] = field(default_factory=Counter)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
     lost: list[str] = field(default_factory=list)
+    unsaid: int = 0  # faults beyond MOST_LOST
+    size: int = 0
+    position: int = 0  # while it is read
+    sha256: str = ""
+
+    def lose(self, what: str) -> None:
+        """Note what is lost."""
+        if len(self.lost) < MOST_LOST:
+            self.lost.append(what)
+        else:
+            self.unsaid += 1
 
 
 def read_bytes(path: Path) -> bytes:
-    """All bytes of a recording; RigError when it cannot be read."""
+    """All bytes of a file; RigError when it cannot be read."""
     try:
         return path.read_bytes()
     except OSError as error:
-        raise RigError(f"recording {path} cannot be read: {error.strerror or error}; check the name") from None
+        raise _unreadable(path, error) from None
 
 
-def scan(data: bytes, name: str) -> Scan:
-    """Read all records in the order of the file; RigError only when it is no MCAP at all.
+def scan(path: Path, take: Take | None = None, found: Scan | None = None) -> Scan:
+    """Read all records in the order of the file, of which one is in memory at a time; ``take`` gets the messages.
+
+    What is returned, or ``found`` where ``take`` wants to see it, is filled meanwhile. RigError only when the file
+    cannot be read, or is no MCAP at all.
+    """
+    found = Scan() if found is None else found
+    _opened(path, lambda stream: scan_stream(stream, str(path), take, found))
+    return found
+
+
+def messages(path: Path, found: Scan, take: Take) -> None:
+    """Pass the messages of a file that was scanned to ``take``, as many bytes as it had then."""
+    _opened(path, lambda stream: _records(Scan(), Source(stream, found.size, digest=False), take))
+
+
+def scan_stream(stream: IO[bytes], name: str, take: Take | None = None, found: Scan | None = None) -> Scan:
+    """``scan`` of an open file.
 
     The mcap package's readers give nothing of a truncated file, accept a record that was cut short, and leak half a
     dozen foreign exceptions (measured), so the framing is done here: a record counts only when all of it is there.
     """
-    if not data:
+    source, found = Source(stream), Scan() if found is None else found
+    found.size = source.size
+    if not source.size:
         raise RigError(f"recording {name} is empty (0 bytes); the program that wrote it was killed before it could")
-    if data[:8] != MAGIC[: len(data)] or len(data) < 8:
+    if not _records(found, source, take):
         raise RigError(f"recording {name} is not an MCAP file; give a .mcap recording of a run")
-    found = Scan()
-    finished = data.endswith(MAGIC) and len(data) > 16
-    position, seen_end = 8, False
-    while position < len(data) - (8 if finished else 0):
-        if len(data) - position < 9:
-            break
-        opcode, length = struct.unpack_from("<BQ", data, position)
-        start, end = position + 9, position + 9 + length
-        if end > len(data):
-            break
-        if opcode == DATA_END:
-            seen_end = True
-            crc = int.from_bytes(data[start : start + 4], "little")
-            if crc and crc != zlib.crc32(memoryview(data)[:position]):
-                found.lost.append("the file fails its checksum: some bytes were changed after it was written")
-        else:
-            _take(found, opcode, data[start:end], position, depth=0)
-        position = end
-    if not (finished and seen_end):
-        found.lost.append(f"the file was never finished: it ends at byte {len(data)}, what came after is lost")
+    found.sha256 = source.sha256()
+    if found.unsaid:
+        found.lost.append(f"{found.unsaid} more parts are damaged")
     return found
 
 
-def _take(found: Scan, opcode: int, payload: bytes, position: int, depth: int) -> None:
-    """Add one whole record to what was found; a damaged one is named, and the rest goes on."""
+def _opened(path: Path, read: Callable[[IO[bytes]], object]) -> None:
     try:
-        if opcode == MESSAGE:
-            channel_id, _, log_ns, publish_ns = struct.unpack_from("<HIQQ", payload)
-            happened_ns = publish_ns or log_ns  # loggers that do not know the publish time write 0
-            if happened_ns > LAST_NS:
-                raise ValueError("impossible time")
-            found.messages.append((channel_id, happened_ns, payload[22:], log_ns))
-        elif opcode == CHUNK and depth == 0:
-            _take_chunk(found, payload, position)
-        elif opcode in _PARSERS:
-            _PARSERS[opcode](found, payload)
-    except RigError as error:
-        found.lost.append(str(error))
-    except Exception as error:  # damage surfaces as struct, zstd, key, unicode, runtime ... errors: all mean the same
-        found.lost.append(f"a record at byte {position} is damaged ({type(error).__name__}) and was left out")
+        with path.open("rb") as stream:
+            read(stream)
+    except OSError as error:
+        raise _unreadable(path, error) from None
 
 
-def _take_chunk(found: Scan, payload: bytes, position: int) -> None:
-    from mcap.records import Chunk
+def _unreadable(path: Path, error: OSError) -> RigError:
+    return RigError(f"recording {path} cannot be read: {error.strerror or error}; check the name")
 
-    chunk = Chunk.read(_stream(payload))
-    if chunk.compression == "zstd":
-        import zstandard
 
-        data = zstandard.decompress(chunk.data, max_output_size=chunk.uncompressed_size)
-    elif chunk.compression == "lz4":
-        import lz4.frame  # type: ignore[import-untyped]
+def _records(found: Scan, source: Source, take: Take | None) -> bool:
+    """Read all records; whether the file begins as one that has some."""
+    if source.read(len(MAGIC)) != MAGIC:
+        return False
+    seen_end, behind = False, len(MAGIC) if source.finished else 0
+    while source.left >= behind + HEAD.size:
+        position, crc = source.position, source.crc
+        opcode, length = HEAD.unpack(source.read(HEAD.size))
+        end, found.position = source.position + length, position
+        if end > source.size:
+            break
+        if opcode == DATA_END:
+            seen_end = True
+            stated = int.from_bytes(source.read(min(length, 4)), "little")
+            if stated and stated != crc:
+                found.lose("the file fails its checksum: some bytes were changed after it was written")
+        else:
+            _record(found, opcode, source, length, position, take)
+        source.skip(end - source.position)
+    if not (source.finished and seen_end):
+        found.lose(f"the file was never finished: it ends at byte {source.size}, what came after is lost")
+    return True
 
-        data = lz4.frame.decompress(chunk.data)
-    elif chunk.compression == "":
-        data = chunk.data
-    else:
-        raise RigError(f"the chunk at byte {position} is packed with {chunk.compression!r}, which is not supported")
-    if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
-        raise RigError(f"the chunk at byte {position} fails its checksum: its messages were left out")
-    inside = 0
-    while inside < len(data):
-        opcode, length = struct.unpack_from("<BQ", data, inside)
-        record = data[inside + 9 : inside + 9 + length]
-        if len(record) < length:
-            raise RigError(f"the chunk at byte {position} ends inside a record: the rest of it was left out")
-        _take(found, opcode, record, position, depth=1)
-        inside += 9 + length
+
+def _record(found: Scan, opcode: int, source: Source, length: int, position: int, take: Take | None) -> None:
+    """Add one whole record, or those in a chunk, to what was found; a damaged one is named, and the rest goes on."""
+    inner = _inner(found, opcode, source, length, position)
+    while True:
+        try:
+            opcode, payload = next(inner)
+        except StopIteration:
+            return
+        except RigError as error:
+            found.lose(str(error))
+            return
+        except OSError:
+            raise
+        except (
+            Exception
+        ) as error:  # damage surfaces as struct, zstd, key, unicode, runtime ... errors: all mean the same
+            _damaged(found, position, error)
+            return
+        try:
+            if opcode != MESSAGE:
+                if opcode in _PARSERS:
+                    _PARSERS[opcode](found, payload)
+                continue
+            channel_id, happened_ns, log_ns = _message(payload)
+        except Exception as error:
+            _damaged(found, position, error)
+            continue
+        found.counts[channel_id] += 1
+        if take:  # outside of all that is forgiven: its errors are its caller's
+            take(channel_id, happened_ns, payload[_MESSAGE.size :], log_ns)
+
+
+def _message(payload: bytes) -> tuple[int, int, int]:
+    """Channel, and when the message happened and was logged (ns)."""
+    channel_id, _, log_ns, publish_ns = _MESSAGE.unpack_from(payload)
+    happened_ns = publish_ns or log_ns  # loggers that do not know the publish time write 0
+    if happened_ns > LAST_NS:
+        raise ValueError("impossible time")
+    return channel_id, happened_ns, log_ns
+
+
+def _damaged(found: Scan, position: int, error: Exception) -> None:
+    found.lose(f"a record at byte {position} is damaged ({type(error).__name__}) and was left out")
+
+
+def _inner(found: Scan, opcode: int, source: Source, length: int, position: int) -> Iterator[tuple[int, bytes]]:
+    """Yield records as (opcode, payload), of a chunk those in it; attachments are added at once."""
+    if opcode == CHUNK:
+        yield from in_chunk(source, length, position)
+    elif opcode == ATTACHMENT:
+        name, data = attachment(source, length)
+        found.attachments[name] = data
+    elif opcode == MESSAGE or opcode in _PARSERS:
+        if length > LONGEST_BYTES:
+            raise ValueError("impossible length")
+        yield opcode, source.read(length)
 
 
 def _schema(found: Scan, payload: bytes) -> None:
     from mcap.records import Schema
 
-    record = Schema.read(_stream(payload))
+    record = Schema.read(stream_of(payload))
     found.schemas.setdefault(record.id, record)  # the first stands in a chunk with a checksum, repeats need not
 
 
 def _channel(found: Scan, payload: bytes) -> None:
     from mcap.records import Channel
 
-    record = Channel.read(_stream(payload))
+    record = Channel.read(stream_of(payload))
     found.channels.setdefault(record.id, record)
 
 
 def _metadata(found: Scan, payload: bytes) -> None:
     from mcap.records import Metadata
 
-    record = Metadata.read(_stream(payload))
+    record = Metadata.read(stream_of(payload))
     found.metadata.setdefault(record.name, {}).update(record.metadata)
 
 
-def _attachment(found: Scan, payload: bytes) -> None:
-    from mcap.records import Attachment
-
-    stream = _stream(payload)
-    record = Attachment.read(stream)
-    end = stream.count - 4  # a record may be longer than what is in it
-    crc = int.from_bytes(payload[end : end + 4], "little")  # the mcap package never checks it
-    if crc and crc != zlib.crc32(payload[:end]):
-        raise RigError("an attachment fails its checksum and was left out")
-    found.attachments[record.name] = record.data
-
-
-_PARSERS: dict[int, Callable[[Scan, bytes], None]] = {
-    SCHEMA: _schema,
-    CHANNEL: _channel,
-    METADATA: _metadata,
-    ATTACHMENT: _attachment,
-}
-
-
-def _stream(payload: bytes) -> Any:
-    from mcap.data_stream import ReadDataStream
-
-    return ReadDataStream(BytesIO(payload))
+_PARSERS: dict[int, Callable[[Scan, bytes], None]] = {SCHEMA: _schema, CHANNEL: _channel, METADATA: _metadata}

@@ -34,7 +34,7 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from straw.rig.mcap_scan import MAGIC
+from straw.rig.mcap_source import MAGIC
 
 SPOOLED_BYTES = 1 << 20  # of the chunks' index, about two hours of a run, before it goes to a file
 CHUNK_BYTES = 1 << 20  # a chunk that grew larger is written without waiting for a flush

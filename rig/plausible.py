@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from straw.rig.limits import PressureLimits
+from straw.rig.reading import Answer
+
 MARGIN_PA = 2e3  # margin for noise, drift, a straw that snaps against the controller
 OVERSHOOT = 0.1  # share of the commanded change
 
@@ -39,3 +42,18 @@ class Expectation:
                 return f"reads {pressure_pa / 1e3:g} kPa where only {low / 1e3:g} to {high / 1e3:g} kPa can be"
         self._within, self._doubted_pa = (pressure_pa, *in_force_pa), None
         return None
+
+    def why_refused(
+        self, channel: int, answer: Answer, span: PressureLimits, in_force_pa: tuple[float, ...]
+    ) -> str | None:
+        """Why an instrument's answer is not used for a channel; None when it is, as ``why_not``.
+
+        ``span`` is the instrument's own range, which readings pass by a twentieth at most.
+        """
+        if channel not in answer.pressure_pa:
+            return f"channel {channel} is not in its reply {answer.raw!r}; check the channel number"
+        pressure_pa, slack_pa = answer.pressure_pa[channel], 0.05 * (span.max_pa - span.min_pa)
+        if not span.min_pa - slack_pa <= pressure_pa <= span.max_pa + slack_pa:
+            return f"reads {pressure_pa / 1e3:g} kPa ({answer.raw!r}), beyond its own range; not used"
+        reason = self.why_not(pressure_pa, in_force_pa)
+        return f"{reason} ({answer.raw!r}); not used" if reason else None

@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
+
+from straw.rig.clock import Clock
 
 
 @dataclass(frozen=True)
@@ -47,3 +50,17 @@ class Answer:
     pressure_pa: Mapping[int, float]
     raw: bytes
     flow_m3_s: Mapping[int, float] = field(default_factory=dict)
+
+
+def stamp_of(clock: Clock, before_ns: int, answer_s: float) -> dict[str, Any]:
+    """Fields of the ``Stamp`` of an exchange that began at ``before_ns`` (monotonic) and whose answer is just here.
+
+    The instrument measured before it began to answer, and the bytes of the answer take milliseconds: ``answer_s``.
+    """
+    after_ns = max(before_ns, clock.monotonic_ns() - round(answer_s * 1e9))
+    middle_ns = (before_ns + after_ns) // 2
+    return {
+        "monotonic_ns": middle_ns,
+        "wall_ns": clock.wall_ns(middle_ns),
+        "half_width_ns": (after_ns - before_ns + 1) // 2,
+    }

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.rig.mcap_scan import Scan, read_bytes, scan
-from straw.rig.run_read import read_run
+from straw.rig.mcap_scan import messages, scan
+from straw.rig.run_read import read_fitting
+from straw.rig.samples import Samples
 from straw.rig.schema import message_class
 
 Floats = NDArray[np.float64]
@@ -23,10 +24,9 @@ def details(path: Path) -> dict[str, Any]:
 
     A signal is ``{"unit", "time_s", "values"}``: kPa, µl/s, mm, deg, for people. Times count from the run's zero.
     """
-    run = read_run(path)
+    run, every_s = read_fitting(path)
     signals: dict[str, Any] = {}
-    for name, unit, factor, rows in _pressures(path, run.zero_time_ns):
-        time_s, values = (np.array(column) for column in zip(*rows, strict=True))
+    for name, unit, factor, time_s, values in _pressures(path, run.zero_time_ns, every_s):
         signals[name] = _thinned(time_s, values * factor, unit)
     for kind, log in (("command 1", run.command), ("pressure 1", run.pressure)):
         if log is not None and not signals.keys() & {"pressure 1", kind}:  # of another logger, in JSON
@@ -51,27 +51,41 @@ def details(path: Path) -> dict[str, Any]:
     }
 
 
-def _pressures(path: Path, zero_ns: int) -> list[tuple[str, str, float, list[tuple[float, float]]]]:
-    """(name, unit, factor, [(s, SI value)]) of every channel's pressure, command and flow."""
-    found: Scan = scan(read_bytes(path), str(path))
-    rows: dict[tuple[str, int], list[tuple[float, float]]] = defaultdict(list)
-    for channel_id, happened_ns, data, _ in found.messages:
+def _pressures(path: Path, zero_ns: int, every_s: float) -> list[tuple[str, str, float, Floats, Floats]]:
+    """(name, unit, factor, s, SI values) of every channel's pressure, command and flow."""
+    found, every_ns = scan(path), round(every_s * 1e9)
+    series: dict[tuple[str, int], Samples] = defaultdict(lambda: Samples([("pressure_pa", "double")], every_ns))
+
+    def take(channel_id: int, happened_ns: int, data: bytes, _log_ns: int) -> None:
         channel = found.channels.get(channel_id)
         if channel is None or not channel.topic.startswith("/pressure/") or channel.message_encoding != "protobuf":
-            continue
-        schema = found.schemas[channel.schema_id]
+            return
         try:
+            schema = found.schemas[channel.schema_id]
             said: Any = message_class(schema.name, schema.data).FromString(data)
-            time_s, number = (happened_ns - zero_ns) * 1e-9, int(getattr(said, "channel", 1)) or 1
+            number = int(getattr(said, "channel", 1)) or 1
             kind = "command" if channel.topic.endswith("command") else "pressure"
-            rows[kind, number].append((time_s, float(said.pressure_pa)))
+            series[kind, number].add(happened_ns, (float(said.pressure_pa),))
             flow = float(getattr(said, "flow_m3_s", np.nan))
             if kind == "pressure" and np.isfinite(flow) and _has(said, "flow_m3_s"):
-                rows["flow", number].append((time_s, flow))
+                series["flow", number].add(happened_ns, (flow,))
         except Exception:  # a damaged message; what is lost is said by read_run
-            continue
+            return
+
+    messages(path, found, take)
     units = {"command": ("kPa", 1e-3), "pressure": ("kPa", 1e-3), "flow": ("µl/s", 1e9)}
-    return [(f"{kind} {number}", *units[kind], sorted(rows[kind, number])) for kind, number in sorted(rows)]
+    return [(f"{kind} {n}", *units[kind], *_in_order(series.pop((kind, n)), zero_ns)) for kind, n in sorted(series)]
+
+
+def _in_order(samples: Samples, zero_ns: int) -> tuple[Floats, Floats]:
+    samples.end()
+    time_ns, columns = samples.taken()
+    time_s: Floats = (time_ns - zero_ns).astype(np.float64) * 1e-9
+    values: Floats = columns["pressure_pa"]
+    if np.any(time_s[1:] < time_s[:-1]):
+        order = np.argsort(time_s, kind="stable")
+        return time_s[order], values[order]
+    return time_s, values
 
 
 def _has(message: Any, name: str) -> bool:

@@ -2,35 +2,37 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from straw.rig.errors import RigError
 from straw.rig.manifest import read_manifest
-from straw.rig.mcap_scan import read_bytes, scan
+from straw.rig.mcap_scan import Scan, messages, scan
+from straw.rig.mcap_summary import summary_of
+from straw.rig.memory import KEPT, PEAK, TooLongError, available_bytes, too_long
 from straw.rig.run import CELLS, Event, Predicted, PressureLog, Run
-from straw.rig.run_decode import EXTRA, Row, decode
-from straw.rig.schema import PREDICTION, schema_of
+from straw.rig.run_decode import Decoder, empty, known
+from straw.rig.samples import Columns, Samples
+from straw.rig.schema import PREDICTION
 from straw.tracking.trace import TipTrace
 
 FAR_S = 3600.0  # a zero further than this from the first message is reported
 
 
-def read_run(path: str | Path) -> Run:
+def read_run(path: str | Path, *, every_s: float = 0.0) -> Run:
     """Read one recording. Of a damaged file the intact part is read, and ``Run.lost`` states what is missing.
 
-    RigError, one line, when the file cannot be opened, is no MCAP, or holds no message of the contract.
+    With ``every_s`` a long one is thinned: of each channel's pressure in every interval the first, lowest and highest
+    sample are kept, of the tip the first; ``Run.lost`` says so. The file passes through the memory a chunk at a time.
+    RigError, one line, when the file cannot be opened, is no MCAP, or holds no message of the contract;
+    TooLongError, which names an ``every_s`` that will do, when its samples do not fit into the memory there is.
     """
     path = Path(path)
-    data = read_bytes(path)
-    found = scan(data, str(path))
-    lost = found.lost
-    rows = decode(found)
-    sha256 = hashlib.sha256(data).hexdigest()
+    _check_room(path, every_s)
+    found, topics = _decoded(path, every_s)
+    lost, sha256 = found.lost, found.sha256
     unsure = ""
     try:
         if read_manifest(path).get(path.name, sha256) != sha256:
@@ -39,7 +41,8 @@ def read_run(path: str | Path) -> Run:
         unsure = f"{error}; whether the run is as recorded cannot be told"
     damage = tuple(lost)
     lost += [unsure] if unsure else []
-    if not rows:
+    lost += [f"it was read thinned, at steps of {every_s:g} s"] if every_s else []
+    if not topics:
         why = f": {lost[0]}" if lost else "; it is a recording of something else"
         raise RigError(f"recording {path} holds no message of a straw run{why}")
 
@@ -47,7 +50,7 @@ def read_run(path: str | Path) -> Run:
     if not said:
         lost.append("the metadata record straw.run is missing: specimen, initial state and zero time are assumed")
     metadata = {**found.metadata.get("straw.stop", {}), **said}
-    first_ns = min(row[0] for topic in rows.values() for row in topic)
+    first_ns = min(int(samples.time_ns().min()) for samples in topics.values())
     zero_ns = _whole(metadata, "zero_time_ns", first_ns, "the first message", lost)
     if abs(first_ns - zero_ns) * 1e-9 > FAR_S:
         lost.append(f"zero_time_ns is {(first_ns - zero_ns) * 1e-9:.0f} s from the first message: check the clocks")
@@ -56,12 +59,13 @@ def read_run(path: str | Path) -> Run:
     channel = _whole(metadata, "channel", 1, "1", None)
 
     def pressure(topic: str, held: bool = False) -> PressureLog | None:
-        return _pressure(topic, rows.get(topic, []), zero_ns, channel, held, lost)
+        return _pressure(topic, topics.pop(topic, None), zero_ns, channel, held, lost)
 
     def tip(topic: str) -> TipTrace | None:
-        return _tip(topic, rows.get(topic, []), zero_ns, lost)
+        return _tip(topic, topics.pop(topic, None), zero_ns, lost)
 
-    models = sorted({match[1] for topic in rows if (match := PREDICTION.fullmatch(topic))})
+    happened = topics["/events"].rows() if "/events" in topics else []
+    models = sorted({match[1] for topic in topics if (match := PREDICTION.fullmatch(topic))})
     return Run(
         path=path,
         sha256=sha256,
@@ -77,63 +81,102 @@ def read_run(path: str | Path) -> Run:
         pressure=pressure("/pressure/measured"),
         tip=tip("/tip/state"),
         predictions={m: Predicted(tip(f"/sim/{m}/tip/state"), pressure(f"/sim/{m}/pressure")) for m in models},
-        events=tuple(Event((ns - zero_ns) * 1e-9, *values) for ns, values in sorted(rows.get("/events", []))),
+        events=tuple(Event((ns - zero_ns) * 1e-9, *values) for ns, values in happened),
         lost=tuple(lost),
         damage=damage,
         software=found.metadata.get("straw.software.recorded") or found.metadata.get("straw.software", {}),
     )
 
 
+def read_fitting(path: Path) -> tuple[Run, float]:
+    """A recording, thinned if it would not fit into memory, and at which step (s; 0 if it is not)."""
+    try:
+        return read_run(path), 0.0
+    except TooLongError as error:
+        return read_run(path, every_s=error.every_s), error.every_s
+
+
+def _check_room(path: Path, every_s: float) -> None:
+    """TooLongError where the end of the file tells that its samples will not fit; others are found out on the way."""
+    summary = summary_of(path)
+    if summary is None:
+        return
+    most = KEPT * summary.span_s / every_s if every_s else float("inf")
+    needed = [(min(n, most), empty(topic).sample_bytes) for topic, n in summary.counts.items() if known(topic)]
+    count, held = sum(n for n, _ in needed), sum(n * size for n, size in needed)
+    if PEAK * held > available_bytes():
+        raise too_long(path, count, held / count, summary.span_s)
+
+
+def _decoded(path: Path, every_s: float) -> tuple[Scan, dict[str, Samples]]:
+    """What a file holds, and its samples by topic."""
+    found = Scan()
+    decoder = Decoder(found, every_s, path)
+    try:
+        scan(path, decoder.take, found)
+        if decoder.early:
+            decoder = Decoder(found, every_s, path)
+            messages(path, found, decoder.take)
+        return found, decoder.decoded()
+    except MemoryError:
+        raise RigError(
+            f"recording {path} does not fit into memory; read it thinned: read_run(path, every_s=1)"
+        ) from None
+
+
 def _in_time(
-    topic: str, rows: list[Row], zero_ns: int, lost: list[str]
-) -> tuple[NDArray[np.float64], list[NDArray[Any]]]:
+    topic: str, time_ns: NDArray[np.int64], columns: Columns, zero_ns: int, lost: list[str]
+) -> tuple[NDArray[np.float64], Columns]:
     """Columns sorted by time, keeping the first of equal times; changes are noted in ``lost``."""
     # Seconds first, order after: far from zero two nanoseconds can become one number of seconds.
-    time_ns = np.array([row[0] for row in rows], dtype=np.int64)
-    time_s: NDArray[np.float64] = (time_ns - zero_ns).astype(np.float64) * 1e-9
-    columns = [np.array(column) for column in zip(*(row[1] for row in rows), strict=True)]
-    if np.any(np.diff(time_s) <= 0):
+    time_s: NDArray[np.float64] = (time_ns - zero_ns).astype(np.float64)
+    time_s *= 1e-9
+    if np.any(time_s[1:] <= time_s[:-1]):
         order = np.argsort(time_s, kind="stable")
-        if np.any(np.diff(time_s) < 0):
+        if np.any(time_s[1:] < time_s[:-1]):
             lost.append(f"{topic} was not in order of time and was sorted")
         keep = order[np.concatenate([[True], np.diff(time_s[order]) > 0])]
         if len(keep) < len(order):
             lost.append(f"{len(order) - len(keep)} messages on {topic} repeat a time and were left out")
-        time_s, columns = time_s[keep], [column[keep] for column in columns]
+        time_s, columns = time_s[keep], {name: column[keep] for name, column in columns.items()}
     return time_s, columns
 
 
 def _pressure(
-    topic: str, rows: list[Row], zero_ns: int, channel: int, held: bool, lost: list[str]
+    topic: str, samples: Samples | None, zero_ns: int, channel: int, held: bool, lost: list[str]
 ) -> PressureLog | None:
-    names = [name for name, *_ in schema_of(topic).fields if name not in EXTRA]
-    at = names.index("channel")
-    rows = [row for row in rows if (row[1][at] or 1) == channel] or rows  # protobuf does not distinguish 0 from absent
-    if not rows:
+    if samples is None:
         return None
-    time_s, columns = _in_time(topic, rows, zero_ns, lost)
-    value = dict(zip(names, columns, strict=True))
-    pressure_pa = value["pressure_pa"].astype(np.float64)
-    sigma_pa = np.asarray(value.get("sigma_pa", np.full(len(time_s), np.nan)), dtype=np.float64)
+    time_ns, columns = samples.taken()
+    number = columns.pop("channel")
+    ours = (number == channel) | ((number == 0) & (channel == 1))  # protobuf does not distinguish 0 from absent
+    del number
+    if ours.any() and not ours.all():
+        time_ns, columns = time_ns[ours], {name: column[ours] for name, column in columns.items()}
+    time_s, value = _in_time(topic, time_ns, columns, zero_ns, lost)
+    pressure_pa, sigma_pa = value["pressure_pa"], value.get("sigma_pa")
     good = np.isfinite(pressure_pa)
     if not np.all(good):
         lost.append(f"{int(np.sum(~good))} pressures on {topic} are not numbers and were left out")
-    if not np.any(good):
+        time_s, pressure_pa = time_s[good], pressure_pa[good]
+        sigma_pa = None if sigma_pa is None else sigma_pa[good]
+    if not len(time_s):
         return None
-    return PressureLog(time_s[good], pressure_pa[good], _sigma(sigma_pa[good]), held)
-
-
-def _tip(topic: str, rows: list[Row], zero_ns: int, lost: list[str]) -> TipTrace | None:
-    if not rows:
-        return None
-    time_s, (x_m, z_m, phi_rad, sigma_x_m, sigma_z_m, sigma_phi_rad, valid, frame) = _in_time(
-        topic, rows, zero_ns, lost
+    return PressureLog(
+        time_s, pressure_pa, np.full(len(time_s), np.nan) if sigma_pa is None else _sigma(sigma_pa), held
     )
-    pose = np.array([x_m, z_m, phi_rad], dtype=np.float64)
-    valid = valid.astype(np.bool_) & np.all(np.isfinite(pose), axis=0)
+
+
+def _tip(topic: str, samples: Samples | None, zero_ns: int, lost: list[str]) -> TipTrace | None:
+    if samples is None:
+        return None
+    time_s, value = _in_time(topic, *samples.taken(), zero_ns, lost)
+    axes = ("x_m", "z_m", "phi_rad")
+    pose = np.array([value.pop(name) for name in axes])
+    valid = value.pop("valid").astype(np.bool_) & np.all(np.isfinite(pose), axis=0)
     pose[:, ~valid] = np.nan  # a sample that says it is invalid must not be usable by mistake
-    sigma = [_sigma(column.astype(np.float64)) for column in (sigma_x_m, sigma_z_m, sigma_phi_rad)]
-    return TipTrace(time_s, pose[0], pose[1], pose[2], sigma[0], sigma[1], sigma[2], valid, frame.astype(np.int64))
+    sigma = [_sigma(value.pop(f"sigma_{name}")) for name in axes]
+    return TipTrace(time_s, pose[0], pose[1], pose[2], sigma[0], sigma[1], sigma[2], valid, value["frame"])
 
 
 def _sigma(sigma: NDArray[np.float64]) -> NDArray[np.float64]:

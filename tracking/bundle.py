@@ -135,7 +135,7 @@ class Bundle:
         """Return the inverse of ``_prior``."""
         found = np.diag(np.concatenate((self.prior**-2.0, np.zeros(self.misprint.count))))
         if self.misprint.count:
-            found[SHARED:, SHARED:] = np.linalg.inv(self.misprint.covariance())
+            found[SHARED:, SHARED:] = self.misprint.precision()
         return found
 
     def _linear(self, poses: Floats) -> Linear:

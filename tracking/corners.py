@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from straw.tracking.board import Board
 from straw.tracking.edges import measure_all
-from straw.tracking.kernels import agreement, drift, farthest, fit_homography, locate_all
+from straw.tracking.kernels import farthest, fit_homography, locate_all
 from straw.tracking.lens import Lens
+from straw.tracking.print_check import agreement, drift
 
 Floats = NDArray[np.float64]
 Picture = NDArray[np.uint8]

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from straw.tracking.compiled import compiled
 
 Floats = NDArray[np.float64]
 Picture = NDArray[np.uint8]
@@ -193,6 +193,5 @@ def _measure_all(
 
 
 # Assigned rather than decorated: numba has no types, and this keeps the functions above checked.
-_compile: Any = numba.njit(nogil=True, cache=True, error_model="numpy", fastmath=True)
-measure = _compile(_measure)
-measure_all = _compile(_measure_all)
+measure = compiled(_measure, fastmath=True)
+measure_all = compiled(_measure_all, fastmath=True)

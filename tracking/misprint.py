@@ -44,13 +44,19 @@ class Misprint:
         lines = self.lines()
         return np.asarray(self.corner_m**2 * np.eye(len(lines)) + self.line_m**2 * lines @ lines.T)
 
+    def precision(self) -> Floats:
+        """Return the inverse of ``covariance``, line by line (Sherman and Morrison)."""
+        lines, corner = self.lines(), self.corner_m**2
+        shared = self.line_m**2 / (corner + self.line_m**2 * lines.sum(axis=0))
+        return np.asarray((np.eye(len(lines)) - lines * shared @ lines.T) / corner)
+
     def learnt(self, offsets: Floats, spread: Floats) -> Misprint:
         """Return the prior after one EM step on offsets (2n,), which have the covariance ``spread`` (2n, 2n)."""
-        lines, precision = self.lines(), np.linalg.inv(self.covariance())
+        lines, precision = self.lines(), self.precision()
         by_line, by_corner = self.line_m**2 * lines.T @ precision, self.corner_m**2 * precision
         second = np.outer(offsets, offsets) + spread
-        line = np.trace(by_line @ second @ by_line.T) / len(by_line) + self.line_m**2
-        line -= self.line_m**2 * np.trace(by_line @ lines) / len(by_line)
-        corner = np.trace(by_corner @ second @ by_corner.T) / len(by_corner) + self.corner_m**2
+        line = np.sum(by_line @ second * by_line) / len(by_line) + self.line_m**2
+        line -= self.line_m**2 * np.sum(by_line.T * lines) / len(by_line)
+        corner = np.sum(by_corner @ second * by_corner) / len(by_corner) + self.corner_m**2
         corner -= self.corner_m**2 * np.trace(by_corner) / len(by_corner)
         return Misprint(self.shape, float(np.sqrt(max(corner, 1e-18))), float(np.sqrt(max(line, 1e-18))))

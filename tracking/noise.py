@@ -75,12 +75,18 @@ def lag_of(frames: Frames) -> float:
     return (max(ahead_px, 0.0) * count + _USUAL_LAG_PX * _USUAL_WEIGHT) / (count + _USUAL_WEIGHT)
 
 
-def without_lag(poses: Poses, slopes: Floats, rate: Floats, key: Flags, lag_px: float, eye_m: Floats) -> Floats:
-    """Return poses (f, 3) with the codec's lag put right.
+def without_lag(
+    poses: Poses, slopes: Floats, rate: Floats, key: Flags, lag_px: float, eye_m: Floats
+) -> tuple[Floats, Floats]:
+    """Return poses (f, 3) with the codec's lag put right, and the covariance (f, 3, 3) of what is left of it.
 
     ``slopes`` (f, n, 2, 3): how the corners move with the poses; ``rate`` (f, 3): how the poses change from frame to
     frame; ``key`` (f,): coded without prediction; ``eye_m`` (2,): the camera's x and z. A shift is predicted from the
     last picture, a change of size is not, so that lags by itself.
+
+    How much of the lag there is in one frame depends on which blocks were worth coding since the last keyframe. No
+    distribution between none and all has a larger variance than a quarter, for all corners alike however fast they
+    move, along their motion, also when that has ended.
     """
     J = np.where(poses.used[..., None, None], slopes, 0.0)
     normal = np.einsum("fncm,fncp->fmp", J, J) + 1e-9 * np.eye(3)  # a frame without a fit must stay solvable
@@ -89,7 +95,12 @@ def without_lag(poses: Poses, slopes: Floats, rate: Floats, key: Flags, lag_px: 
     size, size_px = _by_size(poses, J, normal, rate, eye_m)
     share = size_px / (np.abs(size_px) + _SLOW_SIZE_PX)
     ahead_px, larger_px = (np.where(key, 0.0, lag_px * part) for part in (lag_share(speed_px), _SIZE * share))
-    return np.asarray(poses.vector + along * ahead_px[:, None] + size * larger_px[:, None])
+    flow = np.einsum("fncm,fm->fnc", J, rate)
+    ahead = flow / np.maximum(np.sqrt((flow**2).sum(axis=-1, keepdims=True) / 2.0), 1e-12)  # rms of 1 per coordinate
+    moved = np.linalg.solve(normal, np.einsum("fncm,fnc->fm", J, ahead)[..., None])[..., 0]
+    left = moved * np.where(key | (speed_px > MOTION_VECTOR_PX), 0.0, lag_px / 2)[:, None]
+    right = poses.vector + along * ahead_px[:, None] + size * larger_px[:, None]
+    return np.asarray(right), left[:, :, None] * left[:, None, :]
 
 
 def off_chord(poses: Poses, slopes: Floats, chord_px: Floats, slow: Flags) -> tuple[Floats, Floats]:

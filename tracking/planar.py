@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from straw.tracking.compiled import compiled
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -130,5 +130,4 @@ def _fit_planar(
 
 
 # Assigned rather than decorated: numba has no types, and this keeps the function above checked.
-_compile: Any = numba.njit(nogil=True, cache=True, error_model="numpy")
-fit_planar = _compile(_fit_planar)
+fit_planar = compiled(_fit_planar)

@@ -34,13 +34,16 @@ class Poser:
         self._scatter = learnt(self.shape, seen, vector, keys[whole])
         self._guess = None
         if self.settled.rest_frames:
-            self.settled.doubt_rest(self._scatter)
+            self.settled.doubt_rest(
+                self._scatter, self._fitted(self.settled.bundle.views.pick(np.zeros(1, np.intp)))[2]
+            )
+            self._guess = None
 
     def poses(self, views: Views) -> tuple[Poses, Floats, Floats]:
         """Return the fits, the poses (f, 3) with the codec's lag put right, and their covariance (f, 3, 3)."""
         assert self._scatter is not None
-        fits, vector, seen, rate, chord = self._fitted(views)
-        return fits, vector, self._scatter.covariance(seen) + self.settled.covariance(views, vector, rate) + chord
+        fits, vector, seen, rate, codec = self._fitted(views)
+        return fits, vector, self._scatter.covariance(seen) + self.settled.covariance(views, vector, rate) + codec
 
     def _fitted(self, views: Views) -> tuple[Poses, Floats, Seen, Floats, Floats]:
         plane, line_s = self.settled.plane, self.settled.camera.line_s or 0.0
@@ -53,8 +56,8 @@ class Poser:
         rate = np.gradient(fits.vector, views.time_s, axis=0) if len(begin) > 1 else np.zeros((1, 3))
         slopes = plane.slopes(views.px_per_ray, self._points_m, fits.vector)
         eye_m = plane.world_from_camera[(0, 2), 3]
-        vector = without_lag(fits, slopes, rate * self.period_s, views.key, self.lag_px, eye_m)
+        vector, lag = without_lag(fits, slopes, rate * self.period_s, views.key, self.lag_px, eye_m)
         kind = kinds(views.key, views.speed_px)
         toward, chord = off_chord(fits, slopes, views.chord_px, kind != FAST)
         seen = seen_of(self.shape, slopes, fits.residual_px, fits.used, views.across, kind)
-        return fits, vector + toward, seen, rate, chord
+        return fits, vector + toward, seen, rate, chord + lag

@@ -14,7 +14,7 @@ from straw.tracking.camera import Camera
 from straw.tracking.errors import TrackingError
 from straw.tracking.follow import Rest, plane_at_rest
 from straw.tracking.pose import Plane, free_pose
-from straw.tracking.variance import Scatter
+from straw.tracking.variance import Scatter, Seen
 from straw.tracking.views import Views
 
 Floats = NDArray[np.float64]
@@ -54,10 +54,13 @@ class Settled:
         assert self.camera.world_from_camera is not None
         return Plane(self.camera.lens, self.camera.world_from_camera)
 
-    def doubt_rest(self, scatter: Scatter) -> None:
-        """Widen the constants' covariance: the scatter cannot show errors of what the frame at rest alone fixes."""
+    def doubt_rest(self, scatter: Scatter, rest: Seen) -> None:
+        """Widen the constants' covariance: frames cannot show by their disagreement what the rest alone fixes.
+
+        ``rest``: the fit of its mean picture.
+        """
         answer = self.bundle.by_rest
-        self.bundle.spread = self.bundle.spread + scatter.at_rest(answer.reshape(*scatter.shape, 2, -1))
+        self.bundle.spread = self.bundle.spread + scatter.at_rest(answer.reshape(*scatter.shape, 2, -1), rest)
 
     def covariance(self, views: Views, poses: Floats, rate: Floats) -> Floats:
         """Return the covariance (f, 3, 3), SI, that the constants' uncertainty adds to poses (f, 3) moving at ``rate``

@@ -24,7 +24,6 @@ _STEPS = 40  # keyframes, whose steps show the common error; as many as in ten s
 _MOST_ACROSS = 9  # corners along a side that components are estimated from
 _AROUND = np.array((-2, -1, 1, 2))
 _CUBIC = np.array((-1, 4, 4, -1)) / 6  # the cubic through them, in the middle
-_ALIKE = 13 / 18  # variance of the cubic by errors that last from one frame to the next by half, and end at keyframes
 # Prior where keyframes are few: of the corners' variance in slow frames 0.3 is a common shift of the board, 0.4 stretch
 # and shear, each as uncertain as after so many keyframes (from clips 100 to 105 of tracking_painted).
 _USUAL_SHARES, _USUAL_WEIGHT = (0.3, 0.4), 2.0
@@ -85,19 +84,26 @@ class Scatter:
     def of_corners(self, seen: Seen) -> Floats:
         """Return the same without the common error of a slow board."""
         by_part = Patterns.of(self.shape).between(seen.answer())
+        return np.asarray(np.einsum("fc,cfij->fij", self._of_frames(seen, by_part), by_part))
+
+    def _of_frames(self, seen: Seen, by_part: Floats) -> Floats:
+        """Return the components (f, 3) in each frame: those of its kind, in proportion to its own residual."""
         variance = self.parts[np.where(seen.kind == FRESH, SLOW, seen.kind)]
         expected = variance.sum(axis=1) * 2 * seen.used.sum(axis=1)
         expected -= np.einsum("fc,cfij,fij->f", variance, by_part, seen.normal())
-        scale = seen.square / np.maximum(expected, 1e-12)
-        return np.asarray(np.einsum("f,fc,cfij->fij", scale, variance, by_part))
+        return np.asarray((seen.square / np.maximum(expected, 1e-12))[:, None] * variance)
 
-    def at_rest(self, answer: Floats) -> Floats:
+    def at_rest(self, answer: Floats, rest: Seen) -> Floats:
         """Return the covariance (c, c) of quantities with sensitivity (nx, ny, 2, c) to the corners of a board at rest.
 
-        Its picture is a keyframe's, or predicted from one without any motion.
+        ``rest`` (one frame): the fit of the mean of its pictures, whose residual tells how far they are independent:
+        the codec copies some, and codes the noise of others.
         """
-        own, common = Patterns.of(self.shape).between(answer[None]), common_to(self.shape, answer[None])
-        return np.asarray((np.tensordot(self.parts[FRESH], own, 1) + np.tensordot(self.common_px2, common, 1))[0])
+        patterns = Patterns.of(self.shape)
+        variance = self._of_frames(rest, patterns.between(rest.answer()))[0]
+        share = variance.sum() / self.parts[SLOW].sum()
+        own, common = patterns.between(answer[None]), common_to(self.shape, answer[None])
+        return np.asarray((np.tensordot(variance, own, 1) + np.tensordot(share * self.common_px2, common, 1))[0])
 
 
 def kinds(key: Flags, speed_px: Floats) -> Places:
@@ -132,7 +138,7 @@ def learnt(shape: tuple[int, int], seen: Seen, vector: Floats, keys: Places) -> 
     Restricted to what a pose cannot absorb: the residuals' squares, and their sums along edges and over the board,
     are equated with their expectations, with the fit's own degrees of freedom (Rao's MINQUE, J. Am.
     Stat. Assoc. 67 (1972) 112). The common error of the board is not in its residuals, but as a keyframe does not
-    lag with its neighbours, the step of the pose there shows it.
+    lag with its neighbours, the step of the pose there shows it. How long errors last is seen in the residuals.
     """
     parts, slow = _parts(shape, seen), seen.kind == SLOW
     free = np.maximum(2 * seen.used.sum(axis=1) - 3, 1)
@@ -146,8 +152,10 @@ def _common(usual: Scatter, seen: Seen, vector: Floats, keys: Places) -> Floats:
     near = keys[:, None] + _AROUND
     step = vector[keys] - np.einsum("k,fkm->fm", _CUBIC, vector[near])
 
+    alike = _of_cubic(seen.left[near])
+
     def of_step(each: Floats) -> Floats:
-        return np.asarray(each[..., keys, :, :] + _ALIKE * each[..., near, :, :].mean(axis=-3))
+        return np.asarray(each[..., keys, :, :] + alike * each[..., near, :, :].mean(axis=-3))
 
     own, by_common = of_step(usual.of_corners(seen)), of_step(common_to(usual.shape, seen.answer()))
     inverse = np.linalg.inv(own + np.tensordot(usual.common_px2, by_common, 1))
@@ -158,23 +166,32 @@ def _common(usual: Scatter, seen: Seen, vector: Floats, keys: Places) -> Floats:
     return _positive(A + np.diag(prior), excess + prior * usual.common_px2)
 
 
+def _of_cubic(left: Floats) -> float:
+    """Return the variance of the cubic by errors of variance 1, correlated as the residuals (k, 4, nx, ny, 2) are."""
+    flat = left.reshape(*left.shape[:2], -1)
+    together = np.einsum("kai,kbi->ab", flat, flat)
+    sigma = np.sqrt(np.maximum(np.diag(together), 1e-30))
+    return float(_CUBIC @ (together / sigma / sigma[:, None]) @ _CUBIC)
+
+
 def _parts(shape: tuple[int, int], seen: Seen) -> Floats:
     """Return the components (3 kinds, 3), px^2; of all frames together where a kind has too few."""
     every = -(-max(shape) // _MOST_ACROSS)
     K = Patterns.of(shape, every).whole()
     slopes, left = (each[:, ::every, ::every] for each in (seen.slopes, seen.left))
     A, b = np.zeros((3, len(K), len(K))), np.zeros((3, len(K)))
+    products = (K[:, None] * K).reshape(-1, K.shape[-1])
     for J, r, which in zip(slopes.reshape(len(left), -1, 3), left.reshape(len(left), -1), seen.kind, strict=True):
         used = np.abs(J).sum(axis=1) > 0
         if np.count_nonzero(used) <= J.shape[1]:
             continue
         H = np.linalg.qr(J)[0]
         r = r - H @ (H.T @ r)
-        PK = K * (used[:, None] & used)
-        PK -= H @ (H.T @ PK)
-        PK -= (PK @ H) @ H.T  # symmetric: the trace of a product is a sum of products
-        flat = PK.reshape(len(K), -1)
-        A[which] += flat @ flat.T
+        # With P = 1 - H H^T, tr(P K P L) = tr(K L) - 2 tr(H^T K L H) + tr(H^T K H H^T L H), each of them symmetric.
+        KH = (K @ H) * used[:, None]
+        within = (H.T @ KH).reshape(len(K), -1)
+        flat = KH.reshape(len(K), -1)
+        A[which] += (products @ used).reshape(len(K), len(K), -1) @ used - 2 * flat @ flat.T + within @ within.T
         b[which] += r @ K @ r
     few = np.bincount(seen.kind, minlength=3) < _FEWEST
     A[few], b[few] = A.sum(axis=0), b.sum(axis=0)

@@ -117,9 +117,8 @@ def text(f: Findings, channels: Sequence[Channel]) -> str:
         lines += [f"{cause}: {constant}" for constant in figures.told(constants)]
     if f.missing:
         lines.append(f"{f.missing.says}.")
-        if f.missing.formula:
-            keeps = 100 * f.missing.formula.keeps
-            lines.append(f"  as a formula: {f.missing.formula.text}; keeps {keeps:.0f} % of what the curve gains")
+        for formula in filter(None, (law.formula for law in f.missing.laws)):
+            lines.append(f"  as a formula: {formula.text}; keeps {100 * formula.keeps:.0f} % of what the curve gains")
     if f.held:
         lines.append(f"fitted without {', '.join(f.held.heldout)}, there (RMS):")
         for channel in channels:

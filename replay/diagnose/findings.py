@@ -128,17 +128,19 @@ def conclude(
         verdict = "ambiguous"
         best, fit, held = None, found.null, held.of_base()
     missing, discovered = None, None
-    if found.whole and verdict == "unknown_physics" and not brief:
-        missing = system.missing(campaign, found.null, told)
-    if missing and missing.formula:
+    laws = (
+        system.missing(campaign, found.null, told) if found.whole and verdict == "unknown_physics" and not brief else ()
+    )
+    for missing in laws:  # what explains more first
         curve = missing.curve
-        tried = hold_out(curve.campaign, found.null, curve.fit, located, smooth=curve.smooth)
-        if tried is None or not tried.better:
-            notes.append("the curve of what is missing does not make the runs held out better: located, not explained")
-        else:
+        tried = hold_out(curve.campaign, found.null, curve.fit, located, smooth=curve.smooth) if missing.tells else None
+        if tried and tried.better:
             fit, there, held = curve.fit, curve.campaign, tried
             places = (system.places(campaign, found.null, o) for o in campaign.observations)
             discovered = missing.discovered(sorted({place for run in places for place in run}))
+            break
+    if missing and missing.tells and not discovered:
+        notes.append("the curve of what is missing does not make the runs held out better: located, not explained")
     within = tolerance is not None and _within(tolerance, campaign, found.null, held)
     if tolerance is not None and verdict != "complete":
         if within:

@@ -82,28 +82,38 @@ class Tangent:
     values: Floats
     g: Floats
     H: Floats
-    smooth: Floats  # (n, n) not included in H: the roughness penalty and the values' prior
+    sigmas: Floats  # (n,) one deviation of each value, the roughness penalty and the values' prior included
 
 
-def tangent(fit: Fit, base: int, rows: Floats) -> Tangent:
-    """Of a fit whose first unknowns are the base's; ``rows`` (k, n) times the others' u is the roughness penalty.
+def tangent(fit: Fit, base: int, smooth: Floats) -> Tangent:
+    """Of a fit of which all unknowns but the first ones, ``base``, are the curve's; ``smooth`` (k, unknowns) times u is
+    the roughness penalty, of which no row holds both.
 
     Robust weights; misfit beyond noise widens all uncertainties.
     """
-    w = weights(fit.residual)
+    w, unknowns = weights(fit.residual), fit.unknowns
     spread = max(1.0, float(np.mean(w * fit.residual**2)))
-    per_u = np.array([k.per_u(float(u)) for k, u in zip(fit.unknowns[base:], fit.u[base:], strict=True)])
-    J = fit.slopes / np.concatenate([np.ones(base), per_u])
-    S, s = (J * w[:, None]).T @ J / spread, J.T @ (w * fit.residual) / spread
-    S[:base, :base] += np.diag([1 / k.sd**2 for k in fit.unknowns[:base]])
-    s[:base] += [(u - k.mean) / k.sd**2 for k, u in zip(fit.unknowns[:base], fit.u[:base], strict=True)]
-    inverse = np.linalg.inv(S[:base, :base])
-    H = S[base:, base:] - S[base:, :base] @ inverse @ S[:base, base:]
-    g = s[base:] - S[base:, :base] @ inverse @ s[:base]
-    values = np.array([k.value(float(u)) for k, u in zip(fit.unknowns[base:], fit.u[base:], strict=True)])
-    units = np.array([k.scale for k in fit.unknowns[base:]])
-    wide = np.diag([1 / (k.sd * slope) ** 2 for k, slope in zip(fit.unknowns[base:], per_u, strict=True)])
-    return Tangent(values, g, H, (rows / units).T @ (rows / units) + wide)
+    S, s = (fit.slopes * w[:, None]).T @ fit.slopes / spread, fit.slopes.T @ (w * fit.residual) / spread
+    prior = np.diag([1 / k.sd**2 for k in unknowns]) + smooth.T @ smooth
+    sigmas_u = deviations(S + prior)[base:]
+    pull = smooth.T @ (smooth @ fit.u) + [(u - k.mean) / k.sd**2 for k, u in zip(unknowns, fit.u, strict=True)]
+    S[:base, :base] += prior[:base, :base]
+    s[:base] += pull[:base]
+    beside = np.linalg.solve(S[:base, :base], np.column_stack([S[:base, base:], s[:base]]))
+    per_u = np.array([k.per_u(float(u)) for k, u in zip(unknowns[base:], fit.u[base:], strict=True)])
+    H = (S[base:, base:] - S[base:, :base] @ beside[:, :-1]) / np.outer(per_u, per_u)
+    g = (s[base:] - S[base:, :base] @ beside[:, -1]) / per_u
+    values = np.array([k.value(float(u)) for k, u in zip(unknowns[base:], fit.u[base:], strict=True)])
+    return Tangent(values, g, H, np.abs(per_u) * sigmas_u)
+
+
+def deviations(information: Floats) -> Floats:
+    """Standard deviations (n,) from a positive definite information matrix (n, n), also where it is nearly singular:
+    there they are large, limited by the accuracy of its elements."""
+    size = np.sqrt(np.diag(information))
+    values, ways = np.linalg.eigh(information / np.outer(size, size))
+    values = np.maximum(values, len(size) * np.finfo(float).eps)
+    return np.asarray(np.sqrt(np.sum(ways**2 / values, axis=1)) / size)
 
 
 def sparse(t: Tangent, at: Floats, atoms: Sequence[Atom]) -> list[tuple[tuple[Atom, ...], Floats]]:
@@ -162,9 +172,11 @@ class Formed(Campaign):
 
 
 def fitted(
-    campaign: Campaign, fit: Fit, base: int, at: Floats, atoms: tuple[Atom, ...], start: Floats
+    campaign: Campaign, fit: Fit, others: Floats, at: Floats, atoms: tuple[Atom, ...], start: Floats
 ) -> tuple[Fit, Floats]:
-    """A sum of atoms fitted to the runs themselves, and its coefficients; ``fit`` is the curve's."""
+    """A sum of atoms fitted to the runs themselves, and its coefficients; ``fit`` is the curve's, ``others`` (k, base)
+    the roughness penalty of what is beside it."""
+    base = others.shape[1]
     scale = np.array([k.scale for k in fit.unknowns[base:]])
     to_u = np.stack([atom.of(at) for atom in atoms], axis=1) * start / scale[:, None]
     here = Formed.of(campaign, fit.unknowns, to_u)
@@ -173,23 +185,25 @@ def fitted(
         *(Unknown(f"coefficient.{n}", 1.0, kind="linear", sd=100.0) for n in range(len(atoms))),
     )
     u = np.concatenate([fit.u[:base], np.ones(len(atoms))])
-    end = fitted_unknowns(here, unknowns, u, rounds=ROUNDS, share=2e-3)
+    smooth = np.hstack([others, np.zeros((len(others), len(atoms)))])
+    end = fitted_unknowns(here, unknowns, u, rounds=ROUNDS, share=2e-3, smooth=smooth)
     return end, end.u[base:] * start
 
 
 def formula(
-    campaign: Campaign, fit: Fit, base: int, rows: Floats, at: Floats, atoms: Sequence[Atom], null_cost: float
+    campaign: Campaign, fit: Fit, base: int, smooth: Floats, at: Floats, atoms: Sequence[Atom], null_cost: float
 ) -> tuple[tuple[Atom, ...], Floats, Floats, float]:
     """The fewest atoms that explain the runs nearly as well as any: they, coefficients, sigmas, share of the gain kept.
 
     Another atom must gain its cost, or a share of the whole gain, as no law has exactly the true form.
     """
-    t, count = tangent(fit, base, rows), len(fit.residual)
+    t, count, others = tangent(fit, base, smooth), len(fit.residual), smooth[:, :base]
     best: tuple[float, tuple[Atom, ...], Floats, Fit] | None = None
     curve_cost = robust_cost(fit.residual) + prior_cost(fit.unknowns[:base], fit.u[:base])
+    curve_cost += float(np.sum((others @ fit.u[:base]) ** 2))
     price = max(float(np.log(count)), EARNS * (null_cost - curve_cost))
     for chosen, start in sparse(t, at, atoms):
-        end, coefficients = fitted(campaign, fit, base, at, chosen, start)
+        end, coefficients = fitted(campaign, fit, others, at, chosen, start)
         score = end.cost + price * sum(atom.numbers for atom in chosen)
         if best is None or score < best[0]:
             best = score, chosen, coefficients, end
@@ -200,8 +214,9 @@ def formula(
     w = weights(end.residual)
     spread = max(1.0, float(np.mean(w * end.residual**2)))
     prior = np.diag([1 / k.sd**2 for k in end.unknowns])
-    covariance = np.linalg.inv((end.slopes * w[:, None]).T @ end.slopes / spread + prior)
-    sigmas = np.sqrt(np.diag(covariance))[base:] * np.abs(coefficients / end.u[base:])
+    prior[:base, :base] += others.T @ others
+    information = (end.slopes * w[:, None]).T @ end.slopes / spread + prior
+    sigmas = deviations(information)[base:] * np.abs(coefficients / end.u[base:])
     return chosen, coefficients, sigmas, (null_cost - end.cost) / max(null_cost - curve_cost, 1e-9)
 
 

@@ -230,9 +230,10 @@ class System(ABC):
         """The next experiment that distinguishes hypotheses, or None."""
         return None
 
-    def missing(self, campaign: Campaign, null: Fit, told: Any) -> Any:
-        """The unexplained part as a law over a state; None where the system has no such search."""
-        return None
+    def missing(self, campaign: Campaign, null: Fit, told: Any) -> Sequence[Any]:
+        """The unexplained part as laws over states, what explains more first; none where the system has no such
+        search."""
+        return ()
 
     def shown(self) -> Shown:
         """What the page shows beside its channels; by default nothing."""

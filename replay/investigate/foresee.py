@@ -36,12 +36,13 @@ def foreseen(
     If hypothesis i holds, n identical runs add n s_ik^2 to the misfit of k and nothing to that of i; the diagnosis'
     weights then give the posterior. So a repeat has a diminishing effect, and a cause with a large misfit of its own is
     not expected to be named after any experiment. A hypothesis that cannot simulate the experiment keeps its misfit;
-    those not ``among`` are left out. Expectations are over the present probabilities, and the information is
+    one not ``among``, but in ``constants``, is as far from the one that holds as the nearest of those that are, as each
+    may be improbable and all together not. Expectations are over the present probabilities, and the information is
     E ln (p after / p before) of the hypothesis that holds.
     """
-    inside = [*among, *(name for name in ("complete",) if name not in among)]
-    now = {name: judgement.excess[name] for name in inside}
-    counted = {name: constants[name] for name in among if name != "complete"}
+    now = {name: judgement.excess[name] for name in dict.fromkeys([*among, "complete", *constants])}
+    aside = [name for name in now if name not in among and name != "complete"]
+    counted = {name: count for name, count in constants.items() if name != "complete"}
     before = weighed(now, counted, judgement.faults)
     prior = np.array([judgement.probability[name] for name in among])
     prior = prior / prior.sum()
@@ -50,7 +51,9 @@ def foreseen(
         sure = 0.0
         for true, name in enumerate(among):
             apart = np.nan_to_num(separation[true]) ** 2
-            after = weighed(now | _more(now, among, runs * apart), counted, judgement.faults)
+            nearest = np.min(np.delete(apart, true), initial=np.inf)
+            added = runs * np.append(apart, np.full(len(aside), nearest if np.isfinite(nearest) else 0.0))
+            after = weighed(now | _more(now, [*among, *aside], added), counted, judgement.faults)
             sure += prior[true] * (takes_part(after, name.split("+")) >= certainty)
             if runs == 1:
                 told += prior[true] * float(np.log(after[name] / before[name]))

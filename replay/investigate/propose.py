@@ -44,7 +44,7 @@ def proposals(found: Inquiry, limits: PressureLimits, known: Sequence[str], cert
     why = {written(c, limits): c.why for c in choices}
     names = " from ".join(c.name.replace("_", " ") for c in among)
     judgement = found.judgement()
-    constants = {c.name: len(c.hypothesis.unknowns) for c in among}
+    constants = {c.name: len(c.hypothesis.unknowns) for c in found.contestants}
     out = []
     for text, one in zip(texts, rated(campaign, among, texts), strict=True):
         if one is None or any(limits.why_not(float(p)) for p in one.protocol.pressure_pa):

@@ -16,10 +16,13 @@ from pathlib import Path
 from typing import Any
 
 from straw.rig.errors import RigError
-from straw.rig.mcap_scan import Scan, read_bytes, scan
+from straw.rig.mcap_scan import Scan, messages, scan
+from straw.rig.memory import available_bytes
 from straw.rig.tables.own_codec import PAYLOAD, Codec, Row
 
 VERSION = 1
+#: Memory that a message takes as a row, beside its bytes and itself again as text (measured).
+ROW_BYTES = 3000
 
 
 @dataclass
@@ -67,7 +70,7 @@ def rows_of(path: Path, topics: Sequence[str] = ()) -> Rows:
 
     Recordings are exported whole: a damaged one is a RigError that names ``straw runs recover``.
     """
-    found: Scan = scan(read_bytes(path), str(path))
+    found = scan(path)
     if found.lost:
         raise RigError(f"{path}: {found.lost[0]}; straw runs recover makes it whole, then export that")
     known = {channel.topic for channel in found.channels.values()}
@@ -76,14 +79,22 @@ def rows_of(path: Path, topics: Sequence[str] = ()) -> Rows:
             raise RigError(f"{path}: no topic {topic!r}; it has {', '.join(sorted(known))}")
     side = Side(metadata={name: dict(record) for name, record in found.metadata.items()})
     side.attachments = {name: base64.b64encode(data).decode() for name, data in found.attachments.items()}
-    zero_ns = _zero(found)
+    _check_room(path, found, topics)
+    every: list[tuple[int, int, bytes, int]] = []
+
+    def take(*message: Any) -> None:
+        if message[0] in found.channels and _asked(found.channels[message[0]], topics):
+            every.append(message)
+
+    messages(path, found, take)
+    zero_ns = _zero(found, every)
     firsts: dict[int, bytes] = {}
-    for channel_id, _, data, _ in found.messages:
+    for channel_id, _, data, _ in every:
         firsts.setdefault(channel_id, data)
     index: dict[int, int] = {}
     codecs: dict[int, Codec] = {}
     for channel_id, channel in found.channels.items():
-        if topics and channel.topic not in topics:
+        if not _asked(channel, topics):
             continue
         schema = found.schemas.get(channel.schema_id)
         about = (schema.name, schema.encoding, schema.data) if schema else ("", "", b"")
@@ -100,7 +111,7 @@ def rows_of(path: Path, topics: Sequence[str] = ()) -> Rows:
     several = {c["topic"] for c in side.channels if sum(o["topic"] == c["topic"] for o in side.channels) > 1}
     kinds = _kinds(codecs)
     rows: list[Row] = []
-    for channel_id, ns, data, log_ns in found.messages:
+    for channel_id, ns, data, log_ns in every:
         if channel_id not in index:
             continue
         codec, topic = codecs[channel_id], found.channels[channel_id].topic
@@ -137,6 +148,21 @@ def _kinds(codecs: dict[int, Codec]) -> dict[str, type]:
     return kinds
 
 
-def _zero(found: Scan) -> int:
+def _zero(found: Scan, every: list[tuple[int, int, bytes, int]]) -> int:
     text = found.metadata.get("straw.run", {}).get("zero_time_ns", "")
-    return int(text) if text.isdecimal() else min((m[1] for m in found.messages), default=0)
+    return int(text) if text.isdecimal() else min((message[1] for message in every), default=0)
+
+
+def _check_room(path: Path, found: Scan, topics: Sequence[str]) -> None:
+    """RigError where a recording has more messages than a table of them fits into memory."""
+    count = sum(n for of, n in found.counts.items() if of in found.channels and _asked(found.channels[of], topics))
+    needed, there = count * ROW_BYTES, available_bytes()
+    if needed > there:
+        raise RigError(
+            f"{path}: {count:,} messages are a table that takes {needed / 1e9:.1f} GB of memory, of which"
+            f" {there / 1e9:.1f} GB are free; export fewer topics, or shorter recordings"
+        )
+
+
+def _asked(channel: Any, topics: Sequence[str]) -> bool:
+    return not topics or channel.topic in topics

@@ -1,10 +1,10 @@
 """Calibrates the judge: the constants under which the causes of known campaigns were most probable.
 
-    python -m tests.benchmarks.calibrating 20261129=tests/benchmarks/decks/20261129-ef3c4eb.jsonl --write
-    python -m tests.benchmarks.calibrating 20261130=FILE --tell
+    python -m tests.benchmarks.calibrating tests/benchmarks/decks/final-20261129-ef3c4eb.jsonl --write
+    python -m tests.benchmarks.calibrating SPLIT-SEED-COMMIT.jsonl --tell
 
-Rows are those of `python -m tests.benchmarks.concealed`, each file with its deck's seed; of a case in two files the
-later counts. Campaigns in which the base leaves less than noise may (`--limit`) hold nothing to be seen: left out,
+Rows are those of `python -m tests.benchmarks.concealed`, each file named by its deck; of a case in two files the later
+counts. Campaigns in which the base leaves less than noise may (`--limit`) hold nothing to be seen: left out,
 but for those with nothing concealed.
 `--tell` fits nothing: it says how well the present constants do on a deck that they were not found with.
 """
@@ -60,14 +60,15 @@ MOST = {"missed": 0.5, "other": 0.9, "other_fault": 0.9, "chance": 0.5, "second_
 def main() -> None:
     """Fit or tell."""
     ask = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    ask.add_argument("decks", nargs="+", metavar="SEED=FILE")
+    ask.add_argument("decks", nargs="+", type=Path, metavar="SPLIT-SEED-COMMIT.jsonl")
     ask.add_argument("--limit", type=float, default=ALONE, help="what noise leaves of the base, sigmas squared")
     ask.add_argument("--tell", action="store_true", help="fit nothing")
     ask.add_argument("--write", action="store_true", help="into the package")
     args = ask.parse_args()
     every = {}
-    for seed, path in (name.split("=", 1) for name in args.decks):
-        every |= {(seed, case.name): (case, row) for case, row in read(seed, path, args.limit)}
+    for path in args.decks:
+        seed = path.name.split("-")[1]
+        every |= {(seed, case.name): (case, row) for case, row in read(int(seed), path, args.limit)}
     rows = list(every.values())
     print("present constants:", told(rows, CALIBRATION), sep="\n")
     if args.tell:
@@ -79,15 +80,16 @@ def main() -> None:
     print("calibrated on one half, told of the other:", *across, sep="\n")
     if args.write:
         path = Path(str(straw.replay.diagnose.judge.__file__)).with_name("calibration.toml")
-        path.write_text(f"# Written by python -m tests.benchmarks.calibrating {' '.join(args.decks)}\n{toml(found)}")
+        command = " ".join(["python -m tests.benchmarks.calibrating", *(one.name for one in args.decks)])
+        path.write_text(f"# Written by {command}\n{toml(found)}")
         assert Calibration(**tomllib.loads(path.read_text())["calibration"]) == found
 
 
-def read(seed: str, path: str, limit: float) -> list[tuple[Case, Mapping[str, Any]]]:
+def read(seed: int, path: Path, limit: float) -> list[tuple[Case, Mapping[str, Any]]]:
     """Cases of a deck with what was found of them."""
-    every = {row["name"]: row for row in map(json.loads, Path(path).read_text().splitlines())}
+    every = {row["name"]: row for row in map(json.loads, path.read_text().splitlines())}
     split = next(iter(every)).partition("-")[0]
-    cases = [case for case in deck(split, int(seed)) if case.name in every]  # type: ignore[arg-type]
+    cases = [case for case in deck(split, seed) if case.name in every]  # type: ignore[arg-type]
     return [
         (case, every[case.name])
         for case in cases

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from straw.replay.diagnose.findings import verdict_of
@@ -30,40 +31,39 @@ def score(cases: Sequence[Case], told: Mapping[str, Row], limit: float | None = 
     lines = [f"{len(done)} cases"]
     nulls = [(c, r) for c, r in done if c.kind == "null"]
     # what the refitted base leaves where nothing is concealed: less than most of that nothing can detect
-    own = float(np.quantile([_base_leaves(r) for _, r in nulls], 0.95)) if nulls else 0.0
+    own = float(np.quantile([base_leaves(r) for _, r in nulls], 0.95)) if nulls else 0.0
     limit = own if limit is None else limit
     if nulls:
         alarms = sum(r["verdict"] not in ("complete",) for _, r in nulls)
         named = sum(r["verdict"] in ("missing_physics", "measurement_fault") for _, r in nulls)
-        lines += [f"nulls: false alarms {_share(alarms, len(nulls))}, of them naming something {named}"]
+        lines += [f"nulls: false alarms {share(alarms, len(nulls))}, of them naming something {named}"]
         lines += [f"95th percentile of what nulls leave the base: {own:.0f} sigma^2; detection limit: {limit:.0f}"]
     for kind in ("single", "instrument", "two", "hard_pair"):
         group = [(c, r) for c, r in done if c.kind == kind]
-        above = [(c, r) for c, r in group if _base_leaves(r) > limit]
+        above = [(c, r) for c, r in group if base_leaves(r) > limit]
         for what, some in (("all", group), ("above the limit", above)):
             if some:
-                first = sum(_first(c, r) for c, r in some)
-                third = sum(_third(c, r) for c, r in some)
-                survives = sum(_survives(c, r) for c, r in some)
+                counts = [sum(is_so(c, r) for c, r in some) for is_so in (first, _third, _survives)]
+                shares = [share(count, len(some)) for count in counts]
                 lines.append(
-                    f"{kind}, {what}: first {_share(first, len(some))}, among three {_share(third, len(some))}, "
-                    f"in the surviving set {_share(survives, len(some))}"
+                    f"{kind}, {what}: first {shares[0]}, among three {shares[1]}, in the surviving set {shares[2]}"
                 )
     lines += _of_two(done, limit)
     unknown = [(c, r) for c, r in done if c.kind == "unknown"]
     if unknown:
-        seen = [(c, r) for c, r in unknown if _base_leaves(r) > limit]
+        seen = [(c, r) for c, r in unknown if base_leaves(r) > limit]
         said = sum(r["verdict"] == "unknown_physics" for _, r in seen)
         doubt = sum(r["verdict"] in ("unknown_physics", "ambiguous") for _, r in seen)
-        lines.append(f"outside the library, above the limit: unknown {_share(said, len(seen))}, or doubt {doubt}")
-    wrong = [(c, r) for c, r in done if _wrong(c, r)]
-    lines.append(f"confident and wrong: {_share(len(wrong), len(done))}")
-    lines += [f"  {c.name}: {_truth(c)} taken for {'+'.join(r['causes'])}" for c, r in wrong]
-    physics = sum(bool(set(c.label) & set(MEASUREMENT)) and not set(r["causes"]) & set(MEASUREMENT) for c, r in wrong)
-    faults = sum(not set(c.label) & set(MEASUREMENT) and set(r["causes"]) <= set(MEASUREMENT) for c, r in wrong)
+        lines.append(f"outside the library, above the limit: unknown {share(said, len(seen))}, or doubt {doubt}")
+    misnamed = [(c, r) for c, r in done if wrong(c, r)]
+    lines.append(f"confident and wrong: {share(len(misnamed), len(done))}")
+    lines += [f"  {c.name}: {_truth(c)} taken for {'+'.join(r['causes'])}" for c, r in misnamed]
+    instruments = set(MEASUREMENT)
+    physics = sum(bool(set(c.label) & instruments) and not set(r["causes"]) & instruments for c, r in misnamed)
+    faults = sum(not set(c.label) & instruments and set(r["causes"]) <= instruments for c, r in misnamed)
     lines.append(f"instrument taken for physics {physics}, physics for instrument {faults}")
     lines += _calibration("calibration", done)
-    visible = [(c, r) for c, r in done if c.kind == "null" or _base_leaves(r) > limit]
+    visible = [(c, r) for c, r in done if c.kind == "null" or base_leaves(r) > limit]
     lines += _calibration("nulls and above the limit", visible)
     lines += _coverage(done)
     lines += _held_out(done)
@@ -91,29 +91,41 @@ def ablated(cases: Sequence[Case], told: Mapping[str, Row]) -> str:
     done = [(case, told[case.name]) for case in cases if case.name in told]
     verdicts = [str(r["verdict"]) for _, r in done]
     lines = [f"{len(done)} cases without their cause in the library:"]
-    lines += [f"  {verdict}: {_share(verdicts.count(verdict), len(done))}" for verdict in sorted(set(verdicts))]
+    lines += [f"  {verdict}: {share(verdicts.count(verdict), len(done))}" for verdict in sorted(set(verdicts))]
     wrong = [(c, r) for c, r in done if r["verdict"] in ("missing_physics", "measurement_fault")]
     lines += [f"  {c.name}: {_truth(c)} taken for {'+'.join(r['causes'])}" for c, r in wrong]
     return "\n".join(lines)
 
 
 def _of_two(done: Sequence[tuple[Case, Row]], limit: float) -> list[str]:
-    """Of two causes: are both named, or one, and something else? Both can be where each alone leaves more than the
-    ``limit`` beyond what both leave; where no search fitted both, they count as such."""
+    """Of two causes: are both named, or one, and something else?"""
     two = [(c, r) for c, r in done if c.kind == "two"]
     if not two:
         return []
-    named = [set(r["causes"]) if r["verdict"] in ("missing_physics", "measurement_fault") else set() for _, r in two]
-    seen = [_each_alone_leaves(c, r) > limit for c, r in two]
-    both = [one == set(c.label) for one, (c, _) in zip(named, two, strict=True)]
-    one = [bool(some) and some < set(c.label) for some, (c, _) in zip(named, two, strict=True)]
-    wrong = sum(not some <= set(c.label) for some, (c, _) in zip(named, two, strict=True))
-    can = [k for k, yes in enumerate(seen) if yes]
+    both, one, needed, other = two_named(two, limit)
+    every = len(two)
     return [
-        f"two, each needed: both named {_share(sum(both[k] for k in can), len(can))}, one {sum(one[k] for k in can)}",
-        f"two, all: both named {sum(both)}, one {sum(one)}, something else {_share(wrong, len(two))}, nothing "
-        f"{len(two) - sum(both) - sum(one) - wrong}",
+        f"two, each needed: both named {share(int(sum(both & needed)), int(sum(needed)))}, one {sum(one & needed)}",
+        f"two, all: both named {sum(both)}, one {sum(one)}, something else {share(int(sum(other)), every)}, nothing "
+        f"{every - sum(both) - sum(one) - sum(other)}",
     ]
+
+
+def two_named(two: Sequence[tuple[Case, Row]], limit: float) -> NDArray[np.bool_]:
+    """Of cases with two causes, (4, cases): whether both were named; one of them alone; whether both can be, as each
+    alone leaves more than the ``limit`` beyond what both leave, or no search fitted both; whether something else was
+    named."""
+    named = [set(r["causes"]) if r["verdict"] in ("missing_physics", "measurement_fault") else set() for _, r in two]
+    rows = [
+        (
+            some == set(c.label),
+            bool(some) and some < set(c.label),
+            _each_alone_leaves(c, r) > limit,
+            not some <= set(c.label),
+        )
+        for some, (c, r) in zip(named, two, strict=True)
+    ]
+    return np.array(rows, dtype=bool).reshape(-1, 4).T
 
 
 def _each_alone_leaves(case: Case, row: Row) -> float:
@@ -122,7 +134,7 @@ def _each_alone_leaves(case: Case, row: Row) -> float:
     both = next((left for name, left in excess.items() if set(name.split("+")) == set(case.label)), None)
     alone = min((excess[cause] for cause in case.label if cause in excess), default=np.inf)
     if both is None:
-        return float(alone if alone < _base_leaves(row) else np.inf)
+        return float(alone if alone < base_leaves(row) else np.inf)
     return float(alone - both)
 
 
@@ -130,7 +142,7 @@ def _truth(case: Case) -> str:
     return "+".join(case.label) or "complete"
 
 
-def _share(k: int, n: int) -> str:
+def share(k: int, n: int) -> str:
     """k of n with the 95 % interval of the share (Wilson)."""
     if n == 0:
         return "0/0"
@@ -142,7 +154,7 @@ def _sorted(name: str) -> str:
     return "+".join(sorted(name.split("+")))
 
 
-def _first(case: Case, row: Row) -> bool:
+def first(case: Case, row: Row) -> bool:
     return _sorted(next(iter(row["probability"]))) == _truth(case)
 
 
@@ -157,21 +169,21 @@ def _survives(case: Case, row: Row) -> bool:
     return any(_sorted(n) == _truth(case) or (case.label and set(case.label) <= set(n.split("+"))) for n in names)
 
 
-def _wrong(case: Case, row: Row) -> bool:
+def wrong(case: Case, row: Row) -> bool:
     """Whether something was named that is not there (either of a hard pair may be)."""
     if row["verdict"] not in ("missing_physics", "measurement_fault"):
         return False
     return not set(row["causes"]) <= {*case.label, *case.pair}
 
 
-def _base_leaves(row: Row) -> float:
+def base_leaves(row: Row) -> float:
     """Misfit beyond noise that the base model with its own constants refitted leaves, sigmas squared."""
     return float(row["excess"]["complete"])
 
 
 def _calibration(what: str, done: Sequence[tuple[Case, Row]]) -> list[str]:
     top = np.array([next(iter(r["probability"].values())) for _, r in done])
-    right = np.array([_first(c, r) for c, r in done])
+    right = np.array([first(c, r) for c, r in done])
     out = []
     for low, high in itertools.pairwise(BINS):
         here = (top >= low) & (top < high)
@@ -181,29 +193,44 @@ def _calibration(what: str, done: Sequence[tuple[Case, Row]]) -> list[str]:
     return out
 
 
-def _coverage(done: Sequence[tuple[Case, Row]]) -> list[str]:
-    """Of instruments, whose constants mean the same on both sides: is the truth within 1 and 2 sigma?"""
+def deviations(done: Sequence[tuple[Case, Row]]) -> NDArray[np.float64]:
+    """How many standard deviations each constant of an instrument is off; those mean the same on both sides."""
     off = []
     for case, row in done:
         for cause in case.truth:
             if cause.name in MEASUREMENT and cause.name in row["parameters"]:
                 (found,) = row["parameters"][cause.name].values()
                 off.append((abs(found["value"]) - cause.size) / found["sigma"])
-    if not off:
-        return []
-    z = np.abs(off)
-    return [f"instruments' constants within 1, 2, 3 sigma: {[int(np.sum(z < k)) for k in (1, 2, 3)]} of {len(z)}"]
+    return np.abs(np.array(off))
+
+
+def _coverage(done: Sequence[tuple[Case, Row]]) -> list[str]:
+    z = deviations(done)
+    counts = [int(np.sum(z < k)) for k in (1, 2, 3)]
+    return [f"instruments' constants within 1, 2, 3 sigma: {counts} of {len(z)}"] if len(z) else []
+
+
+def held_out(done: Sequence[tuple[Case, Row]]) -> NDArray[np.float64]:
+    """X on runs held out where something was named: before, after, and the noise, m, (3, cases)."""
+    rows = [
+        r for _, r in done if r["verdict"] in ("missing_physics", "measurement_fault") and r["causes"] and r["before"]
+    ]
+    return np.array([[r[k]["x_m"] for k in ("before", "after", "floor")] for r in rows]).reshape(-1, 3).T
+
+
+def improved(held: NDArray[np.float64]) -> int:
+    """How many of `held_out` became three times better or came near the noise."""
+    before, after, floor = held
+    return int(np.count_nonzero((after < before / 3) | (after < 1.3 * floor)))
 
 
 def _held_out(done: Sequence[tuple[Case, Row]]) -> list[str]:
-    rows = [r for c, r in done if r["causes"] and r["verdict"] in ("missing_physics", "measurement_fault")]
-    rows = [r for r in rows if r["before"]]
-    if not rows:
+    held = held_out(done)
+    if not held.shape[1]:
         return []
-    before, after, floor = (np.array([r[k]["x_m"] for r in rows]) for k in ("before", "after", "floor"))
-    good = np.count_nonzero((after < before / 3) | (after < 1.3 * floor))
-    medians = ", ".join(f"{1e3 * np.median(v):.3f}" for v in (before, after, floor))
-    return [f"held out, X, median before, after, floor: {medians} mm; 3 times better or near noise {good}/{len(rows)}"]
+    medians = ", ".join(f"{1e3 * np.median(v):.3f}" for v in held)
+    good = f"{improved(held)}/{held.shape[1]}"
+    return [f"held out, X, median before, after, floor: {medians} mm; 3 times better or near noise {good}"]
 
 
 def _limits(done: Sequence[tuple[Case, Row]]) -> list[str]:
@@ -213,7 +240,7 @@ def _limits(done: Sequence[tuple[Case, Row]]) -> list[str]:
         if len(case.truth) == 1 and case.kind in ("single", "instrument", "unknown"):
             name = case.truth[0].form if case.kind == "unknown" else case.truth[0].name
             said = "+".join(row["causes"]) or row["verdict"]
-            right = "right" if _first(case, row) else said
+            right = "right" if first(case, row) else said
             strong = max(row["effect_sigma"].values())
             rows.setdefault(name, []).append((case.truth[0].size, f"{case.truth[0].size:.3g} ({strong:.0f} s) {right}"))
     return [f"  {name}: {'; '.join(text for _, text in sorted(some))}" for name, some in sorted(rows.items())]

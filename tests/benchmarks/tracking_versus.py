@@ -15,7 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from straw.tracking.calibrate import sharpened
+from straw.tracking.calibrate_views import sharpened
 from straw.tracking.corners import find_boards
 from straw.tracking.lens_fit import View
 from straw.tracking.track import track

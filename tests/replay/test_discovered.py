@@ -18,8 +18,7 @@ def found(name, at, choose):
     chosen = tuple(atom for atom in atoms(state, at) if choose(atom.text))
     coefficients = np.linspace(2.0, 3.0, len(chosen))
     formula = Formula("F", chosen, coefficients, 0.1 * coefficients, ("N",) * len(chosen), 0.9)
-    curve = SimpleNamespace(state=state)
-    return SimpleNamespace(curve=curve, formula=formula, at=at, values=formula.of(at), sigmas=np.ones(len(at)))
+    return SimpleNamespace(state=state, formula=formula, at=at, values=formula.of(at), sigmas=np.ones(len(at)))
 
 
 def frustum(**state):

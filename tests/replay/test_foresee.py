@@ -59,3 +59,19 @@ def test_a_cause_takes_part_alone_or_with_another() -> None:
     probability = {"a": 0.5, "a+b": 0.3, "b": 0.1, "unknown": 0.1}
     assert takes_part(probability, ["a"]) == pytest.approx(0.8)
     assert takes_part(probability, ["a", "b"]) == pytest.approx(0.4)
+
+
+def test_hypotheses_that_are_each_improbable_count_until_the_runs_can_tell_them_apart() -> None:
+    """Eight rivals that no experiment was tried with: together they keep the first below the certainty."""
+    small = {f"rival_{k}": 1 for k in range(8)}
+    excess = {"complete": 3000.0, "cohesion": 0.0, "squeeze_film": 150.0, **dict.fromkeys(small, 60.0)}
+    judgement = Judgement(weighed(excess, TWO | small, ()), excess, 0.0)
+    assert 1 - judgement.probability["cohesion"] > sum(judgement.probability[name] for name in small) > 0.1
+
+    def chances(apart: float, constants: dict[str, int]) -> tuple[float, ...]:
+        return foreseen(judgement, constants, list(TWO), np.array([[0.0, apart], [apart, 0.0]]), 0.9).chances
+
+    assert max(chances(3.0, TWO)) > 0.9  # as if the eight were not there
+    together = chances(3.0, TWO | small)
+    assert together[0] == 0.0
+    assert max(chances(100.0, TWO | small)) > 0.9

@@ -11,7 +11,7 @@ from straw.model.parameters import StrawParameters, straw_from_toml
 from straw.model.simulate import simulate
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import fitted
-from straw.replay.diagnose.formula import Formula, Tangent, sparse
+from straw.replay.diagnose.formula import Formula, Tangent, deviations, sparse
 from straw.replay.diagnose.systems.straw.constants import applied, base_unknowns
 from straw.replay.diagnose.systems.straw.dictionary import atoms
 from straw.replay.diagnose.systems.straw.instrument import Instrument
@@ -32,17 +32,17 @@ def test_a_gauge_that_saturates_is_found_as_an_error_over_what_it_shows_with_its
         here, base = Campaign([observe(run) for run in runs], StrawSystem(BASE), pool), base_unknowns(BASE)[:3]
         null = fitted(here, base, np.zeros(len(base)), rounds=5)
         found = missing_force(here, null, states=[BY_NAME["gauge over pressure"], BY_NAME["tip X, along Z"]])
-    assert found is not None
-    assert found.curve.state.name == "gauge over pressure"
-    assert found.explains > 0.8
+    assert found[-1].curve.state.name == "gauge over pressure"
+    assert found[-1].explains > 0.8
+    law = found[-1].laws[0]
     # it shows 31 kPa where there are 35, and -21 where there are -25
-    wrong = np.interp([31e3, 0.0, -21e3], found.at, found.values)
+    wrong = np.interp([31e3, 0.0, -21e3], law.at, law.values)
     assert wrong[0] - wrong[1] == pytest.approx(-4e3, rel=0.4)
     assert wrong[2] - wrong[1] == pytest.approx(4e3, rel=0.4)
-    assert found.formula is not None
-    assert found.formula.keeps > 0.7
-    told = found.as_json()
-    assert len(told["curve"]) == len(found.at)
+    assert law.formula is not None
+    assert law.formula.keeps > 0.7
+    told = found[-1].as_json()
+    assert len(told["curve"]) == len(law.at)
     assert told["formula"]["text"].startswith("error(p) = ")
 
 
@@ -61,7 +61,7 @@ def test_a_formula_leaves_out_what_the_base_can_compensate():
     known = np.eye(8) * 1e4
     line = known @ v
     H = known - np.outer(line, line) / (v @ line)
-    t = Tangent(12.0 * v**2 - 3.0 * v, np.zeros(8), H, np.zeros((8, 8)))
+    t = Tangent(12.0 * v**2 - 3.0 * v, np.zeros(8), H, np.ones(8))
     chosen, a = sparse(t, v, atoms(state, v))[0]
     assert [atom.text for atom in chosen] == ["|v| v"]
     assert a == pytest.approx([12.0])
@@ -123,3 +123,13 @@ def test_a_curve_of_the_clock_is_undone_by_its_opposite():
     assert late.stamped(np.array([1.0])) == pytest.approx(1.02)
     np.testing.assert_allclose(late.true_time(late.stamped(np.array([0.5, 1.5]))), [0.5, 1.5], atol=1e-3)
     assert late.true_pressure(np.array([1000.0]), np.zeros(1)) == pytest.approx(950.0)
+
+
+def test_deviations_are_those_of_the_inverse_and_finite_where_two_constants_can_hardly_be_told_apart():
+    a = np.random.default_rng(2).normal(0, 1, (40, 5)) * [1e6, 1.0, 1e-3, 30.0, 1e4]
+    assert deviations(a.T @ a) == pytest.approx(np.sqrt(np.diag(np.linalg.inv(a.T @ a))), rel=1e-6)
+    b = np.column_stack([a, a[:, 0] + a[:, 1]])
+    known = deviations(b.T @ b)
+    assert np.all(np.isfinite(known))
+    assert known[2:5] == pytest.approx(deviations(a.T @ a)[2:], rel=1e-3)
+    assert known[0] > 1e3 * deviations(a.T @ a)[0]

@@ -18,7 +18,7 @@ from straw.rig.errors import RigError
 from straw.rig.manifest import check, manifest_of, read_manifest, seal
 from straw.rig.notes import Notes, notes_of, read_notes, say
 from straw.rig.run_derived import write_tip
-from straw.rig.run_read import read_run
+from straw.rig.run_read import read_fitting, read_run
 from straw.rig.run_write import RunWriter
 from straw.tracking.trace import TipTrace
 
@@ -75,7 +75,7 @@ def test_the_catalogue_is_what_the_files_say_with_or_without_its_index(folder: P
 def test_the_index_spares_reading_until_a_file_changes(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     catalogue(folder)
     read: list[str] = []
-    monkeypatch.setattr("straw.rig.catalogue.read_run", lambda path: read.append(path.name) or read_run(path))
+    monkeypatch.setattr("straw.rig.catalogue.read_fitting", lambda path: read.append(path.name) or read_fitting(path))
     catalogue(folder)
     assert read == []
     recorded(folder / "new.mcap")

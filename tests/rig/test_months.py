@@ -14,7 +14,7 @@ PERIOD_S = 7200.0
 def test_sixty_days_end_on_time_in_no_more_memory_than_their_tenth(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("straw.rig.session.BEAT_S", PERIOD_S)  # ten million beats between the readings are left out
+    monkeypatch.setattr("straw.rig.session_run.BEAT_S", PERIOD_S)  # ten million beats between the readings are left out
     found = run_months(60, PERIOD_S, tmp_path)
     assert (found.cycles, found.readings, found.missed) == (720, 720, 0)
     assert len(found.late_s) == 60

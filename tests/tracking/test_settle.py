@@ -12,7 +12,7 @@ from straw.tracking.camera import Camera
 from straw.tracking.errors import TrackingError
 from straw.tracking.pose import apply
 from straw.tracking.settle import settle
-from straw.tracking.variance import Scatter
+from straw.tracking.variance import SLOW, Scatter, Seen
 from straw.tracking.views import Views
 
 REST = (0.0221, 0.0, 1.53)
@@ -124,7 +124,12 @@ def test_what_corners_at_rest_err_alike_is_in_the_sigma_of_every_pose(setup, see
     settled = settle(Camera(setup.lens, line_s=0.0), Board(), REST, views)
     first = views.pick(np.array([0]))
     before = settled.covariance(first, np.array([REST]), np.zeros((1, 3)))
-    settled.doubt_rest(Scatter((7, 7), np.zeros((3, 3)), np.array((1e-4, 0.0))))
+    slopes, left = (
+        np.random.default_rng(0).normal(size=(1, 7, 7, 2, 3)),
+        np.full((1, 7, 7, 2), np.sqrt(1e-12 * 95 / 98)),
+    )
+    rest = Seen(slopes, left, np.ones((1, 49), bool), np.array([SLOW]))  # leaves as much as any slow picture
+    settled.doubt_rest(Scatter((7, 7), np.tile((1e-12, 0.0, 0.0), (3, 1)), np.array((1e-4, 0.0))), rest)
     grown = settled.covariance(first, np.array([REST]), np.zeros((1, 3))) - before
     px_per_m = seen_by_opencv(setup, *REST) - seen_by_opencv(setup, REST[0], REST[1] + 1e-3, REST[2])
     metre_per_px = 1e-3 / np.linalg.norm(px_per_m.mean(axis=0))

@@ -8,7 +8,7 @@ import pytest
 from straw.tracking.board import Board
 from straw.tracking.patterns import Patterns
 from straw.tracking.pose import Plane, apply
-from straw.tracking.variance import FAST, FRESH, SLOW, Scatter, kinds, learnt, seen_of
+from straw.tracking.variance import FAST, FRESH, SLOW, Scatter, Seen, kinds, learnt, seen_of
 
 REST = (0.0221, 0.0, 1.53)
 SHAPE = (7, 7)
@@ -91,8 +91,13 @@ def test_sums_over_pairs_of_corners_are_those_of_their_matrix():
         np.testing.assert_allclose(found, flat.transpose(0, 2, 1) @ K @ flat, atol=1e-12)
 
 
-def test_at_rest_a_shift_is_as_large_as_said():
-    scatter = Scatter((3, 3), np.zeros((3, 3)), np.array((4.0, 0.0)))
+@pytest.mark.parametrize("share", [1.0, 0.1])
+def test_at_rest_a_shift_is_as_large_as_said_in_proportion_to_what_the_mean_picture_leaves(share):
+    """Of 18 numbers with a variance of ``share`` that of one slow picture, 15 are left by a fit of three."""
+    scatter = Scatter((3, 3), np.tile((1.0, 0.0, 0.0), (3, 1)), np.array((4.0, 0.0)))
+    slopes = np.random.default_rng(0).normal(size=(1, 3, 3, 2, 3))
+    left = np.full((1, 3, 3, 2), np.sqrt(share * 15 / 18))
+    rest = Seen(slopes, left, np.ones((1, 9), bool), np.array([SLOW]))
     mean = np.zeros((3, 3, 2, 1))
     mean[:, :, 0] = 1 / 9
-    assert scatter.at_rest(mean)[0, 0] == pytest.approx(4.0)
+    assert scatter.at_rest(mean, rest)[0, 0] == pytest.approx(share * (4.0 + 1 / 9))

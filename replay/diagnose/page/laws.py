@@ -23,7 +23,7 @@ POINTS = 400
 def laws_of(f: Findings, system: System) -> list[LawTold]:
     """The causes of the best hypothesis, or the curve of the missing force."""
     if f.missing:
-        return [_missing(f.missing)]
+        return [_missing(law) for law in f.missing.laws]
     if not f.best or f.verdict in ("complete", "within_tolerance"):
         return []
     covariance, out = covariance_of(f.best.fit), []
@@ -59,7 +59,8 @@ def laws_say(f: Findings) -> str:
             "The curve is the best that was found; it does not make the runs held out better, so it explains nothing."
         )
     if f.missing:
-        return "No law of the library explains the runs; this curve over one state does, on runs it was not fitted to."
+        which = "this curve over one state does" if len(f.missing.laws) == 1 else "these two curves together do"
+        return f"No law of the library explains the runs; {which}, on runs not fitted to."
     if f.verdict == "ambiguous" and f.best:
         return f"The best of those that survive, {words(f.best.name)}; it is not proven."
     return ""
@@ -67,7 +68,7 @@ def laws_say(f: Findings) -> str:
 
 def _missing(m: Any) -> LawTold:
     """The curve with its band, and the shortest formula that keeps its gain."""
-    s = m.curve.state
+    s = m.state
     scale, over = (1e3, "mm") if s.state_unit == "m" else (1.0, s.state_unit)
     shows = f"{s.value_symbol} / {s.value_unit}".removesuffix(" / 1")
     curve = LawCurve(scale * m.at, m.values, m.sigmas, f"{s.symbol} / {over}", shows)

@@ -41,7 +41,9 @@ def story(f: Findings, found: Inquiry) -> Story:
     return Story(
         says=f.says,
         where=" ".join(filter(None, [f.where, _gain(f, campaign.system.channels)])),
-        picture=shown.picture(f.model, places, [f.missing.place] if f.missing and f.discovered else f.causes),
+        picture=shown.picture(
+            f.model, places, [law.place for law in f.missing.laws] if f.missing and f.discovered else f.causes
+        ),
         runs=played(
             campaign.observations,
             Model(campaign.system, found.null),
@@ -50,7 +52,7 @@ def story(f: Findings, found: Inquiry) -> Story:
         ),
         improved=improved is not None,
         laws=laws_of(f, campaign.system),
-        laws_head="The nearest that was found" if f.missing and not f.discovered else "The law",
+        laws_head=_laws_head(f),
         laws_say=laws_say(f),
         errors=errors,
         errors_say=errors_say,
@@ -66,6 +68,12 @@ def story(f: Findings, found: Inquiry) -> Story:
         next_says=_nothing_next(f),
         details=details(f, found),
     )
+
+
+def _laws_head(f: Findings) -> str:
+    if f.missing and not f.discovered:
+        return "The nearest that was found"
+    return "The laws" if f.missing and len(f.missing.laws) > 1 else "The law"
 
 
 def _improved(f: Findings) -> Fit | None:

@@ -1,7 +1,8 @@
-"""Curves over the states that a missing force may depend on, fitted beside the base's constants.
+"""The search for curves over the states that a missing force may depend on.
 
-A curve is a table of values with a roughness penalty. All states are tried to first order, the most promising fitted to
-the coarse comparison, and the best of these to all samples, its points moved to where it bends.
+All states are tried to first order, the most promising fitted to
+the coarse comparison, and the best of these to all samples, its points moved to where it bends. Beside the best one a
+second is sought in the same way.
 """
 
 from __future__ import annotations
@@ -15,21 +16,19 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Fit, evaluated, fitted
-from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.inquiry import Told, silent
 from straw.replay.diagnose.refine import refined
 from straw.replay.diagnose.robust import weights
 from straw.replay.diagnose.settings import COARSE_ROUNDS, ROUNDS
 from straw.replay.diagnose.systems.straw.base import telling_runs
 from straw.replay.diagnose.systems.straw.constants import applied
-from straw.replay.diagnose.systems.straw.of import straw_of, with_straw
+from straw.replay.diagnose.systems.straw.curve import Curve, searched, with_points
+from straw.replay.diagnose.systems.straw.of import straw_of
 from straw.replay.diagnose.systems.straw.simulated import simulated
 from straw.replay.diagnose.systems.straw.states import STATES, State, bent_points, points
 
 Floats = NDArray[np.float64]
 
-#: Prior deviation of a curve's point from the line between its neighbours, in units of the state.
-ROUGH = 1.5
 #: States that are fitted, that are carried to the end; rounds of the first fit.
 FITTED, FINISHED, FIRST_ROUNDS = 4, 2, 8
 #: How often the points of a curve are moved to where it bends at most, which halves the distance of a point from a kink
@@ -41,58 +40,6 @@ STEPS, LARGEST = 3.0, 1000.0
 RIVAL = 1.5
 #: Constants of the base that are taken from its fit; elasticity and geometry start as given.
 TAKEN_ALONG = ("straw.r_ch_m", "straw.c_zeta_n_s_per_m", "straw.c_phi_n_m_s_per_rad")
-
-
-@dataclass(frozen=True, eq=False)
-class Curve:
-    """A state's curve fitted beside the base's constants; ``campaign`` holds the straw with the curve's points.
-
-    ``smooth`` (k, unknowns) are the rows of the roughness penalty, by u.
-    """
-
-    state: State
-    campaign: Campaign
-    smooth: Floats
-    fit: Fit
-    placed: Floats  # (n,) points of the table as first placed, as it counts them
-    points: Floats  # (n,) and as moved to where the curve bends
-
-    @property
-    def free(self) -> NDArray[np.bool_]:
-        """Which of the points are searched, not held at zero, (n,)."""
-        return searched(self.state, self.points)
-
-    @property
-    def at(self) -> Floats:
-        """The points that are searched."""
-        return self.points[self.free]
-
-
-def searched(state: State, at: Floats) -> NDArray[np.bool_]:
-    """Which points (n,) have a value to be found: all but one that is held at zero."""
-    return np.asarray(~((at == 0) & state.zero))
-
-
-def with_points(
-    campaign: Campaign, base: Sequence[Unknown], state: State, at: Floats
-) -> tuple[Campaign, tuple[Unknown, ...], Floats]:
-    """The campaign with a curve at points (n,), all unknowns, and the rows (k, unknowns) of its roughness penalty."""
-    rows = rows_for(state, at, searched(state, at))
-    here = with_straw(campaign, state.straw_with(straw_of(campaign), at))
-    return here, (*base, *state.unknowns(at)), np.hstack([np.zeros((len(rows), len(base))), rows])
-
-
-def rows_for(state: State, at: Floats, free: NDArray[np.bool_]) -> Floats:
-    """Each point's distance from the line between its neighbours, in ROUGH: (k, free points)."""
-    where = np.concatenate([[0.0], at]) if state.odd else at
-    keep = np.concatenate([[False], free]) if state.odd else free
-    rows = []
-    for k in range(1, len(where) - 1):
-        row = np.zeros(len(where))
-        share = (where[k] - where[k - 1]) / (where[k + 1] - where[k - 1])
-        row[k - 1 : k + 2] = share - 1, 1.0, -share
-        rows.append(row[keep] / ROUGH)
-    return np.array(rows).reshape(len(rows), int(keep.sum()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,13 +55,8 @@ def curves(campaign: Campaign, null: Fit, told: Told = silent, states: Sequence[
     wide = campaign.only(telling_runs(campaign, null)).coarse()
     # the missing force has biased the base's constants: only damping and channel are kept
     calm = np.where([k.target in TAKEN_ALONG for k in null.unknowns], null.u, 0.0)
-    known = evaluated(wide, null.unknowns, calm)
-    starts: list[_Start] = []
-    for start in _starts(wide, known, campaign.observations, told, states):
-        starts.append(start)
-        if campaign.stop():
-            return []
-    starts.sort(key=lambda start: start.promise)
+    known, none = evaluated(wide, null.unknowns, calm), np.zeros((0, len(calm)))
+    starts = _promising(wide, known, none, campaign.observations, told, states)
     first = []
     for k, start in enumerate(starts[:FITTED]):
         told(start.curve.state.name, len(states) + k, len(states) + 2 * FITTED)
@@ -129,13 +71,47 @@ def curves(campaign: Campaign, null: Fit, told: Told = silent, states: Sequence[
     return sorted(found, key=lambda c: c.fit.cost)
 
 
+def beside(
+    first: Curve, campaign: Campaign, null: Fit, told: Told = silent, states: Sequence[State] = STATES
+) -> Curve | None:
+    """A second curve, over another state, fitted together with the first; None where the search was stopped."""
+    here = campaign.with_system(first.campaign.system)
+    wide = here.only(telling_runs(campaign, null)).coarse()
+    known = evaluated(wide, first.fit.unknowns, first.fit.u, first.smooth)
+    others = [state for state in states if state is not first.state]
+    starts = _promising(wide, known, first.smooth, campaign.observations, told, others)
+    if campaign.stop() or not starts:
+        return None
+    tried = [_carried_on(start.curve, start.curve.campaign, FIRST_ROUNDS, 0.01) for start in starts[:FINISHED]]
+    best = min(tried, key=lambda c: c.fit.cost)
+    told(best.state.name, 1, 1)
+    return _finished(best, campaign, wide)
+
+
+def _promising(
+    wide: Campaign,
+    known: Fit,
+    beneath: Floats,
+    observations: Sequence[Any],
+    told: Told,
+    states: Sequence[State],
+) -> list[_Start]:
+    """All states' curves at zero, the one that promises most first; none where the search was stopped."""
+    starts: list[_Start] = []
+    for start in _starts(wide, known, beneath, observations, told, states):
+        starts.append(start)
+        if wide.stop():
+            return []
+    return sorted(starts, key=lambda start: start.promise)
+
+
 def _bent(curve: Curve, campaign: Campaign) -> Curve:
     """The curve on points that lie closer where it bends (`bent_points`), to be fitted again."""
     state, fit, base = curve.state, curve.fit, curve.smooth.shape[1] - len(curve.at)
     values = np.zeros(len(curve.points))
     values[curve.free] = fit.u[base:]
     at = bent_points(state, curve.placed, curve.points, values)
-    here, unknowns, smooth = with_points(campaign, fit.unknowns[:base], state, at)
+    here, unknowns, smooth = with_points(campaign, fit.unknowns[:base], curve.beneath, state, at)
     scale = fit.unknowns[-1].scale
     unknowns = (*unknowns[:base], *(replace(k, scale=scale) for k in unknowns[base:]))
     where, known = (np.append(0.0, x) if state.odd else x for x in (curve.points, values))
@@ -175,7 +151,12 @@ def _moved(curve: Curve, campaign: Campaign) -> Curve:
 
 
 def _starts(
-    campaign: Campaign, null: Fit, observations: Sequence[Any], told: Told, states: Sequence[State]
+    campaign: Campaign,
+    null: Fit,
+    beneath: Floats,
+    observations: Sequence[Any],
+    told: Told,
+    states: Sequence[State],
 ) -> Iterator[_Start]:
     """Every state's curve at zero with its slopes; its points lie where all observations pass."""
     base = null.unknowns
@@ -186,7 +167,7 @@ def _starts(
         at = points(state, [state.visited(straw, o, p) for o, p in seen])
         if at is None:
             continue
-        here, unknowns, smooth = with_points(campaign, base, state, at)
+        here, unknowns, smooth = with_points(campaign, base, beneath, state, at)
         u = np.concatenate([null.u, np.zeros(len(unknowns) - len(base))])
         fit = evaluated(here, unknowns, u, smooth)
         unit, wanted = unknowns[-1].scale, -_downhill(fit, smooth)[0][len(base) :]
@@ -196,7 +177,7 @@ def _starts(
         slopes[:, len(base) :] *= larger
         unknowns = (*base, *(replace(k, scale=unit * larger) for k in unknowns[len(base) :]))
         fit = replace(fit, unknowns=unknowns, slopes=slopes)
-        yield _Start(Curve(state, here, smooth, fit, at, at), fit.cost - _downhill(fit, smooth)[1])
+        yield _Start(Curve(state, here, smooth, beneath, fit, at, at), fit.cost - _downhill(fit, smooth)[1])
 
 
 def _downhill(fit: Fit, smooth: Floats) -> tuple[Floats, float]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from straw.replay.diagnose.systems.straw.missing import Missing
+    from straw.replay.diagnose.systems.straw.missing import MissingLaw
 
 #: Place and state of each curve of `straw.replay.diagnose.systems.straw.states`.
 PLACES = {
@@ -33,25 +33,25 @@ FRUSTUM_LAWS = {
 }
 
 
-def discovered(missing: Missing, cells: Sequence[int]) -> dict[str, Any]:
+def discovered(law: MissingLaw, cells: Sequence[int]) -> dict[str, Any]:
     """The contract's ``discovered`` of a curve that made the runs held out better; ``cells`` that moved."""
-    assert missing.formula is not None
-    state = missing.curve.state
+    assert law.formula is not None
+    state = law.state
     place, over = PLACES[state.name]
     return {
         "place": place,
         "cells": list(cells) if place.startswith(("frustum", "constant:c_zeta", "constant:E")) else [],
         "states": [over],
-        "formula": missing.formula.text,
+        "formula": law.formula.text,
         "unit": state.value_unit,
-        "curve": [list(map(float, row)) for row in zip(missing.at, missing.values, missing.sigmas, strict=True)],
-        "law": law_file(missing),
+        "curve": [list(map(float, row)) for row in zip(law.at, law.values, law.sigmas, strict=True)],
+        "law": law_file(law),
     }
 
 
-def law_file(missing: Missing) -> str:
+def law_file(law: MissingLaw) -> str:
     """Text of a law file for `--laws`; empty where the place takes no user's law (the table is in the straw)."""
-    state, formula = missing.curve.state, missing.formula
+    state, formula = law.state, law.formula
     if formula is None or state.name not in FRUSTUM_LAWS or not all(atom.code for atom in formula.atoms):
         return ""
     x, acts, stored = FRUSTUM_LAWS[state.name]

@@ -6,7 +6,7 @@ A curve that explains nothing is reported as such.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,8 @@ from straw.replay.diagnose.formula import Formula, formula, tangent
 from straw.replay.diagnose.inquiry import Told, silent
 from straw.replay.diagnose.judge import unexplained
 from straw.replay.diagnose.settings import NOISE_LEAVES
-from straw.replay.diagnose.systems.straw.curves import Curve, curves
+from straw.replay.diagnose.systems.straw.curve import Curve
+from straw.replay.diagnose.systems.straw.curves import beside, curves
 from straw.replay.diagnose.systems.straw.dictionary import atoms
 from straw.replay.diagnose.systems.straw.discovered import discovered
 from straw.replay.diagnose.systems.straw.of import straw_of
@@ -26,52 +27,40 @@ from straw.replay.diagnose.systems.straw.states import STATES, State
 
 Floats = NDArray[np.float64]
 
-#: A curve that explains less than this share of the base's misfit counts as explaining nothing.
+#: A curve that explains less than this share of the base's misfit counts as explaining nothing; a second one has to
+#: explain this share of what the first leaves.
 TELLS = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Missing:
-    """What is missing, as a curve over a state; the formula is None where hardly anything is explained."""
+class MissingLaw:
+    """One curve over a state; the formula is None where hardly anything is explained."""
 
-    curve: Curve
+    state: State
     at: Floats  # (n,) SI
     values: Floats  # (n,) SI
     sigmas: Floats  # (n,) one deviation, the base's constants free
     matters: Floats  # (n,) sigmas by which the runs would miss each point's value
     formula: Formula | None
-    explains: float  # share of the base's misfit that the curve explains
-    others: tuple[tuple[str, float], ...]  # shares that curves over other states explain
 
     @property
     def says(self) -> str:
-        """In one sentence."""
-        s, k = self.curve.state, int(np.argmax(self.matters))
-        if self.formula is None:
-            return (
-                f"No force over any one state explains the runs: the best, {s.says}, takes away "
-                f"{100 * self.explains:.0f} % of what the base model leaves"
-            )
+        """As a noun, with its value where it matters most."""
+        s, k = self.state, int(np.argmax(self.matters))
         return (
-            f"What is missing looks like {s.says}: {s.value_symbol} = {self.values[k]:.2g} ± {self.sigmas[k]:.1g} "
-            f"{s.value_unit.replace('1', '')} at {s.symbol} = {self.at[k]:.3g} {s.state_unit}; it takes away "
-            f"{100 * self.explains:.0f} % of what the base model leaves"
+            f"{s.says}: {s.value_symbol} = {self.values[k]:.2g} ± {self.sigmas[k]:.1g} "
+            f"{s.value_unit.replace('1', '')} at {s.symbol} = {self.at[k]:.3g} {s.state_unit}"
         )
 
     @property
     def place(self) -> str:
         """What it acts on, by the name of the term or the instrument's curve."""
-        return self.curve.state.values.split(".")[1]
-
-    def discovered(self, cells: Sequence[int]) -> dict[str, Any]:
-        """The same in the contract's words, with a law file."""
-        return discovered(self, cells)
+        return self.state.values.split(".")[1]
 
     def as_json(self) -> dict[str, Any]:
         """Plain data."""
-        s = self.curve.state
+        s = self.state
         return {
-            "says": self.says,
             "depends_on": s.name,
             "state": {"symbol": s.symbol, "unit": s.state_unit},
             "value": {"symbol": s.value_symbol, "unit": s.value_unit},
@@ -80,44 +69,101 @@ class Missing:
                 for x, v, e in zip(self.at, self.values, self.sigmas, strict=True)
             ],
             "formula": self.formula.as_json() if self.formula else None,
-            "explains": self.explains,
-            "others": [{"depends_on": name, "explains": share} for name, share in self.others],
         }
+
+
+@dataclass(frozen=True, eq=False)
+class Missing:
+    """What is missing: one law, or two that were fitted together, the one found first before the other."""
+
+    curve: Curve  # the last one, with the fit
+    laws: tuple[MissingLaw, ...]
+    explains: float  # share of the base's misfit
+    others: tuple[tuple[str, float], ...]  # shares that curves over other states explain
+
+    @property
+    def tells(self) -> bool:
+        """Whether it explains enough to be tried on runs held out."""
+        return self.laws[0].formula is not None
+
+    @property
+    def says(self) -> str:
+        """In one sentence."""
+        takes = f"{100 * self.explains:.0f} % of what the base model leaves"
+        if not self.tells:
+            best = self.laws[0].state.says
+            return f"No force over any one state explains the runs: the best, {best}, takes away {takes}"
+        if len(self.laws) > 1:
+            both = " and ".join(law.says for law in self.laws)
+            return f"What is missing looks like {both}; together they take away {takes}"
+        return f"What is missing looks like {self.laws[0].says}; it takes away {takes}"
+
+    def discovered(self, cells: Sequence[int]) -> dict[str, Any]:
+        """The contract's ``discovered`` of the first law; a second one is ``beside`` it in the same words."""
+        first, *second = (discovered(law, cells) for law in self.laws)
+        return {**first, "beside": second}
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain data."""
+        first, *second = (law.as_json() for law in self.laws)
+        others = [{"depends_on": name, "explains": share} for name, share in self.others]
+        return {"says": self.says, **first, "explains": self.explains, "beside": second, "others": others}
 
 
 def missing_force(
     campaign: Campaign, null: Fit, told: Told = silent, states: Sequence[State] = STATES
-) -> Missing | None:
-    """The curve that explains most beside the base's fit, with band and formula; None where the search was stopped.
+) -> list[Missing]:
+    """What is missing as one curve, with band and formula, and before it as two together where the second explains most
+    of what the first leaves; empty where the search was stopped.
 
-    About a minute for eight runs.
+    One to two minutes for eight runs.
     """
     found = curves(campaign, null, told, states)
     if campaign.stop() or not found:
-        return None
+        return []
+    best = found[0]
+    shares = [_explained(campaign, null, c.fit) for c in found]
+    others = tuple((c.state.name, share) for c, share in zip(found[1:], shares[1:], strict=True))
+    told("formula", 1, 1)
+    alone = Missing(best, (_law(best, null, shares[0] >= TELLS),), shares[0], others)
+    if not TELLS <= shares[0] < 1:
+        return [alone]
+    both = beside(best, campaign, null, told, states)
+    share = _explained(campaign, null, both.fit) if both else 0.0
+    if not both or campaign.stop() or share < shares[0] + TELLS * (1 - shares[0]):
+        return [alone]
+    told("formulas", 1, 1)
+    return [Missing(both, (_law(_first_last(best, both), null), _law(both, null)), share, others), alone]
+
+
+def _explained(campaign: Campaign, null: Fit, fit: Fit) -> float:
+    """Share of what the base leaves beyond noise that a fit takes away; of nothing, nothing is explained."""
     left = unexplained(campaign, null) - NOISE_LEAVES
-    rest = [max(0.0, unexplained(campaign, c.fit) - NOISE_LEAVES) for c in found]
-    shares = [max(0.0, 1 - r / left) if left > 0 else 0.0 for r in rest]  # of nothing, nothing is explained
-    best, state, base = found[0], found[0].state, len(null.u)
-    fit, rough = best.fit, best.smooth[:, base:]
-    seen, at = tangent(fit, base, rough), best.at * state.scale(straw_of(campaign))
-    sigmas = np.sqrt(np.diag(np.linalg.inv(seen.H + seen.smooth)))
-    law = None
-    if shares[0] >= TELLS:
-        told("formula", 1, 1)
-        chosen, coefficients, errors, keeps = formula(best.campaign, fit, base, rough, at, atoms(state, at), null.cost)
+    rest = max(0.0, unexplained(campaign, fit) - NOISE_LEAVES)
+    return max(0.0, 1 - rest / left) if left > 0 else 0.0
+
+
+def _first_last(first: Curve, both: Curve) -> Curve:
+    """The first of two curves in the fit of both, its unknowns moved to the end."""
+    own = np.arange(len(both.fit.unknowns))
+    low, high = len(own) - len(both.at) - len(first.at), len(own) - len(both.at)
+    order = np.concatenate([own[:low], own[high:], own[low:high]])
+    fit = both.fit
+    fit = replace(fit, unknowns=tuple(fit.unknowns[k] for k in order), u=fit.u[order], slopes=fit.slopes[:, order])
+    return replace(first, campaign=both.campaign, fit=fit, smooth=both.smooth[:, order])
+
+
+def _law(curve: Curve, null: Fit, formed: bool = True) -> MissingLaw:
+    """A curve's values with their deviations, and its formula if asked."""
+    state, fit, base = curve.state, curve.fit, len(curve.fit.unknowns) - len(curve.at)
+    at, law = curve.at * state.scale(straw_of(curve.campaign)), None
+    seen = tangent(fit, base, curve.smooth)
+    if formed:
+        chosen, a, sd, keeps = formula(curve.campaign, fit, base, curve.smooth, at, atoms(state, at), null.cost)
         units = tuple(_unit(state, atom.power) for atom in chosen)
-        law = Formula(f"{state.value_symbol}({state.symbol})", chosen, coefficients, errors, units, keeps)
-    return Missing(
-        best,
-        at,
-        seen.values,
-        sigmas,
-        np.abs(seen.values) * np.sqrt(np.maximum(np.diag(seen.H), 0.0)),
-        law,
-        shares[0],
-        tuple((c.state.name, share) for c, share in zip(found[1:], shares[1:], strict=True)),
-    )
+        law = Formula(f"{state.value_symbol}({state.symbol})", chosen, a, sd, units, keeps)
+    matters = np.abs(seen.values) * np.sqrt(np.maximum(np.diag(seen.H), 0.0))
+    return MissingLaw(state, at, seen.values, seen.sigmas, matters, law)
 
 
 def _unit(state: State, power: float) -> str:

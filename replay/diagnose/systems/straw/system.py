@@ -202,8 +202,8 @@ class StrawSystem(System):
         """Of a menu of protocols, the one under which hypotheses differ most."""
         return next_experiment(campaign, among, explain=explain)
 
-    def missing(self, campaign: Campaign, null: Fit, told: Told) -> Missing | None:
-        """A missing force as a curve over a state."""
+    def missing(self, campaign: Campaign, null: Fit, told: Told) -> list[Missing]:
+        """A missing force as one curve over a state, and before it as two."""
         return missing_force(campaign, null, told)
 
     def shown(self) -> Shown:

@@ -1,0 +1,78 @@
+"""A curve over a state that a missing force may depend on: a table of values with a roughness penalty, and its fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.fit import Fit
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.systems.straw.of import straw_of, with_straw
+from straw.replay.diagnose.systems.straw.states import State
+
+Floats = NDArray[np.float64]
+
+#: Prior deviation of a curve's point from the line between its neighbours, in units of the state.
+ROUGH = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A state's curve fitted beside the base's constants, and perhaps another curve's, which come before its own;
+    ``campaign`` holds the straw with the curves' points.
+
+    ``smooth`` (k, unknowns) are the rows of the roughness penalty, by u; ``beneath`` (j, unknowns before the curve's)
+    those of the other curve.
+    """
+
+    state: State
+    campaign: Campaign
+    smooth: Floats
+    beneath: Floats
+    fit: Fit
+    placed: Floats  # (n,) points of the table as first placed, as it counts them
+    points: Floats  # (n,) and as moved to where the curve bends
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """Which of the points are searched, not held at zero, (n,)."""
+        return searched(self.state, self.points)
+
+    @property
+    def at(self) -> Floats:
+        """The points that are searched."""
+        return self.points[self.free]
+
+
+def searched(state: State, at: Floats) -> NDArray[np.bool_]:
+    """Which points (n,) have a value to be found: all but one that is held at zero."""
+    return np.asarray(~((at == 0) & state.zero))
+
+
+def with_points(
+    campaign: Campaign, base: Sequence[Unknown], beneath: Floats, state: State, at: Floats
+) -> tuple[Campaign, tuple[Unknown, ...], Floats]:
+    """The campaign with a curve at points (n,), all unknowns, and the rows (k, unknowns) of the roughness penalty, to
+    which ``beneath`` (j, base) belong."""
+    own = rows_for(state, at, searched(state, at))
+    here = with_straw(campaign, state.straw_with(straw_of(campaign), at))
+    rows = np.zeros((len(beneath) + len(own), len(base) + own.shape[1]))
+    rows[: len(beneath), : len(base)], rows[len(beneath) :, len(base) :] = beneath, own
+    return here, (*base, *state.unknowns(at)), rows
+
+
+def rows_for(state: State, at: Floats, free: NDArray[np.bool_]) -> Floats:
+    """Each point's distance from the line between its neighbours, in ROUGH: (k, free points)."""
+    where = np.concatenate([[0.0], at]) if state.odd else at
+    keep = np.concatenate([[False], free]) if state.odd else free
+    rows = []
+    for k in range(1, len(where) - 1):
+        row = np.zeros(len(where))
+        share = (where[k] - where[k - 1]) / (where[k + 1] - where[k - 1])
+        row[k - 1 : k + 2] = share - 1, 1.0, -share
+        rows.append(row[keep] / ROUGH)
+    return np.array(rows).reshape(len(rows), int(keep.sum()))

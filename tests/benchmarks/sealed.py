@@ -1,0 +1,130 @@
+"""The table of decks in README.md, from the rows kept in `decks`: what was said then, and by the present judge.
+
+    python -m tests.benchmarks.sealed [--write]
+
+A file is named SPLIT-SEED-COMMIT.jsonl by its deck and the commit whose search made it (`python -m
+tests.benchmarks.concealed` makes it). "Above the limit" are cases in which the base leaves more than `LIMIT`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tests.apparatus.cases import Case, deck
+from tests.benchmarks.concealed_score import (
+    BINS,
+    base_leaves,
+    deviations,
+    first,
+    held_out,
+    improved,
+    judged_again,
+    two_named,
+    wrong,
+)
+from tests.benchmarks.figures import publish, write_option
+
+DECKS = Path(__file__).with_name("decks")
+#: Squared sigmas that the base leaves of all but 5 % of the cases in which nothing is concealed (deck final-20261129).
+LIMIT = 153.0
+HEAD = (
+    "deck, commit", "cases", "nothing: complete", "one cause: most probable", "two: both, one named",
+    "not in the library: unknown", "confident and wrong", "held out", "instruments within 1, 2, 3 sd", "CPU, s",
+)  # fmt: skip
+
+#: The last columns, which the judge does not change.
+RAN = 3
+SAID = ("deck, commit", "up to 0.5", "0.5 to 0.8", "0.8 to 0.95", "above 0.95")
+#: Decks with fewer cases tell nothing of reliability.
+RELIABLE = 20
+
+Rows = Sequence[tuple[Case, Mapping[str, Any]]]
+
+
+def main() -> None:
+    """Print the tables."""
+    ask = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    write_option(ask)
+    args = ask.parse_args()
+    paths = sorted(DECKS.glob("*.jsonl"), key=lambda path: path.name.split("-")[1])
+    then, now = ([(path, told(path, again)) for path in paths] for again in (False, True))
+    many = [(path, done) for path, done in then if len(done) >= RELIABLE]
+    again = [(path, done) for path, done in now if len(done) >= RELIABLE]
+    tables = {
+        "then": _table(HEAD, [[_named(path), *line(done)] for path, done in then]),
+        "now": _table(HEAD[:-RAN], [[_named(path), *line(done)[:-RAN]] for path, done in now]),
+        "reliability-then": _table(SAID, [[_named(path), *reliability(done)] for path, done in many]),
+        "reliability-now": _table(SAID, [[_named(path), *reliability(done)] for path, done in again]),
+    }
+    print(*(f"{name}{table}" for name, table in tables.items()), sep="\n")
+    publish("sealed", tables, args.write)
+
+
+def told(path: Path, again: bool) -> Rows:
+    """A deck's cases with what was said of them, by the judge of its commit or by the present one."""
+    split, seed, _ = path.stem.split("-")
+    rows = {row["name"]: row for row in map(json.loads, path.read_text(encoding="utf-8").splitlines())}
+    cases = [case for case in deck(split, int(seed)) if case.name in rows]  # type: ignore[arg-type]
+    return [(case, judged_again(rows[case.name]) if again else rows[case.name]) for case in cases]
+
+
+def line(done: Rows) -> list[str]:
+    """What a deck's row holds, but for its name."""
+    above = [(c, r) for c, r in done if base_leaves(r) > LIMIT]
+    nulls = [r for c, r in done if c.kind == "null"]
+    one = [(c, r) for c, r in above if c.kind in ("single", "instrument")]
+    both, single, needed, _ = two_named([(c, r) for c, r in done if c.kind == "two"], LIMIT)
+    outside = [r for c, r in above if c.kind == "unknown"]
+    held, off = held_out(done), deviations(done)
+    cpu = [float(r["cpu_s"]) for _, r in done]
+    return [
+        str(len(done)),
+        _of(sum(r["verdict"] == "complete" for r in nulls), len(nulls)),
+        _of(sum(first(c, r) for c, r in one), len(one)),
+        f"{sum(both & needed)}, {sum(single & needed)} of {sum(needed)}" if needed.any() else "",
+        _of(sum(r["verdict"] == "unknown_physics" for r in outside), len(outside)),
+        _of(sum(wrong(c, r) for c, r in done), len(done)),
+        _of(improved(held), held.shape[1]),
+        f"{', '.join(str(int(np.sum(off < k))) for k in (1, 2, 3))} of {len(off)}" if len(off) else "",
+        f"{np.median(cpu):.0f}, {np.mean(cpu):.0f}, {max(cpu):.0f}",
+    ]
+
+
+def reliability(done: Rows) -> list[str]:
+    """By stated probability of the first, in `BINS`: its mean, and how often it was right, with nothing concealed
+    or above the limit."""
+    seen = [(c, r) for c, r in done if c.kind == "null" or base_leaves(r) > LIMIT]
+    top = np.array([next(iter(r["probability"].values())) for _, r in seen])
+    right = np.array([first(c, r) for c, r in seen])
+    out = []
+    for low, high in itertools.pairwise(BINS):
+        here = (top >= low) & (top < high)
+        out.append(
+            f"{np.mean(top[here]):.2f}: {_of(int(np.sum(right[here])), int(np.sum(here)))}" if here.any() else ""
+        )
+    return out
+
+
+def _named(path: Path) -> str:
+    split, seed, commit = path.stem.split("-")
+    return f"{split} {seed}, {commit}"
+
+
+def _of(k: int, n: int) -> str:
+    return f"{k} of {n}" if n else ""
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = (f"| {' | '.join(words)} |" for words in (head, ["---"] * len(head), *rows))
+    return "\n".join(["", *lines, ""])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,38 @@
+"""How the tracker is compiled: numba, no GIL, cached on disk under a key made of the tracker's own source."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+
+
+def _cache_folder() -> str:
+    """Folder for compiled code, one per state of the tracker's source.
+
+    Numba notices a change in the file of the function it cached but not in the files that function calls into.
+    """
+    digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(source.read_bytes())
+    parent = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return str(Path(parent) / "straw" / f"numba-tracking-{digest.hexdigest()[:16]}")
+
+
+_CACHE = _cache_folder()
+
+
+def compiled(function: Callable[..., Any], **more: Any) -> Any:
+    """Compile a function at its first call, with numba's options ``more``; division by zero gives inf as in NumPy."""
+    settings: Any = numba.config
+    others = settings.CACHE_DIR  # the folder is read when a function is declared; the model has one of its own
+    settings.CACHE_DIR = _CACHE
+    try:
+        return numba.njit(nogil=True, cache=True, error_model="numpy", **more)(function)
+    finally:
+        settings.CACHE_DIR = others
