@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from straw.replay.diagnose.discover.choose import drifts, forms_of, rivals, written
+from straw.replay.diagnose.discover.choose import drifts, forms_of, picked, rivals, written
+from straw.replay.diagnose.discover.screen import Candidate, told_ahead
 from straw.replay.diagnose.systems.function.kernel import CHANNEL, CLOCK, OF_STATE, OF_TIME, RATE
 from straw.replay.diagnose.systems.function.laws import Law, Place, State
+from straw.replay.diagnose.systems.function.recording import HeldOut
 from straw.replay.diagnose.systems.function.shapes import CUBE, LINEAR, POWER, SQUARE, TABLE
 
 LEAK = Place(RATE, 0, "rate:p", "the rate of the pressure", "bar/s", 1.0)
@@ -22,7 +24,7 @@ TIME = State(OF_TIME, 0, "time", "s", 0.0, 100.0)
 
 def trial(law: Law, *errors: float) -> Any:
     """A fit with its squared errors by blocks."""
-    return SimpleNamespace(laws=(law,), errors=np.array(errors), predicts=float(sum(errors)))
+    return SimpleNamespace(laws=(law,), error=np.array(errors), predicts=float(sum(errors)))
 
 
 def test_a_law_over_a_state_comes_before_a_drift_that_it_is_not_told_from():
@@ -65,3 +67,18 @@ def test_the_same_law_over_history_and_an_equation_over_time_are_no_rivals_but_a
     assert rivals(law, late)
     assert rivals(Law(SENSOR, TIME, LINEAR), law)
     assert rivals(Law(SENSOR, PRESSURE, LINEAR), law)
+
+
+def test_a_law_over_history_is_fitted_from_its_best_lag_and_beside_the_one_over_the_state():
+    def candidate(state: State, leaves: float) -> Candidate:
+        return Candidate(Law(LEAK, state, LINEAR), leaves, np.zeros(1))
+
+    late, later = (replace(PRESSURE, lag_s=lag, longest_s=100.0) for lag in (2.0, 5.0))
+    promised = [candidate(later, 0.2), candidate(late, 0.3), candidate(TIME, 0.5), candidate(PRESSURE, 1.1)]
+    assert picked(promised) == [promised[0], promised[3], promised[2]]
+
+
+def test_what_is_fitted_tells_no_law_over_time_at_later_times():
+    assert not told_ahead(Law(SENSOR, TIME, LINEAR), HeldOut("after"))
+    assert told_ahead(Law(SENSOR, TIME, LINEAR), HeldOut("between"))
+    assert told_ahead(Law(LEAK, PRESSURE, LINEAR), HeldOut("after"))

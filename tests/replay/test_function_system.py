@@ -13,7 +13,9 @@ from scipy.integrate import solve_ivp
 from straw.replay.cli import main
 from straw.replay.diagnose.systems.function.check import defects
 from straw.replay.diagnose.systems.function.model import load_model
+from straw.replay.diagnose.systems.function.places import passed, places
 from straw.replay.diagnose.systems.function.recording import noise_of, read_recordings
+from straw.replay.diagnose.systems.function.system import FunctionSystem
 from straw.replay.diagnose.systems.function.table import read_table
 from straw.replay.errors import ReplayError
 
@@ -251,3 +253,15 @@ def test_a_hold_out_of_an_unknown_recording_is_refused(tmp_path):
     model = load_model(file(tmp_path, STATIC))
     with pytest.raises(ReplayError, match="no such recording; known: run0, run1, run2"):
         read_recordings(model, strokes(tmp_path), ["friday"])
+
+
+def test_an_equation_that_only_defines_another_state_is_no_place_of_a_law_unless_the_file_names_it(tmp_path):
+    text = "\n".join(line for line in OSCILLATOR.splitlines() if not line.startswith(("places", "depends_on")))
+    paths = oscillations(tmp_path, 0.0)
+    for given, there in ((text, False), (text + '\nplaces = ["rate:y"]\n', True)):
+        system = FunctionSystem(load_model(file(tmp_path, given)))
+        recordings = read_recordings(system.model, paths)
+        seen = passed(system, recordings, {})
+        names = [one.name for one in places(system, seen)]
+        assert ("rate:y" in names) == there
+        assert ("rate:v" in names) == (not there)

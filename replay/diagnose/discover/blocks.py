@@ -15,11 +15,14 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.systems.function.recording import HeldOut, Recorded
 
 Floats = NDArray[np.float64]
 
-#: Blocks of a campaign, and folds they are assigned to in turn.
-BLOCKS, FOLDS = 60, 6
+#: Blocks of a campaign, at least and at most, and folds they are assigned to in turn.
+FEWEST_BLOCKS, MOST_BLOCKS, FOLDS = 12, 60, 6
+#: So many recordings are predicted from each other: of fewer, one alone may not determine the base's constants.
+FEWEST_RECORDINGS = 3
 #: Held-out samples count as lying after the fitted ones where this share of them does.
 AFTER = 0.9
 
@@ -39,49 +42,64 @@ class Blocks:
     onwards: bool
 
 
-def how_held(campaign: Campaign) -> str:
-    """The place of held-out samples relative to fitted ones: whole ``recordings``, ``after`` them, or ``between``."""
+def how_held(fitted: Sequence[Recorded], recordings: Sequence[Recorded]) -> HeldOut:
+    """How held-out samples of all recordings lie beside the fitted ones of some."""
+    whole = any(one.held.any() and not one.fitted.any() for one in recordings)
+    if whole and len(fitted) >= FEWEST_RECORDINGS:
+        return HeldOut("recordings", MOST_BLOCKS)
+    held = after = stretches = 0
+    for one in recordings:
+        if one.fitted.any() and one.held.any():
+            held += int(one.held.sum())
+            after += int(np.sum(one.held & (one.time_s > one.time_s[one.fitted].max())))
+            stretches += int(np.sum(np.diff(np.append(0, one.held.astype(int))) == 1))
+    if held and after > AFTER * held:
+        return HeldOut("after", MOST_BLOCKS)
+    as_long = sum(int(one.fitted.sum()) for one in recordings) * stretches / held if held else 0
+    return HeldOut("between", int(np.clip(as_long, FEWEST_BLOCKS, MOST_BLOCKS)))
+
+
+def how_asked(campaign: Campaign) -> HeldOut:
+    """How a campaign's recordings, from which held-out samples were taken away, must predict them."""
     runs: Sequence[Any] = campaign.observations
-    fitted = [one for one in runs if one.fitted.any()]
-    if len(fitted) >= 3 and any(one.held.any() and not one.fitted.any() for one in runs):
-        return "recordings"
-    held = after = 0
-    for one in fitted:
-        held += int(one.held.sum())
-        after += int(np.sum(one.held & (one.time_s > one.time_s[one.fitted].max())))
-    return "after" if held and after > AFTER * held else "between"
+    asked: HeldOut = runs[0].asked
+    return asked
 
 
-def bounds(campaign: Campaign) -> list[tuple[NDArray[np.int64], int]]:
+def bounds(campaign: Campaign, *, fine: bool = False) -> list[tuple[NDArray[np.int64], int]]:
     """Rows and fold of each block: recordings cut in time, all channels of an interval together.
 
-    A law must predict held-out samples, so folds are arranged like held-out and fitted samples.
+    A law must predict held-out samples, so folds are arranged like held-out and fitted samples, in blocks as long as
+    held-out stretches (in shorter ones lasting errors are predicted by their neighbours); ``fine`` ones are short.
     """
     fitted = [np.flatnonzero(one.fitted) for one in campaign.observations]  # type: ignore[attr-defined]
-    total, how = sum(map(len, fitted)), how_held(campaign)
+    total, how = sum(map(len, fitted)), how_asked(campaign)
     out, number, recording = [], 0, 0
     for one, rows, part in zip(campaign.observations, fitted, campaign.slices(), strict=True):
         if not len(rows):
             continue
-        many = max(6 if how == "after" else 1, min(len(rows), round(BLOCKS * len(rows) / total)))
+        many = max(
+            6 if how.lies == "after" else 1,
+            min(len(rows), round((MOST_BLOCKS if fine else how.blocks) * len(rows) / total)),
+        )
         channels, n = one.seen.shape
         for k, piece in enumerate(np.array_split(rows, many)):
             at = np.concatenate([part.start + c * n + piece for c in range(channels)])
             thirds = 3 * k // many - 1
-            out.append((at, {"recordings": recording % FOLDS, "after": thirds, "between": number % FOLDS}[how]))
+            out.append((at, {"recordings": recording % FOLDS, "after": thirds, "between": number % FOLDS}[how.lies]))
             number += 1
         recording += 1
     return out
 
 
-def blocks(campaign: Campaign, residual: Floats, slopes: Floats) -> Blocks:
+def blocks(campaign: Campaign, residual: Floats, slopes: Floats, *, fine: bool = False) -> Blocks:
     """Of residuals (m,) and their Jacobian (m, k) at a fit."""
-    cut = bounds(campaign)
+    cut = bounds(campaign, fine=fine)
     squares = np.array([float(residual[rows] @ residual[rows]) for rows, _ in cut])
     g = np.array([slopes[rows].T @ residual[rows] for rows, _ in cut])
     H = np.array([slopes[rows].T @ slopes[rows] for rows, _ in cut])
     fold = np.array([fold for _, fold in cut])
-    return Blocks(squares, g, H, np.array([len(rows) for rows, _ in cut]), fold, how_held(campaign) == "after")
+    return Blocks(squares, g, H, np.array([len(rows) for rows, _ in cut]), fold, how_asked(campaign).lies == "after")
 
 
 def predicted(
@@ -116,7 +134,7 @@ def _solved(H: Floats, g: Floats) -> Floats:
 def independent(campaign: Campaign, residual: Floats) -> float:
     """The effective number of independent residuals: n over the integrated autocorrelation (Sokal 1997)."""
     total = 0.0
-    for rows, _ in bounds(campaign):
+    for rows, _ in bounds(campaign, fine=True):
         r = residual[rows]
         n = len(r)
         power = float(r @ r)

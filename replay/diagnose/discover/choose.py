@@ -1,4 +1,4 @@
-"""The choice among fitted laws: relevant, better on held-out samples, distinguishable, and the simplest form."""
+"""The choice among fitted laws, by cross-validation: relevant, distinguishable, and the simplest form."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Floats = NDArray[np.float64]
 
 #: A law is relevant when it reduces the root mean square prediction error by a tenth; less would not count as found.
 OF_NOTE = 0.9**2
-#: And its held-out RMS is at most this share of the one before: half of a relevant improvement.
+#: What was chosen is accepted if its held-out RMS is at most this share of the base's: half of a relevant improvement.
 HELD = 0.95
 #: Difference of Schwarz's criterion that is strong evidence (Kass and Raftery 1995: 6 to 10).
 STRONG = 10.0
@@ -96,10 +96,10 @@ def of_note(one: Trial, current: Trial) -> bool:
     return one.predicts < OF_NOTE * current.predicts and one.evidence(worth) < current.evidence(worth) - STRONG
 
 
-def better(one: Trial, held_before: Floats, held_after: Floats) -> bool:
-    """Whether a trial is better on held-out samples."""
-    before, after = (float(np.sqrt(np.mean((h / one.unit) ** 2))) for h in (held_before, held_after))
-    return bool(after < HELD * before)
+def holds(unit: Floats, before: Floats, after: Floats) -> bool:
+    """Whether held-out RMS (channels,) is better after than before, in sigmas of ``unit`` (channels,)."""
+    told = [float(np.sqrt(np.mean((h / unit) ** 2))) for h in (before, after)]
+    return told[1] < HELD * told[0]
 
 
 def simplest(one: Trial) -> tuple[float, ...]:
@@ -116,20 +116,29 @@ def apart(one: Trial, other: Trial) -> bool:
     """Whether the first is worse than the second: by a relevant share, and blockwise by more than chance."""
     if OF_NOTE * one.predicts <= other.predicts:
         return False
-    difference = (one.errors - other.errors)[one.errors > 0]
+    difference = (one.error - other.error)[one.error > 0]
     spread = float(np.std(difference, ddof=1)) * np.sqrt(len(difference)) if len(difference) > 1 else 0.0
     return float(np.sum(difference)) > TOLD_APART * spread
 
 
 def picked(promised: Sequence[Candidate]) -> list[Candidate]:
-    """The most promising, of different places and over different states."""
+    """The most promising, of different places and over different states.
+
+    A law over the history of a state is fitted from its best lag, and beside it the law over the state itself.
+    """
     places: dict[str, int] = {}
     states: dict[str, int] = {}
-    out = []
+    out: list[list[Candidate]] = []
+    known: set[tuple[str, str]] = set()
     for one in promised:
-        place, state = one.law.place.name, one.law.over
-        if one.leaves > 0.98 or places.get(place, 0) >= ALIKE or states.get(state, 0) >= ALIKE:
+        place, state = one.law.place.name, one.law.state.name
+        if one.leaves > 0.98 or (place, state) in known or len(out) == FITTED:
             continue
+        if places.get(place, 0) >= ALIKE or states.get(state, 0) >= ALIKE:
+            continue
+        known.add((place, state))
         places[place], states[state] = places.get(place, 0) + 1, states.get(state, 0) + 1
-        out.append(one)
-    return out[:FITTED]
+        own = [x for x in promised if (x.law.place.name, x.law.state.name) == (place, state)]
+        prompt = [x for x in own if x.law.state.lag_s is None and one.law.state.lag_s is not None]
+        out.append([one, *prompt])
+    return [one for group in out for one in group]

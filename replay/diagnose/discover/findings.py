@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.replay.diagnose.discover.choose import drifts, of_note
+from straw.replay.diagnose.discover.choose import drifts
 from straw.replay.diagnose.discover.discover import TO_NOISE, Discovery, Step
 from straw.replay.diagnose.discover.trial import Trial
 from straw.replay.diagnose.discover.words import Told, acts_in_recording, as_json, is_fault, law_text, told
@@ -78,7 +78,7 @@ class SystemFindings:
         if not self.laws:
             return []
         trial, law = self.discovery.base, self.laws[0].law
-        seen = passed(trial.system, self.recordings, trial.values)
+        seen = passed(trial.system, self.discovery.searched, trial.values)
         others = [one for one in states(trial.system, seen) if makes_sense(law.place, one)]
         return together(law.state, others, seen)
 
@@ -184,9 +184,9 @@ class SystemFindings:
         if self.verdict not in ("ambiguous", "measurement_fault", "missing_physics"):
             return ""
         d = self.discovery
-        ratio = float(np.sqrt(np.mean((d.held[-1] / d.base.unit) ** 2) / np.mean((d.held[0] / d.base.unit) ** 2)))
+        before, after = (float(np.sqrt(np.mean((h / d.base.unit) ** 2))) for h in (d.held[0], d.held[-1]))
         form = "Its form is not determined. " if self.forms else ""
-        return f"{form}With it the error on what was held out is {100 * ratio:.2g} % of the base model's."
+        return f"{form}With it the error on what was held out is {100 * after / before:.2g} % of the base model's."
 
     @property
     def headline(self) -> str:
@@ -204,8 +204,12 @@ class SystemFindings:
             place = self.best_located
             if place:
                 return (
-                    f"Located, not explained: what is missing shows most in {place}, but no law there improves what "
-                    "was held out."
+                    f"Located, not explained: what is missing shows most in {place}, but the law found there from what "
+                    "was fitted does not improve what was held out."
+                )
+            if np.all(np.sqrt(self.discovery.base.squared) <= TO_NOISE * self.discovery.noise):
+                return (
+                    "The base model explains what was fitted, but not what was held out; hold out less of what differs."
                 )
             return f"The base model does not explain {these}, and they cannot tell what is missing."
         names = [one.law.said for one in self.laws]
@@ -226,12 +230,16 @@ class SystemFindings:
         return f"{what} {text}."
 
     @property
+    def refused(self) -> list[str]:
+        """Laws chosen from what was fitted that did not improve what was held out, in words."""
+        d = self.discovery
+        return [law.says for law in d.chosen[-1].laws] if d.refused else []
+
+    @property
     def best_located(self) -> str:
-        """Place and state of the best rejected law, in words; empty where none predicts better."""
-        step = self.discovery.steps[-1] if self.discovery.steps else None
-        current = self.discovery.best
-        notable = [one for one in step.fitted if of_note(one, current)] if step else []
-        return notable[0].laws[-1].says if notable else ""
+        """Place and state of the first law that was refused, in words; empty where none was chosen."""
+        refused = self.discovery.chosen if self.discovery.refused else []
+        return refused[0].laws[-1].says if refused else ""
 
     def as_json(self) -> dict[str, Any]:
         """The contract's Findings."""
@@ -277,6 +285,7 @@ class SystemFindings:
             "goes_together": self.goes_with,
             "written_otherwise": self.same,
             "forms": list(self.forms),
+            "refused": self.refused,
             "next_experiment": None,
             "system": {"file": d.base.system.model.path.name, "sha256": d.base.system.model.sha256},
         }
@@ -292,6 +301,10 @@ def text(f: SystemFindings) -> str:
             told_ = (f"{n} = {v:.4g} ± {s:.2g} {u}".removesuffix(" 1") for n, (v, s, u) in one.constants.items())
             lines.append(f"  {', '.join(told_)}")
     lines += f.asides
+    if f.refused:
+        lines.append(
+            f"chosen from what was fitted and refused, as it does not improve the rest: {'; '.join(f.refused)}"
+        )
     steps: Sequence[Floats] = d.held
     where = "where nothing was fitted" if any(o.held.any() for o in f.recordings) else "where it was fitted"
     for k, channel in enumerate(d.base.system.channels):

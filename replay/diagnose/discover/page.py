@@ -36,9 +36,7 @@ def story(f: SystemFindings) -> Story:
         picture=shown.picture(None, (), [one.law.place.name for one in f.laws]),
         runs=played(f.recordings, Model(d.base.system, d.base.fit), after, {one.name for one in held}),
         improved=after is not None,
-        fitted_say=f"No fit saw {and_([one.name for one in held if not one.fitted.any()])}."
-        if any(not one.fitted.any() for one in held)
-        else "",
+        fitted_say=_unfitted(f),
         laws=[_law(one, k, len(f.laws)) for k, one in enumerate(f.laws, 1)],
         errors=_errors(f),
         errors_say=_errors_say(f),
@@ -46,11 +44,16 @@ def story(f: SystemFindings) -> Story:
         rivals=[Rival(name, p, chosen=k == 0) for k, (name, p) in enumerate(f.probability.items())] if f.laws else (),
         rivals_say="How often each law comes first when the blocks of the recordings are resampled.",
         unseen_says=_unseen(f),
-        doubts=[f"{one[:1].upper()}{one[1:]}." for one in f.asides],
+        doubts=[f"{one[:1].upper()}{one[1:]}." for one in f.asides] + _refused(f),
         next_says="Of a system of your own none is proposed: record one more that passes through states which these do "
         "not, and give it with --hold-out." if f.verdict in ("ambiguous", "unknown_physics") else "",
         details=_details(f),
     )  # fmt: skip
+
+
+def _unfitted(f: SystemFindings) -> str:
+    names = [one.name for one in f.recordings if one.held.any() and not one.fitted.any()]
+    return f"Neither a fit nor the choice of laws saw {and_(names)}." if names else ""
 
 
 def _where(f: SystemFindings) -> str:
@@ -71,6 +74,21 @@ def _gain(f: SystemFindings) -> str:
     ]
     form = " Its form is not determined." if f.forms else ""
     return f" {_there(f)}, the misfit decreases: {'; '.join(parts)}.{form}"
+
+
+def _refused(f: SystemFindings) -> list[str]:
+    """What was chosen and refused, in a sentence with its errors."""
+    d = f.discovery
+    if not f.refused:
+        return []
+    parts = [
+        f"{c.symbol} {sig(d.asked[-1][k])} {c.shown_unit} against {sig(d.asked[0][k])} of the base"
+        for k, c in enumerate(d.base.system.channels)
+    ]
+    return [
+        f"Chosen from what was fitted and refused: {and_(f.refused)}. It leaves where nothing was fitted: "
+        f"{'; '.join(parts)}."
+    ]
 
 
 def _there(f: SystemFindings) -> str:
@@ -105,7 +123,8 @@ def _errors(f: SystemFindings) -> list[Error]:
 
 def _errors_say(f: SystemFindings) -> str:
     names = [o.name for o in f.recordings if o.held.any() and not o.fitted.any()]
-    where = f"in {and_(names)}, which no fit saw" if names else _there(f).lower()
+    unseen = ", which neither a fit nor the choice of laws saw"
+    where = f"in {and_(names)}{unseen}" if names else _there(f).lower()
     misfit = f"Misfit is the root mean square (RMS) of simulated minus measured {where}."
     return f"{misfit} Noise is what a perfect model would leave."
 

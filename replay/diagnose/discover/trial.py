@@ -7,7 +7,7 @@ samples would count. It ends at the fit's residual, or at the recordings' noise.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,11 +15,15 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.discover.blocks import blocks, independent, predicted
-from straw.replay.diagnose.fit import Fit, fitted
+from straw.replay.diagnose.fit import Fit
 from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.robust import weights
+from straw.replay.diagnose.settings import FAILED_SIGMAS
 from straw.replay.diagnose.systems.function.laws import Law
+from straw.replay.diagnose.systems.function.least import least
 from straw.replay.diagnose.systems.function.recording import Recorded
 from straw.replay.diagnose.systems.function.shapes import TABLE
+from straw.replay.diagnose.systems.function.stack import Stacked, stacked
 from straw.replay.diagnose.systems.function.system import FunctionSystem
 
 Floats = NDArray[np.float64]
@@ -40,7 +44,7 @@ NOISE = 1.0
 class Trial:
     """A fit of a system with laws.
 
-    ``squared`` (channels,) is the mean squared difference where it was fitted, ``error`` (blocks,) the predicted
+    ``squared`` (channels,) is the mean squared difference where it was fitted, ``error`` (blocks,) the cross-validated
     squared error in sigmas of ``unit`` (channels,), ``worth`` the effective number of independent samples.
     """
 
@@ -51,7 +55,7 @@ class Trial:
     unit: Floats
     worth: float
     noise: float  # the error of the recordings' noise alone, in the same sigmas
-    unseen: Floats = field(default_factory=lambda: np.zeros(0))  # squared error of held-out blocks, likewise
+    ahead: float = 0.0  # squared error, likewise, that undetermined constants make in recordings that are held out
 
     @property
     def system(self) -> FunctionSystem:
@@ -66,13 +70,8 @@ class Trial:
 
     @property
     def predicts(self) -> float:
-        """Total held-out squared error, at least that of noise."""
-        return max(float(self.errors.sum()), self.noise)
-
-    @property
-    def errors(self) -> Floats:
-        """Squared errors by blocks: cross-validated of those fitted, and of those held out."""
-        return np.concatenate([self.error, self.unseen])
+        """Total cross-validated squared error, at least that of noise, and of constants where these are held out."""
+        return max(float(self.error.sum()), self.noise) + self.ahead
 
     def evidence(self, worth: float) -> float:
         """Schwarz's criterion on n independent samples, smaller is better: n log(mean square) + constants log n."""
@@ -141,7 +140,7 @@ def tried(
     smooth = rough(unknowns, system.laws)
     squared = np.array(system.sigma) ** 2
     for k in range(max(tempered, 1)):
-        fit = fitted(campaign, unknowns, u, rounds=rounds, share=share, smooth=smooth)
+        fit = least(campaign, unknowns, u, rounds=rounds, share=share, smooth=smooth)
         squared = squares(campaign, fit)
         sigma = sigma_of(campaign, squared)
         u = fit.u
@@ -163,7 +162,39 @@ def weighed(campaign: Campaign, fit: Fit, squared: Floats, smooth: Floats | None
     asked = float(np.sum(told.count[told.fold >= 0])) / len(unit)
     noise = noise_in(campaign.observations)
     least = asked * float(np.sum((NOISE * noise / unit) ** 2))
-    return Trial(campaign, fit, squared, error, unit, independent(campaign, fit.residual), least)
+    trial = Trial(campaign, fit, squared, error, unit, independent(campaign, fit.residual), least)
+    return replace(trial, ahead=asked * spread_ahead(trial))
+
+
+def covariance_of(trial: Trial) -> Floats:
+    """Covariance of u, widened by misfit beyond sigma and by dependent samples."""
+    fit = trial.fit
+    w = weights(fit.residual)
+    count = max(int(np.count_nonzero(fit.residual)), 1)
+    left = float(np.sum(w * fit.residual**2)) / count
+    spread = max(1.0, left) * max(1.0, count / trial.worth)
+    prior = np.diag([1 / k.sd**2 for k in fit.unknowns])
+    return np.asarray(np.linalg.pinv((fit.slopes * w[:, None]).T @ fit.slopes / spread + prior))
+
+
+def spread_ahead(trial: Trial) -> float:
+    """Variance of the prediction of recordings that are held out, from their inputs alone, in the trial's unit, summed
+    over channels: large where these go where the fitted ones leave a constant or a law undetermined."""
+    campaign, system = trial.campaign, trial.system
+    assert isinstance(campaign, Stacked)
+    if not campaign.ahead or not len(trial.fit.u):
+        return 0.0
+    stack, given = stacked(system, campaign.ahead), system.encoding(trial.fit.unknowns)
+    shown, starts, known = stack.profiled(system, given, given.at(trial.fit.u), fresh=True)
+    every = replace(known, fitted=np.ones_like(known.fitted), seen=np.zeros_like(known.seen))
+    columns = every.varied(system, given, trial.fit.u, shown, starts)
+    if not np.isfinite(columns).all():
+        return FAILED_SIGMAS**2
+    variance = np.einsum("mk,kj,mj->m", columns, covariance_of(trial), columns)
+    scale = np.concatenate(
+        [np.append(np.repeat((np.array(system.sigma) / trial.unit) ** 2, len(o.time_s)), 0.0) for o in campaign.ahead]
+    )
+    return float(np.sum(variance * scale)) / len(known.t)
 
 
 def row_scale(campaign: Campaign, by: Floats) -> Floats:

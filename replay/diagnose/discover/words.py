@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.replay.diagnose.discover.trial import Trial
-from straw.replay.diagnose.robust import weights
+from straw.replay.diagnose.discover.trial import Trial, covariance_of
 from straw.replay.diagnose.systems.function.kernel import (
     CHANNEL,
     CLOCK,
@@ -101,17 +100,6 @@ def told(trial: Trial, number: int) -> Told:
     slopes = np.array([(values(here + s) - values(here - s)) / 2e-4 for s in steps])
     band = np.sqrt(np.maximum(np.einsum("kn,kj,jn->n", slopes, covariance, slopes), 0.0))
     return Told(law, formula(law, trial.values, number), constants, np.stack([at, values(here), band]))
-
-
-def covariance_of(trial: Trial) -> Floats:
-    """Covariance of u, widened by misfit beyond sigma and by dependent samples."""
-    fit = trial.fit
-    w = weights(fit.residual)
-    count = max(int(np.count_nonzero(fit.residual)), 1)
-    left = float(np.sum(w * fit.residual**2)) / count
-    spread = max(1.0, left) * max(1.0, count / trial.worth)
-    prior = np.diag([1 / k.sd**2 for k in fit.unknowns])
-    return np.asarray(np.linalg.pinv((fit.slopes * w[:, None]).T @ fit.slopes / spread + prior))
 
 
 def unit_of(law: Law, constant: str) -> str:

@@ -92,7 +92,7 @@ def _is_whole(model: Model) -> list[str]:
 
 
 def _compiles(model: Model) -> list[str]:
-    """The integrator can be built."""
+    """Its functions can be compiled."""
     if not model.plain:
-        _ = model.march
+        _ = model.functions
     return []

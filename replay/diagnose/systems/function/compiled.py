@@ -1,13 +1,83 @@
-"""How a user's functions and their integrator are compiled: numba, without the GIL."""
+"""How a user's functions and their integrator are compiled: numba, without the GIL; the integrator is kept on disk."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TypeVar, cast
+import hashlib
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeVar, cast
 
 import numba
+from numba import types
+
+from straw.replay.diagnose import settings
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
 
-#: Returns a function of the same signature. Division by zero gives inf as in NumPy.
-compiled = cast(Callable[[_Function], _Function], numba.njit(nogil=True, error_model="numpy"))
+#: Division by zero gives inf as in NumPy.
+_HOW: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+_VECTOR: Any = types.Array(types.f8, 1, "C")
+#: f(t, x, u, c, out), which writes into its last argument.
+WRITES = types.void(types.f8, _VECTOR, _VECTOR, _VECTOR, _VECTOR)
+_KINDS = {
+    "function": types.FunctionType(WRITES),
+    "vector": _VECTOR,
+    "table": types.Array(types.f8, 2, "C"),
+    "rows": types.Array(types.i8, 2, "C"),
+    "flags": types.Array(types.b1, 1, "C"),
+    "indices": types.Array(types.i8, 1, "C"),
+    "number": types.f8,
+    "count": types.i8,
+    "flag": types.b1,
+}
+
+
+def _folder() -> Path:
+    """Folder for compiled code, one per state of its source: numba notices changes only in the file of the function
+    that it keeps, not in those that it calls."""
+    digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
+    own = [Path(__file__).with_name(f"{name}.py") for name in ("compiled", "kernel", "shapes", "shots")]
+    for source in [*own, Path(settings.__file__)]:
+        digest.update(source.read_bytes())
+    parent = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(parent) / "straw" / f"numba-{digest.hexdigest()[:16]}"
+
+
+_FOLDER = _folder()
+
+
+@contextmanager
+def _kept_here() -> Iterator[None]:
+    """Functions that are declared inside are kept in this folder's own place; the model has another."""
+    before = numba.config.CACHE_DIR  # type: ignore[attr-defined]  # numba makes its settings at run time
+    setattr(numba.config, "CACHE_DIR", str(_FOLDER))  # noqa: B010
+    try:
+        yield
+    finally:
+        setattr(numba.config, "CACHE_DIR", before)  # noqa: B010
+
+
+def compiled(function: _Function) -> _Function:
+    """A function of the same signature, kept on disk."""
+    with _kept_here():
+        return cast(_Function, numba.njit(cache=True, **_HOW)(function))
+
+
+def users(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A user's function compiled; not kept, as the file may change."""
+    return cast(Callable[..., Any], numba.njit(**_HOW)(function))
+
+
+def writes(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function as `WRITES` compiled, so that what calls it need not be compiled again for each system."""
+    return cast(Callable[..., Any], numba.njit(WRITES, **_HOW)(function))
+
+
+def of_any_system(function: _Function, given: str) -> _Function:
+    """A function of arguments of these kinds compiled, kept on disk; systems are passed to it as `writes`."""
+    signature = tuple(_KINDS[one] for one in given.split())
+    with _kept_here():
+        return cast(_Function, numba.njit(signature, cache=True, **_HOW)(function))

@@ -1,4 +1,4 @@
-"""Integrates a user's slopes with added laws: the classical Runge-Kutta rule, compiled together with the slopes."""
+"""Integrates a user's slopes with added laws: the classical Runge-Kutta rule, compiled once for all systems."""
 
 from __future__ import annotations
 
@@ -13,11 +13,14 @@ from straw.replay.diagnose.systems.function.shapes import value
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
+Function = Callable[..., Any]
 
 #: Places and states of a law. Columns of a law's row of integers: place, its number, state, its number, shape, first
 #: parameter, number of parameters, number of its lagging state or -1.
 RATE, FACTOR, CHANNEL, CLOCK, DELAY, STRENGTH, INPUT, SHIFT = range(8)
 OF_STATE, OF_RATE, OF_INPUT, OF_TIME, OF_NOTHING, OF_SHOWN = range(6)
+#: A state beyond this has diverged.
+DIVERGED = 1e12
 
 
 @compiled
@@ -50,153 +53,201 @@ def state_of(kind: int, which: int, t: float, x: Floats, rates: Floats, u: Float
 
 
 @compiled
-def forces(
-    rows: Indices, p: Floats, t: float, x: Floats, rates: Floats, u: Floats, y: Floats, states: int, out: Floats
+def law_at(
+    m: int, rows: Indices, p: Floats, t: float, x: Floats, rates: Floats, u: Floats, y: Floats, states: int
+) -> float:
+    """A law's value."""
+    s = float(x[states + rows[m, 7]]) if rows[m, 7] >= 0 else state_of(rows[m, 2], rows[m, 3], t, x, rates, u, y)
+    return float(value(rows[m, 4], p, rows[m, 5], rows[m, 6], s))
+
+
+@compiled
+def changed(
+    rows: Indices,
+    p: Floats,
+    t: float,
+    x: Floats,
+    rates: Floats,
+    u: Floats,
+    c: Floats,
+    y: Floats,
+    states: int,
+    forces: Floats,
+    u_out: Floats,
+    c_out: Floats,
 ) -> None:
-    """Values of all laws (laws,), strengths that depend on something multiplied in."""
+    """Values of all laws (laws,), strengths that depend on something multiplied in, and inputs and constants as these
+    change them."""
+    for i in range(len(c)):
+        c_out[i] = c[i]
+    for i in range(len(u)):
+        u_out[i] = u[i]
     for m in range(len(rows)):
-        row = rows[m]
-        s = float(x[states + row[7]]) if row[7] >= 0 else state_of(row[2], row[3], t, x, rates, u, y)
-        out[m] = value(row[4], p[row[5] : row[5] + row[6]], s)
+        forces[m] = 0.0
+        if rows[m, 0] != CLOCK and rows[m, 0] != DELAY:
+            forces[m] = law_at(m, rows, p, t, x, rates, u, y, states)
     for m in range(len(rows)):
         if rows[m, 0] == STRENGTH:
-            out[rows[m, 1]] *= 1.0 + out[m]
+            forces[rows[m, 1]] *= 1.0 + forces[m]
+    for m in range(len(rows)):
+        if rows[m, 0] == FACTOR:
+            c_out[rows[m, 1]] *= 1.0 + forces[m]
+        elif rows[m, 0] == SHIFT:
+            c_out[rows[m, 1]] += forces[m]
+        elif rows[m, 0] == INPUT:
+            u_out[rows[m, 1]] += forces[m]
 
 
-def built(slopes: Callable[..., Any], shown: Callable[..., Any]) -> Callable[..., Any]:
-    """The integrator of a system: ``slopes(t, x, u, c, out)`` and ``shown(t, x, u, c, out)`` write into their last
-    argument.
-
-    The integrator takes times (n,), inputs (rows, n; the user's first, then their rates), starts, constants, laws as
-    rows and parameters, the longest step, and gives shown (channels, n), states with lagging ones, their rates, and the
-    inputs as felt.
-    """
-
-    @compiled
-    def rates_at(
-        out: Floats,
-        t: float,
-        x: Floats,
-        u: Floats,
-        c: Floats,
-        rows: Indices,
-        p: Floats,
-        states: int,
-        needs_rates: bool,
-        work: Floats,
-        c_work: Floats,
-        u_work: Floats,
-        y: Floats,
-    ) -> None:
-        plain = out[:states]
-        if needs_rates and states > 0:
-            slopes(t, x, u, c, plain)
-        if len(rows) == 0:
-            if states > 0:
-                slopes(t, x, u, c, plain)
-            return
-        forces(rows, p, t, x, plain, u, y, states, work)
-        c_work[:] = c
-        u_work[:] = u
-        for m in range(len(rows)):
-            if rows[m, 0] == FACTOR:
-                c_work[rows[m, 1]] *= 1.0 + work[m]
-            elif rows[m, 0] == SHIFT:
-                c_work[rows[m, 1]] += work[m]
-            elif rows[m, 0] == INPUT:
-                u_work[rows[m, 1]] += work[m]
-        for m in range(len(rows)):
-            if rows[m, 7] >= 0:  # the lag's time is the parameter before its shape's
-                s = state_of(rows[m, 2], rows[m, 3], t, x, plain, u, y)
-                out[states + rows[m, 7]] = (s - x[states + rows[m, 7]]) / p[rows[m, 5] - 1]
+@compiled
+def rates_at(
+    slopes: Function,
+    out: Floats,
+    t: float,
+    x: Floats,
+    u: Floats,
+    c: Floats,
+    rows: Indices,
+    p: Floats,
+    states: int,
+    needs_rates: bool,
+    forces: Floats,
+    u_work: Floats,
+    c_work: Floats,
+    y: Floats,
+) -> None:
+    """Rates of the states and of lagging ones, into ``out``."""
+    if len(rows) == 0:
         if states > 0:
-            slopes(t, x, u_work, c_work, plain)
-        for m in range(len(rows)):
-            if rows[m, 0] == RATE:
-                out[rows[m, 1]] += work[m]
+            slopes(t, x, u, c, out)
+        return
+    if needs_rates and states > 0:
+        slopes(t, x, u, c, out)
+    changed(rows, p, t, x, out, u, c, y, states, forces, u_work, c_work)
+    for m in range(len(rows)):
+        if rows[m, 7] >= 0:  # the lag's time is the parameter before its shape's
+            s = state_of(rows[m, 2], rows[m, 3], t, x, out, u, y)
+            out[states + rows[m, 7]] = (s - x[states + rows[m, 7]]) / p[rows[m, 5] - 1]
+    if states > 0:
+        slopes(t, x, u_work, c_work, out)
+    for m in range(len(rows)):
+        if rows[m, 0] == RATE:
+            out[rows[m, 1]] += forces[m]
 
-    @compiled
-    def march(
-        t: Floats,
-        inputs: Floats,
-        start: Floats,
-        c: Floats,
-        rows: Indices,
-        p: Floats,
-        late: Floats,
-        states: int,
-        channels: int,
-        longest_s: float,
-    ) -> tuple[Floats, Floats, Floats]:
-        n, size = len(t), len(start)
-        ys, xs, rs = np.zeros((channels, n)), np.zeros((size, n)), np.zeros((size, n))
-        us = np.zeros(len(inputs))
-        work, c_work, u_work = np.zeros(len(rows)), c.copy(), np.zeros(len(inputs))
-        y = np.zeros(channels)
-        k1, k2, k3, k4 = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)
-        x = start.copy()
-        needs_rates, lagging = False, False
-        for m in range(len(rows)):
-            needs_rates |= rows[m, 2] == OF_RATE
-            if rows[m, 7] >= 0:  # a lagging state starts at the value it follows
-                lagging = True
-        if lagging:
-            inputs_at(0, 0.0, late, t, inputs, us)
-            for m in range(len(rows)):
-                if rows[m, 7] >= 0:
-                    x[states + rows[m, 7]] = state_of(rows[m, 2], rows[m, 3], t[0], x, k1, us, y)
-        args = (c, rows, p, states, needs_rates, work, c_work, u_work, y)
+
+@compiled
+def warped(rows: Indices, p: Floats, t: Floats, ys: Floats) -> None:
+    """Channels as clocks that are late show them, in place."""
+    n = len(t)
+    for m in range(len(rows)):
+        if rows[m, 0] != CLOCK:
+            continue
+        own = ys[rows[m, 1]].copy()
+        j = 0
         for k in range(n):
-            inputs_at(min(k, n - 2), 0.0 if k < n - 1 else 1.0, late, t, inputs, us)
-            k1[:] = 0.0
-            rates_at(k1, t[k], x, us, *args)
-            xs[:, k], rs[:, k] = x, k1
-            # constants and inputs as modified by laws enter the channels, too
-            c_work[:] = c
-            u_work[:] = us
-            if len(rows) > 0:
-                forces(rows, p, t[k], x, k1, us, y, states, work)
-                for m in range(len(rows)):
-                    if rows[m, 0] == FACTOR:
-                        c_work[rows[m, 1]] *= 1.0 + work[m]
-                    elif rows[m, 0] == SHIFT:
-                        c_work[rows[m, 1]] += work[m]
-                    elif rows[m, 0] == INPUT:
-                        u_work[rows[m, 1]] += work[m]
+            s = t[k] if rows[m, 2] == OF_TIME else 1.0
+            at = t[k] - value(rows[m, 4], p, rows[m, 5], rows[m, 6], s)
+            while j < n - 2 and t[j + 1] < at:
+                j += 1
+            while j > 0 and t[j] > at:
+                j -= 1
+            part = min(max((at - t[j]) / (t[j + 1] - t[j]), 0.0), 1.0)
+            ys[rows[m, 1], k] = own[j] * (1 - part) + own[j + 1] * part
+
+
+@compiled
+def delays(rows: Indices, p: Floats, inputs: int) -> Floats:
+    """Delay of each input (inputs,), s."""
+    late = np.zeros(inputs)
+    for m in range(len(rows)):
+        if rows[m, 0] == DELAY:
+            late[rows[m, 1]] += p[rows[m, 5]]
+    return late
+
+
+@compiled
+def march(
+    slopes: Function,
+    shown: Function,
+    t: Floats,
+    inputs: Floats,
+    start: Floats,
+    c: Floats,
+    rows: Indices,
+    p: Floats,
+    states: int,
+    longest_s: float,
+    ys: Floats,
+    xs: Floats,
+    rs: Floats,
+) -> None:
+    """Channels into ``ys`` (channels, n), states with lagging ones and their rates into ``xs`` and ``rs`` (states, n),
+    unless these have no columns; NaN from where it diverges.
+
+    ``slopes(t, x, u, c, out)`` and ``shown`` write into their last argument. ``inputs`` (rows, n) are the user's, then
+    their rates; ``c`` constants; ``rows`` and ``p`` laws and their parameters; ``start`` (states and lagging ones,).
+    """
+    n, size, keeps = len(t), len(start), xs.shape[1] > 0
+    ys[:] = 0.0
+    forces, c_work, us, u_work = np.zeros(len(rows)), c.copy(), np.zeros(len(inputs)), np.zeros(len(inputs))
+    y, x, x_work = np.zeros(len(ys)), start.copy(), np.zeros(size)
+    k1, k2, k3, k4 = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)
+    late = delays(rows, p, len(inputs))
+    needs_rates = False
+    for m in range(len(rows)):
+        needs_rates |= rows[m, 2] == OF_RATE
+        if rows[m, 7] >= 0:  # a lagging state starts at the value it follows
+            inputs_at(0, 0.0, late, t, inputs, us)
+            x[states + rows[m, 7]] = state_of(rows[m, 2], rows[m, 3], t[0], x, k1, us, y)
+    for k in range(n):
+        inputs_at(min(k, n - 2), 0.0 if k < n - 1 else 1.0, late, t, inputs, us)
+        if size > 0:
+            rates_at(slopes, k1, t[k], x, us, c, rows, p, states, needs_rates, forces, u_work, c_work, y)
+        if keeps:
+            for i in range(size):
+                xs[i, k], rs[i, k] = x[i], k1[i]
+        # constants and inputs as changed by laws enter the channels, too
+        if len(rows) == 0:
+            shown(t[k], x, us, c, y)
+        else:
+            if needs_rates or size == 0:
+                changed(rows, p, t[k], x, k1, us, c, y, states, forces, u_work, c_work)
             shown(t[k], x, u_work, c_work, y)
             for m in range(len(rows)):
                 if rows[m, 0] == CHANNEL:
-                    s = (
-                        x[states + rows[m, 7]]
-                        if rows[m, 7] >= 0
-                        else state_of(rows[m, 2], rows[m, 3], t[k], x, k1, us, y)
-                    )
-                    f = value(rows[m, 4], p[rows[m, 5] : rows[m, 5] + rows[m, 6]], s)
-                    for j in range(len(rows)):
-                        if rows[j, 0] == STRENGTH and rows[j, 1] == m:
-                            f *= 1.0 + work[j]
+                    f = forces[m]
+                    if rows[m, 2] == OF_SHOWN and rows[m, 7] < 0:  # over what is shown at this sample
+                        f = law_at(m, rows, p, t[k], x, k1, us, y, states)
+                        for j in range(len(rows)):
+                            if rows[j, 0] == STRENGTH and rows[j, 1] == m:
+                                f *= 1.0 + forces[j]
                     ys[rows[m, 1], k] += f
-            ys[:, k] += y
-            if k == n - 1 or size == 0:
-                continue
-            whole = t[k + 1] - t[k]
-            parts = max(1, int(np.ceil(whole / longest_s)))
-            h = whole / parts
-            for i in range(parts):
-                at = t[k] + i * h
-                if i > 0:
-                    inputs_at(k, i / parts, late, t, inputs, us)
-                    rates_at(k1, at, x, us, *args)
-                inputs_at(k, (i + 0.5) / parts, late, t, inputs, us)
-                rates_at(k2, at + h / 2, x + h / 2 * k1, us, *args)
-                rates_at(k3, at + h / 2, x + h / 2 * k2, us, *args)
-                inputs_at(k, (i + 1.0) / parts, late, t, inputs, us)
-                rates_at(k4, at + h, x + h * k3, us, *args)
-                x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        for i in range(len(y)):
+            ys[i, k] += y[i]
+        if k == n - 1 or size == 0:
+            continue
+        whole = t[k + 1] - t[k]
+        parts = max(1, int(np.ceil(whole / longest_s)))
+        h = whole / parts
+        for part in range(parts):
+            at = t[k] + part * h
+            if part > 0:
+                inputs_at(k, part / parts, late, t, inputs, us)
+                rates_at(slopes, k1, at, x, us, c, rows, p, states, needs_rates, forces, u_work, c_work, y)
+            inputs_at(k, (part + 0.5) / parts, late, t, inputs, us)
             for i in range(size):
-                if not abs(x[i]) < 1e12:
-                    ys[:, k + 1 :] = np.nan
-                    return ys, xs, rs
-        return ys, xs, rs
-
-    return march
+                x_work[i] = x[i] + h / 2 * k1[i]
+            rates_at(slopes, k2, at + h / 2, x_work, us, c, rows, p, states, needs_rates, forces, u_work, c_work, y)
+            for i in range(size):
+                x_work[i] = x[i] + h / 2 * k2[i]
+            rates_at(slopes, k3, at + h / 2, x_work, us, c, rows, p, states, needs_rates, forces, u_work, c_work, y)
+            inputs_at(k, (part + 1.0) / parts, late, t, inputs, us)
+            for i in range(size):
+                x_work[i] = x[i] + h * k3[i]
+            rates_at(slopes, k4, at + h, x_work, us, c, rows, p, states, needs_rates, forces, u_work, c_work, y)
+            for i in range(size):
+                x[i] += h / 6 * (k1[i] + 2 * k2[i] + 2 * k3[i] + k4[i])
+        for i in range(size):
+            if not abs(x[i]) < DIVERGED:
+                ys[:, k + 1 :] = np.nan
+                return
+    warped(rows, p, t, ys)

@@ -124,6 +124,15 @@ class Law:
             out.append(self.state.low)
         return np.array(out)
 
+    def slot(self, constant: str) -> int:
+        """The place of one of its constants among its parameters."""
+        lag = int(self.state.lag_s is not None)
+        if constant == "lag_s":
+            return 0
+        if constant.startswith("value"):
+            return lag + len(self.at) + int(constant.removeprefix("value"))
+        return lag + ("strength", *(name for name, *_ in SHAPES[self.shape].constants)).index(constant)
+
     def curve(self, number: int, values: Mapping[str, float], at: Floats) -> Floats:
         """Its values over the state at (n,)."""
         p = self.parameters(number, values)[0 if self.state.lag_s is None else 1 :]
@@ -178,3 +187,16 @@ def encoded(laws: Mapping[int, Law], values: Mapping[str, float]) -> tuple[Indic
         parts.append(p)
         at += len(p)
     return np.array(rows, dtype=np.int64).reshape(len(rows), 8), np.concatenate(parts), lags
+
+
+def slots(laws: Mapping[int, Law], targets: Sequence[str]) -> list[int]:
+    """The place of each law's constant, ``law.NUMBER.CONSTANT``, among the parameters of `encoded`."""
+    first, at = {}, 1
+    for number, law in laws.items():
+        first[number] = at
+        at += len(law.parameters(number, {}))
+    out = []
+    for target in targets:
+        _, number_, constant = target.split(".")
+        out.append(first[int(number_)] + laws[int(number_)].slot(constant))
+    return out

@@ -19,8 +19,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.replay.diagnose.systems.function.compiled import compiled
-from straw.replay.diagnose.systems.function.kernel import built
+from straw.replay.diagnose.systems.function.compiled import users, writes
 from straw.replay.errors import ReplayError
 
 Floats = NDArray[np.float64]
@@ -111,12 +110,8 @@ class Model:
         return str(dict(self.get("units", {})).get(name, units.get(name, "?")))
 
     @cached_property
-    def march(self) -> Callable[..., Any]:
-        """The compiled integrator (`kernel.built`)."""
-        return built(*self._wrapped())
-
-    def _wrapped(self) -> tuple[Callable[..., Any], Callable[..., Any]]:
-        """Slopes and shown that take arrays and write into their last argument."""
+    def functions(self) -> tuple[Callable[..., Any], Callable[..., Any]]:
+        """Slopes and shown, compiled, that take arrays and write into their last argument."""
         names = self._names()
         scope: dict[str, Any] = {kind: fields(kind, given) for kind, given in names.items()}
         for name in ("slopes", "shown"):
@@ -142,7 +137,13 @@ class Model:
         else:
             lines += [f"    out[{i}] = x[{self.states.index(y.name)}]" for i, y in enumerate(self.channels)]
         exec("\n".join(lines), scope)
-        return compiled(scope["write_slopes"]), compiled(scope["write_shown"])
+        try:
+            return writes(scope["write_slopes"]), writes(scope["write_shown"])
+        except Exception as problem:  # numba's, of many kinds
+            raise ReplayError(
+                f"{self.path}: slopes or shown cannot be compiled; return a tuple of as many numbers as there are "
+                "states or channels"
+            ) from problem
 
     def _names(self) -> dict[str, tuple[str, ...]]:
         constants = tuple(c.name for c in self.constants)
@@ -179,8 +180,8 @@ def _compiled(model: Model, name: str) -> Callable[..., Any]:
     for other in list(vars(model.module)):
         thing = getattr(model.module, other)
         if other != name and inspect.isfunction(thing) and other in function.__code__.co_names:
-            setattr(model.module, other, compiled(thing))
-    out: Callable[..., Any] = compiled(function)
+            setattr(model.module, other, users(thing))
+    out: Callable[..., Any] = users(function)
     try:
         model.asked(name, out)
     except ReplayError as problem:

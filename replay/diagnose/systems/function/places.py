@@ -64,23 +64,28 @@ def passed(system: FunctionSystem, recordings: Sequence[Recorded], values: dict[
         states, rates = states[:n].copy(), rates[:n].copy()
         for i, state in enumerate(system.model.starts):
             if state.state in names:
-                states[i] = smooth(one, names.index(state.state))
+                states[i] = smooth(one, names.index(state.state), shown)
                 rates[i] = np.gradient(states[i], one.time_s)
         out.append(Passed(one, states, rates, shown, simulated))
     return out
 
 
-def smooth(recording: Recorded, channel: int) -> Floats:
-    """A channel (n,) with gaps filled and noise smoothed."""
+def smooth(recording: Recorded, channel: int, shown: Floats) -> Floats:
+    """A channel (n,) with noise smoothed, and gaps filled by a simulation's channels (channels, n) and its difference
+    on both sides."""
     row, t = recording.seen[channel], recording.time_s
+    base = shown[channel] if np.isfinite(shown[channel]).all() else np.zeros_like(t)
     good = np.isfinite(row)
-    return np.asarray(gaussian_filter1d(np.interp(t, t[good], row[good]), 1.0))
+    return np.asarray(gaussian_filter1d(base + np.interp(t, t[good], (row - base)[good]), 1.0))
 
 
 def places(system: FunctionSystem, seen: Sequence[Passed]) -> list[Place]:
-    """Every equation, constant, channel, input and clock."""
+    """Every equation but definitions, every constant, channel, input and clock."""
     model, out = system.model, []
+    wanted = model.get("places")
     for i, name in enumerate(model.states):
+        if wanted is None and _is_a_state(i, seen):
+            continue  # it defines that state, as a height's rate the speed: nothing can be missing
         size = float(np.std(np.concatenate([p.rates[i] for p in seen]))) or 1.0
         unit = f"{model.unit(name)}/s"
         out.append(Place(RATE, i, f"rate:{name}", f"the rate of {model.named(name)}", unit, size))
@@ -111,7 +116,6 @@ def places(system: FunctionSystem, seen: Sequence[Passed]) -> list[Place]:
         if law.place.kind in (CLOCK, DELAY):
             continue
         out.append(Place(STRENGTH, k, f"strength:{k}", f"the strength of the law in {law.place.says}", "1", 0.5))
-    wanted = model.get("places")
     return out if wanted is None else [p for p in out if p.name in wanted or p.kind in (STRENGTH, SHIFT)]
 
 

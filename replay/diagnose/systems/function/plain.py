@@ -14,6 +14,8 @@ from straw.replay.diagnose.systems.function.kernel import (
     OF_TIME,
     SHIFT,
     STRENGTH,
+    delays,
+    warped,
 )
 from straw.replay.diagnose.systems.function.model import Model, fields
 from straw.replay.diagnose.systems.function.shapes import values_of
@@ -22,10 +24,9 @@ from straw.replay.errors import ReplayError
 Floats = NDArray[np.float64]
 
 
-def plain_march(
-    model: Model, t: Floats, inputs: Floats, c: Floats, rows: NDArray[np.int64], p: Floats, late: Floats
-) -> Floats:
+def plain_march(model: Model, t: Floats, inputs: Floats, c: Floats, rows: NDArray[np.int64], p: Floats) -> Floats:
     """Shown (channels, n). A law in a constant makes it an array over the recording where the law has a state."""
+    late = delays(rows, p, len(inputs))
     U, C = fields("U", [i.name for i in model.inputs]), fields("C", [k.name for k in model.constants])
     felt = np.array([np.interp(t - s, t, row) if s else row for s, row in zip(late, inputs, strict=True)])
     felt = felt.reshape(inputs.shape)
@@ -60,6 +61,7 @@ def plain_march(
     for m in range(len(rows)):
         if rows[m, 0] == CHANNEL:
             shown[rows[m, 1]] += force(m)
+    warped(rows, p, t, shown)
     return shown
 
 

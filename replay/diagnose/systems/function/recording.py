@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import comb
 from pathlib import Path
 from typing import Any
@@ -36,12 +36,22 @@ ORDERS = (2, 3, 4, 6)
 PARTS = 12
 
 
+@dataclass(frozen=True)
+class HeldOut:
+    """How what is held out lies beside what is fitted: whole ``recordings``, ``after``, or ``between``; and the number
+    of ``blocks`` as long as its stretches that what is fitted has."""
+
+    lies: str = "between"
+    blocks: int = 60
+
+
 @dataclass(frozen=True, eq=False)
 class Recorded:
     """One run: channels ``seen`` (channels, n), NaN where there is none, at ``time_s`` (n,) from its first reading.
 
     ``inputs`` (2 inputs, n) are the inputs and their rates; ``noise`` (channels,); ``fitted`` (n,) marks the samples
-    that are not held out, ``tells_start`` (n,) those from which starts may be estimated.
+    that are not held out, ``tells_start`` (n,) those from which starts may be estimated. What lies before ``skip_s`` is
+    neither fitted nor held out. ``asked``: how what was taken away from it as held out lies.
     """
 
     name: str
@@ -52,6 +62,8 @@ class Recorded:
     fitted: Flags
     tells_start: Flags
     conditions_: Mapping[str, float] = field(default_factory=dict)
+    skip_s: float = 0.0
+    asked: HeldOut = HeldOut()
 
     @property
     def events_s(self) -> Floats:
@@ -66,7 +78,11 @@ class Recorded:
     @property
     def held(self) -> Flags:
         """Held-out samples, (n,)."""
-        return ~self.fitted & ~np.isnan(self.seen).all(axis=0)
+        return ~self.fitted & ~np.isnan(self.seen).all(axis=0) & (self.time_s >= self.skip_s)
+
+    def without_held(self) -> Recorded:
+        """The recording as a search sees it: no reading where it is held out."""
+        return replace(self, seen=np.where(self.held, np.nan, self.seen))
 
     def sigma(self) -> Floats:
         """Noise, (channels, n)."""
@@ -84,9 +100,13 @@ class Recorded:
 
     def every(self, step: int) -> Recorded:
         """Evenly thinned samples."""
-        from dataclasses import replace
+        return self._cut(slice(None, None, step))
 
-        cut = slice(None, None, step)
+    def until(self, many: int) -> Recorded:
+        """Its first samples."""
+        return self._cut(slice(None, many))
+
+    def _cut(self, cut: slice) -> Recorded:
         return replace(
             self,
             time_s=self.time_s[cut],
@@ -187,7 +207,8 @@ def _recorded(model: Model, name: str, path: str, table: Mapping[str, Any]) -> R
     time = time - time[0]
     fitted = np.isfinite(seen).any(axis=0) & (time >= float(model.get("skip_s", 0.0)))
     said = {f"the mean of {model.named(s.name)}": float(np.mean(r)) for s, r in zip(model.inputs, filled, strict=True)}
-    return Recorded(name, time, seen, np.concatenate([filled, rates]), noise, fitted, fitted.copy(), said)
+    inputs, skip_s = np.concatenate([filled, rates]), float(model.get("skip_s", 0.0))
+    return Recorded(name, time, seen, inputs, noise, fitted, fitted.copy(), said, skip_s)
 
 
 def _filled(model: Model, path: str, time: Floats, values: Floats, signal: Signal) -> Floats:
@@ -253,8 +274,6 @@ def _held_out(
     model: Model, recordings: list[Recorded], patterns: Sequence[str], tables: Mapping[str, Mapping[str, Any]]
 ) -> list[Recorded]:
     """Marks held-out samples: by the command's names, by the file, or else every third recording or part."""
-    from dataclasses import replace
-
     said = model.get("hold_out")
     out = []
     for k, one in enumerate(recordings):

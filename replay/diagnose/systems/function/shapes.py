@@ -56,15 +56,16 @@ SHAPES = {
 
 
 @compiled
-def value(shape: int, p: Floats, s: float) -> float:
-    """A law at state s: ``p`` are strength and constants of a formula, or of a table its points and their values."""
+def value(shape: int, p: Floats, at: int, many: int, s: float) -> float:
+    """A law at state s: its parameters are ``many`` of p from ``at`` on: strength and constants of a formula, or of a
+    table its points and their values."""
     if shape == TABLE:
-        n = len(p) // 2
-        if s <= p[0]:
-            return float(p[n])
-        if s >= p[n - 1]:
-            return float(p[2 * n - 1])
-        low, high = 0, n - 1
+        n = many // 2
+        if s <= p[at]:
+            return float(p[at + n])
+        if s >= p[at + n - 1]:
+            return float(p[at + 2 * n - 1])
+        low, high = at, at + n - 1
         while high - low > 1:
             middle = (low + high) // 2
             if p[middle] <= s:
@@ -73,7 +74,7 @@ def value(shape: int, p: Floats, s: float) -> float:
                 high = middle
         share = (s - p[low]) / (p[high] - p[low])
         return float(p[n + low] * (1 - share) + p[n + high] * share)
-    a = p[0]
+    a = p[at]
     if shape == CONSTANT:
         return float(a)
     if shape == LINEAR:
@@ -85,21 +86,21 @@ def value(shape: int, p: Floats, s: float) -> float:
     if shape == QUADRATIC:
         return float(a * s * s)
     if shape == SIGN:
-        return float(a * np.tanh(s / p[1]))
+        return float(a * np.tanh(s / p[at + 1]))
     if shape == ROOT:
         return float(a * np.sign(s) * np.sqrt(abs(s)))
     if shape == POWER:
-        # in units of p[2], the state's span, so that strength and exponent do not trade
-        return float(a * np.sign(s) * abs(s / p[2]) ** p[1])
+        # in units of the state's span, so that strength and exponent do not trade
+        return float(a * np.sign(s) * abs(s / p[at + 2]) ** p[at + 1])
     if shape == SATURATES:
-        return float(a * s / (1 + abs(s) / p[1]))
+        return float(a * s / (1 + abs(s) / p[at + 1]))
     if shape == ABOVE:
-        return float(a * max(0.0, s - p[1]))
+        return float(a * max(0.0, s - p[at + 1]))
     if shape == BELOW:
-        return float(a * max(0.0, p[1] - s))
+        return float(a * max(0.0, p[at + 1] - s))
     if shape == FADES:
-        return float(a * np.exp(-min(max((s - p[2]) / p[1], -50.0), 50.0)))
-    return float(a * 0.5 * (1 + np.tanh((s - p[1]) / p[2])))
+        return float(a * np.exp(-min(max((s - p[at + 2]) / p[at + 1], -50.0), 50.0)))
+    return float(a * 0.5 * (1 + np.tanh((s - p[at + 1]) / p[at + 2])))
 
 
 @compiled
@@ -107,5 +108,5 @@ def values_of(shape: int, p: Floats, s: Floats) -> Floats:
     """A law at states (n,)."""
     out = np.empty_like(s)
     for k in range(len(s)):
-        out[k] = value(shape, p, s[k])
+        out[k] = value(shape, p, 0, len(p), s[k])
     return out

@@ -1,37 +1,35 @@
 """A user's system for the diagnosis: its constants as unknowns, recordings against it, laws added to it.
 
 Unknown starts of states are constants of each recording alone; they are profiled out inside a recording's misfit
-(variable projection: Golub and Pereyra 1973), so that the engine does not see them.
+(`shots.py`), so that the engine does not see them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.fit import Fit, fitted
+from straw.replay.diagnose.fit import Fit
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown, in_order
-from straw.replay.diagnose.numerical import jacobian
-from straw.replay.diagnose.robust import robust_cost, weights
 from straw.replay.diagnose.settings import FIRST_ROUNDS, ROUNDS
 from straw.replay.diagnose.starts import logarithmic, scattered
 from straw.replay.diagnose.system import Channel, Differences, Level, System
-from straw.replay.diagnose.systems.function.kernel import CHANNEL, CLOCK, DELAY, INPUT, OF_TIME
+from straw.replay.diagnose.systems.function.encoding import Encoding, encoding
 from straw.replay.diagnose.systems.function.laws import Law, encoded
+from straw.replay.diagnose.systems.function.least import least
 from straw.replay.diagnose.systems.function.model import Constant, Model
 from straw.replay.diagnose.systems.function.plain import plain_march
 from straw.replay.diagnose.systems.function.recording import Recorded
+from straw.replay.diagnose.systems.function.shots import played
+from straw.replay.diagnose.systems.function.stack import stacked
 
 Floats = NDArray[np.float64]
 
-#: Steps to a start, the step of its differences, the width of its prior in units of its scale, and the least gain of a
-#: step as a share of the cost.
-START_ROUNDS, START_STEP, START_SD, START_GAIN = 5, 1e-3, 30.0, 1e-3
 #: Scale of a start about a channel's first readings: its noise, or this share of the channel's span, and the largest
 #: distance in these; a farther start would compensate for a missing law.
 START_SHARE, START_UNITS = 2e-3, 5.0
@@ -52,9 +50,8 @@ class FunctionSystem(System):
     fixed: Mapping[str, float] = field(default_factory=dict)
     sigma: tuple[float, ...] = ()
     longest_s: float = np.inf
-    library: Mapping[str, Law] = field(default_factory=dict)
-    #: Last profiled result of each recording, by values, as a search evaluates a point twice.
-    _last: dict[str, tuple[Any, Any]] = field(init=False, repr=False, default_factory=dict)
+    #: Encodings by unknowns.
+    _encodings: dict[tuple[Unknown, ...], Encoding] = field(init=False, repr=False, default_factory=dict)
 
     @property
     def channels(self) -> tuple[Channel, ...]:
@@ -74,24 +71,13 @@ class FunctionSystem(System):
 
     @property
     def causes(self) -> tuple[str, ...]:
-        """The file's optional laws, and faults of instruments."""
-        return (*self.model.get("laws", {}), *self.library)
-
-    @property
-    def faults(self) -> frozenset[str]:
-        """Causes that act in channels, clocks and inputs."""
-        return frozenset(n for n, law in self.library.items() if law.place.kind in (CHANNEL, CLOCK, DELAY, INPUT))
+        """The file's optional laws."""
+        return tuple(self.model.get("laws", {}))
 
     def hypothesis(self, names: Sequence[str]) -> Hypothesis:
         """Causes together."""
-        unknowns: list[Unknown] = []
-        for name in names:
-            if name in self.library:
-                number = len(self.laws) + list(self.library).index(name)
-                unknowns += self.library[name].unknowns(number)
-            else:
-                wanted = self.model.get("laws", {})[name]
-                unknowns += [unknown_of(c, strength=True) for c in self.model.constants if c.name in wanted]
+        wanted = [constant for name in names for constant in self.model.get("laws", {})[name]]
+        unknowns = [unknown_of(c, strength=True) for c in self.model.constants if c.name in wanted]
         first = tuple(k.mean if k.kind != "strength" else 0.5 for k in unknowns)
         signs = tuple(tuple(sign * 0.3 if k.mean == 0 else k.mean for k in unknowns) for sign in (1, -1))
         return Hypothesis(in_order(names, self.faults), tuple(unknowns), (first, *signs), self.faults)
@@ -120,29 +106,18 @@ class FunctionSystem(System):
 
         ``start`` (states,) is where the states start.
         """
-        laws = {k: law for k, law in enumerate((*self.laws, *self.library.values())) if _acts(k, values)}
-        marching = {k: law for k, law in laws.items() if law.place.kind not in (CLOCK, DELAY)}
-        rows, p, lags = encoded(marching, values)
-        late = np.zeros(len(recording.inputs))
-        for k, law in laws.items():
-            if law.place.kind == DELAY:
-                late[law.place.which] = law.parameters(k, values)[0]
-        c = self.constants(values)
-        given = (rows, p, late)
+        rows, p, lags = encoded(dict(enumerate(self.laws)), values)
+        c, t, inputs = self.constants(values), recording.time_s, np.ascontiguousarray(recording.inputs)
         if self.model.plain:
-            shown = plain_march(self.model, recording.time_s, recording.inputs, c, *given)
-            y, x, r = shown, np.empty((0, shown.shape[1])), np.empty((0, shown.shape[1]))
-        else:
-            sizes = len(self.model.states), len(self.model.channels)
-            x0 = np.concatenate([start, np.zeros(lags)])
-            y, x, r = self.model.march(recording.time_s, recording.inputs, x0, c, *given, *sizes, self.longest_s)
-        for k, law in laws.items():
-            if law.place.kind == CLOCK:
-                t, j = recording.time_s, law.place.which
-                lateness = law.curve(k, values, t if law.state.kind == OF_TIME else np.ones_like(t))
-                if np.any(lateness != 0):
-                    y[j] = np.interp(t - lateness, t, y[j])
+            y = plain_march(self.model, t, inputs, c, rows, p)
+            return y, np.empty((0, y.shape[1])), np.empty((0, y.shape[1]))
+        x0, sizes = np.append(start, np.zeros(lags)), (len(self.model.states), len(self.model.channels))
+        t = np.ascontiguousarray(t)
+        y, x, r = played()(*self.model.functions, t, inputs, x0, c, rows, p, *sizes, self.longest_s)
         return y, x, r
+
+    #: The largest distance of a start from a channel's first readings, in its scale.
+    reach: ClassVar[float] = START_UNITS
 
     def free_starts(self) -> list[int]:
         """States whose start is free in each recording."""
@@ -163,65 +138,12 @@ class FunctionSystem(System):
                 scale[i] = (one.high - one.low) / 4 or 1.0
         return start, scale
 
-    def profiled(self, recording: Recorded, values: Mapping[str, float]) -> tuple[Floats, Floats, Floats]:
-        """Shown (channels, n) with the best starts, these (states,), and their columns (m, free) in sigmas."""
-        asked = recording.time_s.size, tuple(sorted(values.items()))
-        known = self._last.get(recording.name)
-        if known is None or known[0] != asked:
-            known = asked, self._profiled(recording, values)
-            self._last[recording.name] = known
-        y, at, columns = known[1]
-        return y.copy(), at, columns
-
-    def _profiled(self, recording: Recorded, values: Mapping[str, float]) -> tuple[Floats, Floats, Floats]:
-        """Gauss-Newton whose columns are recomputed only where a step with the old ones does not help."""
-        start, scale = self.started(recording)
-        free = self.free_starts()
-        near = np.array([START_UNITS * scale[i] if self.model.starts[i].channel else np.inf for i in free])
-        low = np.maximum([self.model.starts[i].low for i in free], start[free] - near)
-        high = np.minimum([self.model.starts[i].high for i in free], start[free] + near)
-
-        def tried(o: Floats) -> tuple[Floats, Floats, Floats]:
-            at = start.copy()
-            at[free] = np.clip(at[free] + scale[free] * o, low, high)
-            y = self.played(recording, values, at)[0]
-            return y, at, self._differences(recording, y, recording.tells_start)
-
-        o = np.zeros(len(free))
-        y, at, r = tried(o)
-        columns = np.zeros((len(r), len(free)))
-        if not free or not np.isfinite(y).all():
-            return y, at, columns
-        cost, fresh, old = robust_cost(r), False, columns
-        for _ in range(START_ROUNDS):
-            if not columns.any():
-                fresh = True
-                for k in range(len(free)):
-                    columns[:, k] = (tried(o + START_STEP * np.eye(len(free))[k])[2] - r) / START_STEP
-            if not np.isfinite(columns).all() or not columns.any():
-                columns = np.zeros_like(columns)
-                break
-            w = weights(r)
-            curvature = (columns * w[:, None]).T @ columns + np.eye(len(free)) / START_SD**2
-            step = -np.linalg.solve(curvature, columns.T @ (w * r) + o / START_SD**2)
-            gain = 0.0
-            for share in (1.0, 0.2):
-                y_new, at_new, r_new = tried(o + share * step)
-                if np.isfinite(r_new).all() and robust_cost(r_new) < cost:
-                    gain, cost = cost - robust_cost(r_new), robust_cost(r_new)
-                    o, y, at, r = o + share * step, y_new, at_new, r_new
-                    break
-            if gain < START_GAIN * cost:
-                if fresh:
-                    break
-                old, columns = columns, np.zeros_like(columns)
-            fresh = False
-        return y, at, columns if columns.any() else old
-
-    def _differences(self, recording: Recorded, y: Floats, which: NDArray[np.bool_]) -> Floats:
-        sigma = np.array(self.sigma or recording.noise)[:, None]
-        out = np.where(which, (y - recording.seen) / sigma, 0.0)
-        return np.where(np.isnan(recording.seen), 0.0, out).ravel()
+    def profiled(self, recording: Recorded, values: Mapping[str, float]) -> tuple[Floats, Floats]:
+        """Shown (channels, n) with the best starts, and these (states,)."""
+        here = replace(self, sigma=self.sigma or tuple(recording.noise)).at(values)
+        given = here.encoding(())
+        ys, starts, _ = stacked(here, [recording]).profiled(here, given, given.at(np.zeros(0)), fresh=True)
+        return ys, starts[0]
 
     def misfit(
         self,
@@ -233,24 +155,24 @@ class FunctionSystem(System):
         derivatives: bool = False,
     ) -> Differences | None:
         """Samples that are not held out, starts profiled out; None where the model diverges."""
-        y, at, own = self.profiled(recording, self.values(unknowns, u))
-        if not np.isfinite(y).all():
+        here = replace(self, sigma=self.sigma or tuple(recording.noise))
+        given, one = here.encoding(unknowns), stacked(here, [recording])
+        ys, starts, known = one.profiled(here, given, given.at(u), fresh=True)
+        if not np.isfinite(ys).all():
             return None
-        fitted_only = recording.fitted
+        slopes = known.varied(here, given, u, ys, starts) if derivatives else np.empty((0, 0))
+        work = len(recording.time_s) * (1 + 2 * slopes.shape[-1])
+        return Differences(one.differences(here, ys), slopes, ys - recording.seen, work)
 
-        def in_sigmas(point: Floats) -> Floats | None:
-            shown = self.played(recording, self.values(unknowns, point), at)[0]
-            out = self._differences(recording, shown, fitted_only)
-            return np.append(out, 0.0) if np.isfinite(out).all() else None
-
-        vector = np.append(self._differences(recording, y, fitted_only), 0.0)
-        slopes = np.empty((0, 0))
-        if derivatives:
-            slopes = jacobian(in_sigmas, unknowns, u, vector, central=False)
-            if own.size and fitted_only.any():
-                q, _ = np.linalg.qr(np.vstack([own, np.zeros((1, own.shape[1]))]))
-                slopes -= q @ (q.T @ slopes)
-        return Differences(vector, slopes, y - recording.seen, len(recording.time_s) * (1 + 2 * slopes.shape[-1]))
+    def encoding(self, unknowns: Sequence[Unknown]) -> Encoding:
+        """Unknowns as the kernel takes them."""
+        asked = tuple(unknowns)
+        known = self._encodings.get(asked)
+        if known is None:
+            names = [c.name for c in self.model.constants]
+            known = encoding(self.laws, names, self.constants(self.fixed), self.fixed, asked)
+            self._encodings[asked] = known
+        return known
 
     def size(self, recording: Recorded, level: Level) -> int:
         """All samples of all channels, and one for events, of which there are none."""
@@ -267,8 +189,8 @@ class FunctionSystem(System):
         points = [self.given(), *proposed, *scattered(unknowns)]
         best = np.argsort(logarithmic(campaign, points), kind="stable")[:FOLLOWED]
         starts = {int(k) for k in best} | {0}
-        ends = [fitted(campaign, unknowns, points[k], rounds=FIRST_ROUNDS) for k in sorted(starts)]
-        fit = fitted(campaign, unknowns, min(ends, key=lambda one: one.cost).u, rounds=ROUNDS)
+        ends = [least(campaign, unknowns, points[k], rounds=FIRST_ROUNDS) for k in sorted(starts)]
+        fit = least(campaign, unknowns, min(ends, key=lambda one: one.cost).u, rounds=ROUNDS)
         return fit, fit
 
     def named(self, unknown: Unknown) -> tuple[str, str, str]:
@@ -277,9 +199,8 @@ class FunctionSystem(System):
         if kind == "constant":
             return self.optional.get(name, "base"), name, self.model.unit(name)
         number, _, constant = name.partition(".")
-        laws = [*((f"law {k}", law) for k, law in enumerate(self.laws)), *self.library.items()]
-        cause, law = laws[int(number)]
-        return cause, constant, law.place.unit if constant in ("strength",) else "s" if constant == "lag_s" else "1"
+        units = {"strength": self.laws[int(number)].place.unit, "lag_s": "s"}
+        return f"law {number}", constant, units.get(constant, "1")
 
     def equation(self, unknown: Unknown) -> tuple[str, str] | None:
         """The constant by its own name."""
@@ -307,8 +228,3 @@ def unknown_of(constant: Constant, *, strength: bool = False) -> Unknown:
     scale = (constant.high - constant.low) / 2
     ends = constant.low / scale, constant.high / scale
     return Unknown(target, scale, kind="linear", mean=constant.value / scale, sd=1.0, low=ends[0], high=ends[1])
-
-
-def _acts(number: int, values: Mapping[str, float]) -> bool:
-    """Whether a target is a law's."""
-    return any(target.startswith(f"law.{number}.") for target in values)
