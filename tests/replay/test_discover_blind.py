@@ -11,6 +11,7 @@ import pytest
 
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.discover.blocks import FEWEST_BLOCKS, how_held
+from straw.replay.diagnose.discover.choose import refusals
 from straw.replay.diagnose.discover.discover import base_trial, discover
 from straw.replay.diagnose.discover.findings import SystemFindings, text
 from straw.replay.diagnose.discover.inline import Inline
@@ -166,3 +167,18 @@ def test_derivatives_are_those_of_the_residuals_with_starts_profiled_out(tmp_pat
         difference = (above - below) / 2e-3
         # robust weights and the weak prior of the starts enter the residuals only
         assert np.linalg.norm(slopes[:, k] - difference) < 0.05 * np.linalg.norm(difference)
+
+
+def test_the_last_laws_are_refused_until_one_improves_what_was_held_out():
+    unit = np.array([0.1])
+
+    def kept(*held: float) -> int:
+        return len(held) - 1 - refusals(unit, [np.array([h]) for h in held])
+
+    assert kept(8.0, 4.0, 1.0) == 2
+    assert kept(8.0, 1.0, 1.2) == 1  # the second makes it worse
+    assert kept(8.0, 1.0, 0.99) == 1  # and here it changes next to nothing
+    assert kept(8.0, 9.0, 1.0) == 2  # the first alone is nothing, both together are good
+    assert kept(8.0, 9.0, 8.5) == 0  # better than the first, worse than the base
+    assert kept(8.0, 8.0) == 0
+    assert kept(8.0) == 0

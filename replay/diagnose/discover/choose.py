@@ -102,6 +102,17 @@ def holds(unit: Floats, before: Floats, after: Floats) -> bool:
     return told[1] < HELD * told[0]
 
 
+def refusals(unit: Floats, held: Sequence[Floats]) -> int:
+    """How many of the last trials to refuse, by the held-out RMS (channels,) of the base and each: those that are no
+    better than what they were added to, and all where what then remains is no better than the base."""
+    kept = len(held) - 1
+    while kept and not holds(unit, held[kept - 1], held[kept]):
+        kept -= 1
+    if kept and not holds(unit, held[0], held[kept]):
+        kept = 0
+    return len(held) - 1 - kept
+
+
 def simplest(one: Trial) -> tuple[float, ...]:
     """Among laws that predict equally well a formula comes before a table, fewer constants before more, and a law in an
     equation before the same effect in a constant, an input or an instrument."""

@@ -1,8 +1,8 @@
 """Builds the missing part law by law: screens every place and state, fits the best, writes them as formulas.
 
 A law is chosen where it reduces the cross-validated error by a relevant share, beyond the cost of its constants, on
-folds of what was fitted, arranged like the hold-out. The search sees nothing of what is held out: that is asked once,
-at the end, to accept or refuse all that was chosen.
+folds of what was fitted, arranged like the hold-out. The search sees nothing of what is held out: that is asked at the
+end, to refuse the last laws where they do not improve it.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from straw.replay.diagnose.discover.choose import (
     OF_NOTE,
     apart,
     forms_of,
-    holds,
     of_note,
     picked,
+    refusals,
     rivals,
     written,
 )
@@ -71,8 +71,8 @@ class Step:
 class Discovery:
     """The base's trial and the rounds; ``asked``: held-out RMS (channels,) of the base, then of each chosen trial.
 
-    ``searched`` are the recordings without their held-out readings; ``refused`` whether the last chosen trial is no
-    better on these readings, which nothing saw before, so that nothing is accepted.
+    ``searched`` are the recordings without their held-out readings, which nothing saw before; ``refused`` how many of
+    the last chosen trials they refuse.
     """
 
     base: Trial
@@ -80,7 +80,7 @@ class Discovery:
     noise: Floats
     asked: tuple[Floats, ...]
     searched: tuple[Recorded, ...]
-    refused: bool = False
+    refused: int = 0
     whole: bool = True
 
     @property
@@ -91,7 +91,7 @@ class Discovery:
     @property
     def accepted(self) -> list[Trial]:
         """Trials accepted, in order."""
-        return [] if self.refused else self.chosen
+        return self.chosen[: len(self.chosen) - self.refused]
 
     @property
     def best(self) -> Trial:
@@ -114,7 +114,7 @@ def discover(
 ) -> Discovery:
     """Fit the base, then add laws while they improve the prediction; if stopped, the chosen ones count.
 
-    Held-out readings are taken away at first; they are asked once, whether what was chosen is better than the base.
+    Held-out readings are taken away at first, and asked at the end how many of the chosen laws to keep (`refusals`).
     """
     told("base model", 0, LAWS + 1)
     searched = asked_as([one.without_held() for one in recordings if one.fitted.any()], recordings)
@@ -135,8 +135,7 @@ def discover(
     base = on_all(base, searched)
     chosen = [base, *(one.accepted for one in steps if one.accepted)]
     held = tuple(held_out(one, recordings) for one in chosen)
-    tested = any(one.held.any() for one in recordings) and len(chosen) > 1
-    refused = tested and not holds(base.unit, held[0], held[-1])
+    refused = refusals(base.unit, held) if any(one.held.any() for one in recordings) else 0
     return Discovery(base, tuple(steps), noise, held, searched, refused, not stop())
 
 

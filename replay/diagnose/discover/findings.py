@@ -233,12 +233,13 @@ class SystemFindings:
     def refused(self) -> list[str]:
         """Laws chosen from what was fitted that did not improve what was held out, in words."""
         d = self.discovery
-        return [law.says for law in d.chosen[-1].laws] if d.refused else []
+        kept = [law.says for law in d.best.laws]
+        return [law.says for law in d.chosen[-1].laws if law.says not in kept] if d.refused else []
 
     @property
     def best_located(self) -> str:
-        """Place and state of the first law that was refused, in words; empty where none was chosen."""
-        refused = self.discovery.chosen if self.discovery.refused else []
+        """Place and state of the first law where all were refused, in words; empty where none was chosen."""
+        refused = [] if self.discovery.accepted else self.discovery.chosen
         return refused[0].laws[-1].says if refused else ""
 
     def as_json(self) -> dict[str, Any]:

@@ -81,12 +81,13 @@ def _refused(f: SystemFindings) -> list[str]:
     d = f.discovery
     if not f.refused:
         return []
+    without = "without" if d.accepted else "of the base"
     parts = [
-        f"{c.symbol} {sig(d.asked[-1][k])} {c.shown_unit} against {sig(d.asked[0][k])} of the base"
+        f"{c.symbol} {sig(d.asked[-1][k])} {c.shown_unit} against {sig(d.held[-1][k])} {without}"
         for k, c in enumerate(d.base.system.channels)
     ]
     return [
-        f"Chosen from what was fitted and refused: {and_(f.refused)}. It leaves where nothing was fitted: "
+        f"Chosen from what was fitted and refused: {and_(f.refused)}. With it, where nothing was fitted: "
         f"{'; '.join(parts)}."
     ]
 
