@@ -162,7 +162,9 @@ def marked(rows: Sequence[Row]) -> str:
         after = f"{scale * row.after:.3g}"
         worse = row.after > WORSE * row.quick
         said = row.agrees if row.agrees == "yes" else f"**{row.agrees}**"
-        laws = f"refused: {row.refused}" if row.refused else "; ".join(x.split(":")[0] for x in row.found.split("; "))
+        kept = "; ".join(x.split(":")[0] for x in row.found.split("; "))
+        kept = kept if row.after != row.base or not row.refused else ""  # where all are refused it is what was located
+        laws = "; ".join(filter(None, (kept, row.refused and f"refused: {row.refused}")))
         cells = [
             row.name,
             f"{scale * row.base:.3g}",
