@@ -13,7 +13,7 @@ import pytest
 
 from straw.replay.cli import main
 from straw.replay.tables.options import COLUMNS
-from straw.rig.mcap_scan import read_bytes, scan
+from straw.rig.mcap_scan import scan
 from straw.rig.run_derived import write_tip
 from straw.rig.run_read import read_run
 from straw.rig.run_track import write_track
@@ -27,10 +27,11 @@ STATED = ["--start", "2026-05-03 12:00:00Z", "--deployed", "1,4", "--specimen", 
 
 def contents(path: Path) -> tuple[Any, ...]:
     """Messages in order, bit for bit, with topic, both times and schema; metadata and attachments."""
-    found = scan(read_bytes(path), str(path))
+    taken: list[tuple[int, int, bytes, int]] = []
+    found = scan(path, lambda *message: taken.append(message))
     assert not found.lost
     messages = []
-    for channel_id, ns, data, log_ns in found.messages:
+    for channel_id, ns, data, log_ns in taken:
         channel = found.channels[channel_id]
         schema = found.schemas[channel.schema_id]
         messages.append((channel.topic, channel.message_encoding, channel.metadata, schema.data, ns, log_ns, data))
