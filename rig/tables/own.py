@@ -21,7 +21,7 @@ from straw.rig.memory import available_bytes
 from straw.rig.tables.own_codec import PAYLOAD, Codec, Row
 
 VERSION = 1
-#: Memory that a message takes as a row, beside its bytes and itself again as text (measured).
+#: Memory that a message takes as a row, beside its bytes and itself again as text, an estimate.
 ROW_BYTES = 3000
 
 

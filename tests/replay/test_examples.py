@@ -16,7 +16,7 @@ EXAMPLES = {
     "protocol_predicted.py": ("deploy.png", "one percent of E_pa"),
     "law_of_ones_own.py": ("law.png", "truth 3e+06"),
     "controller_of_ones_own.py": ("hold.png", "readings by my-controller"),
-    "diagnosis_step_by_step.py": ("diagnosis.png", "RMS held out 1.8"),
+    "diagnosis_step_by_step.py": ("diagnosis.png", "RMS held out 1.835 -> 0.0"),
     "recording_of_another_logger.py": ("import.png", "0 guesses left; both ways agree within"),
 }
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.settings import FAILED_SIGMAS
-from straw.replay.diagnose.system import Level, Recording, System
+from straw.replay.diagnose.system import System
 from straw.replay.diagnose.systems.function.encoding import Encoding
 from straw.replay.diagnose.systems.function.plain import plain_march
 from straw.replay.diagnose.systems.function.recording import Recorded
@@ -144,18 +143,9 @@ def stacked(system: FunctionSystem, recordings: Sequence[Recorded]) -> Stack:
 class Stacked(Campaign):
     """A campaign whose recordings are simulated together; jobs of a pool are whole campaigns."""
 
-    def __init__(
-        self,
-        observations: Sequence[Recording],
-        system: System,
-        pool: Executor,
-        stop: Callable[[], bool] = lambda: False,
-        level: Level = Level.FINE,
-    ) -> None:
-        super().__init__(observations, system, pool, stop, level)
-        self.stack: Stack | None = None
-        #: Recordings that are to be predicted, without readings but those that tell their starts.
-        self.ahead: tuple[Recorded, ...] = ()
+    stack: Stack | None = None
+    #: Recordings that are to be predicted, without readings but those that tell their starts.
+    ahead: tuple[Recorded, ...] = ()
 
     def with_system(self, system: System) -> Stacked:
         """The campaign with another system to start from, beginning at the same starts."""
