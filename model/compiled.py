@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,21 +14,21 @@ import numba
 from straw.model import plugged
 
 
-def _cache_folder() -> Path:
-    """Folder for compiled code, one per state of the model's source.
+def cache_folder(sources: Iterable[Path]) -> Path:
+    """Folder for compiled code, one per state of its source files.
 
     Numba notices a change in the file of the function it cached but not in the files that function calls into, so a
-    stale answer is possible after an edit or an upgrade. Keying the folder by all of the source rules that out, that of
-    laws from outside included.
+    stale answer is possible after an edit or an upgrade. Keying the folder by all of the source rules that out.
     """
     digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
-    for source in [*sorted(Path(__file__).parent.rglob("*.py")), *plugged.sources()]:
+    for source in sources:
         digest.update(source.read_bytes())
     parent = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     return Path(parent) / "straw" / f"numba-{digest.hexdigest()[:16]}"
 
 
-_CACHE = _cache_folder()
+#: Of the model's source, and of laws from outside.
+_CACHE = cache_folder([*sorted(Path(__file__).parent.rglob("*.py")), *plugged.sources()])
 #: Whether this machine has compiled this model already; the first time takes about half a minute.
 COMPILED_BEFORE = _CACHE.exists()  # asked here, as numba makes the folder when the first function is declared
 setattr(numba.config, "CACHE_DIR", str(_CACHE))  # noqa: B010  (numba makes its settings at run time)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import os
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,6 +10,7 @@ from typing import Any, TypeVar, cast
 import numba
 from numba import types
 
+from straw.model.compiled import cache_folder
 from straw.replay.diagnose import settings
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
@@ -35,18 +33,8 @@ _KINDS = {
 }
 
 
-def _folder() -> Path:
-    """Folder for compiled code, one per state of its source: numba notices changes only in the file of the function
-    that it keeps, not in those that it calls."""
-    digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
-    own = [Path(__file__).with_name(f"{name}.py") for name in ("compiled", "kernel", "shapes", "shots")]
-    for source in [*own, Path(settings.__file__)]:
-        digest.update(source.read_bytes())
-    parent = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(parent) / "straw" / f"numba-{digest.hexdigest()[:16]}"
-
-
-_FOLDER = _folder()
+_SOURCES = [Path(__file__).with_name(f"{name}.py") for name in ("compiled", "kernel", "shapes", "shots")]
+_FOLDER = cache_folder([*_SOURCES, Path(settings.__file__)])
 
 
 @contextmanager
