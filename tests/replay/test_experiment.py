@@ -9,7 +9,10 @@ import pytest
 
 from straw.replay.cli import main
 from straw.replay.diagnose.systems.straw.experiment import Rated
+from straw.replay.diagnose.settings import SIMULATED_EVERY_S
 from straw.replay.diagnose.systems.straw.menu import allowed, drawn, menu, varied, written
+from straw.replay.diagnose.systems.straw.observation import REPEATABILITY_S
+from straw.replay.diagnose.systems.straw.separation import STIFF_SD, separation, snap_scatter
 from straw.replay.investigate.propose import openings
 from straw.rig.limits import PressureLimits
 from straw.rig.protocol_toml import protocol_from_toml
@@ -40,6 +43,39 @@ def test_the_lower_bound_of_information_never_exceeds_the_information():
         exact = entropy - 0.5 * np.log(2 * np.pi * np.e)
         bound = told([[0.0, s], [s, 0.0]], [0.5, 0.5])
         assert 0.3 * exact < bound <= exact + 1e-9
+
+
+def snapping(late_s: float = 0.0, height_m: float = 0.01) -> np.ndarray:
+    """Tip (3, n) of a run of three seconds whose frustum is bent from 1.0 to 1.3 s, then stays higher."""
+    t = np.arange(0.0, 3.0, SIMULATED_EVERY_S) - late_s
+    bent = 0.2 * (np.tanh((t - 1.0) / 0.01) - np.tanh((t - 1.3) / 0.01)) / 2
+    return np.stack([0 * t, height_m * (1 + np.tanh((t - 1.15) / 0.03)) / 2, bent])
+
+
+def test_predictions_that_snap_at_other_times_are_apart_by_the_time_not_by_the_height_of_the_snap():
+    late_s = 8e-3
+    apart = separation(snapping(), snapping(late_s), np.zeros(2))
+    assert apart == pytest.approx(np.sqrt(2) * late_s / REPEATABILITY_S, rel=0.02)  # begin and end are both late
+
+
+def test_a_difference_of_shape_counts_once_in_each_interval_of_the_noise():
+    """1 mm (17 sigma) in Z for the last 1.85 s, 18.5 intervals."""
+    apart = separation(snapping(), snapping(height_m=0.011), np.zeros(2))
+    assert apart == pytest.approx(1e-3 / 60e-6 * np.sqrt(18.5), rel=0.05)
+
+
+def test_times_that_differ_between_repeats_as_much_as_between_hypotheses_hardly_tell():
+    late_s = 8e-3
+    scatter_s = snap_scatter(snapping(), snapping(STIFF_SD * late_s))
+    assert scatter_s == pytest.approx([late_s, late_s], rel=0.02)
+    assert separation(snapping(), snapping(late_s), scatter_s) == pytest.approx(1.0, rel=0.05)
+
+
+def test_a_run_whose_repeats_may_snap_or_not_has_no_scatter():
+    still = np.zeros_like(snapping())
+    assert snap_scatter(snapping(), still) is None
+    assert len(snap_scatter(still, still)) == 0
+    assert separation(still, still, np.zeros(0)) == 0.0
 
 
 def test_designs_and_their_variations_are_within_the_limits_of_pressure_and_rate():

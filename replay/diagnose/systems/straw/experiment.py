@@ -19,15 +19,12 @@ from straw.replay.diagnose.settings import SIMULATED_EVERY_S, TOLERANCE_M
 from straw.replay.diagnose.systems.straw.constants import applied
 from straw.replay.diagnose.systems.straw.menu import Choice, menu, written
 from straw.replay.diagnose.systems.straw.of import straw_of
-from straw.replay.diagnose.systems.straw.snaps import crossings, levels_of
+from straw.replay.diagnose.systems.straw.separation import STIFF, separation, snap_scatter, snap_times
 from straw.rig.outlet import Outlet
 from straw.rig.protocol import PressureProtocol
 from straw.rig.protocol_toml import protocol_from_toml
 
 Floats = NDArray[np.float64]
-
-#: Unit of the difference: m, m, rad, including differences between repeats; and the noise's correlation time, s.
-SIGMA, LASTS_S = np.array([40e-6, 60e-6, 3e-3]), 0.1
 
 
 @dataclass(frozen=True)
@@ -100,22 +97,37 @@ def next_experiment(campaign: Campaign, survivors: Sequence[Contestant], *, expl
 def rated(campaign: Campaign, survivors: Sequence[Contestant], protocols: Iterable[str]) -> list[Rated | None]:
     """Protocols (TOML) simulated by these hypotheses on the campaign's workers.
 
-    None where fewer than two can simulate it; the separation of a pair of which one cannot is NaN.
+    None where fewer than two can simulate it, or where repeats of the first's straw may snap or not; the separation of
+    a pair of which one cannot simulate it is NaN.
     """
     read = [protocol_from_toml(text, "an experiment") for text in protocols]
     straw = straw_of(campaign)
-    jobs = [[campaign.pool.submit(_played, straw, c, protocol) for c in survivors] for protocol in read]
-    out: list[Rated | None] = []
-    for protocol, row in zip(read, jobs, strict=True):
-        seen = [job.result() for job in row]
-        separation = np.zeros((len(seen), len(seen)))
-        for i, k in itertools.combinations(range(len(seen)), 2):
-            a, b = seen[i], seen[k]
-            separation[i, k] = separation[k, i] = np.nan if a is None or b is None else _separation(a, b)
-        snaps = max((_snaps(one) for one in seen if one is not None), default=0)
-        played = sum(one is not None for one in seen)
-        out.append(Rated(protocol, separation, snaps) if played > 1 else None)
-    return out
+    stiff = straw.replace(E_pa=np.asarray(straw.E_pa) * STIFF)
+    jobs = [
+        [
+            *(campaign.pool.submit(_played, straw, c, protocol) for c in survivors),
+            campaign.pool.submit(_played, stiff, survivors[0], protocol),
+        ]
+        for protocol in read
+    ]
+    return [
+        _rated(protocol, [job.result() for job in row[:-1]], row[-1].result())
+        for protocol, row in zip(read, jobs, strict=True)
+    ]
+
+
+def _rated(protocol: PressureProtocol, seen: Sequence[Floats | None], stiff: Floats | None) -> Rated | None:
+    """From the tips (3, n) that hypotheses predict, and that of the first's with stiffer walls."""
+    played = [one for one in seen if one is not None]
+    first = seen[0]
+    scatter_s = np.zeros(0) if first is None or stiff is None else snap_scatter(first, stiff)
+    if len(played) < 2 or scatter_s is None:
+        return None
+    apart = np.zeros((len(seen), len(seen)))
+    for i, k in itertools.combinations(range(len(seen)), 2):
+        a, b = seen[i], seen[k]
+        apart[i, k] = apart[k, i] = np.nan if a is None or b is None else separation(a, b, scatter_s)
+    return Rated(protocol, apart, max(len(snap_times(one)[::2]) for one in played))
 
 
 def _played(base: StrawParameters, contestant: Contestant, protocol: PressureProtocol) -> Floats | None:
@@ -136,16 +148,3 @@ def _played(base: StrawParameters, contestant: Contestant, protocol: PressurePro
     pose = np.stack([seen.x_m, seen.z_m, seen.phi_rad])
     at = np.clip(instrument.true_time(grid), 0.0, grid[-1])
     return instrument.seen(np.stack([np.interp(at, grid, row) for row in pose]))
-
-
-def _snaps(pose: Floats) -> int:
-    """Number of snaps in a tip's motion (3, n)."""
-    grid: Floats = np.arange(pose.shape[1], dtype=np.float64) * SIMULATED_EVERY_S
-    return len(crossings(grid, pose[2], levels_of(pose[2]))[::2])
-
-
-def _separation(a: Floats, b: Floats) -> float:
-    """Separation of two predictions in sigmas, where an interval of the noise's correlation time counts once."""
-    n = min(a.shape[1], b.shape[1])
-    scaled = (a[:, :n] - b[:, :n]) / SIGMA[:, None]
-    return float(np.sqrt(np.sum(scaled**2) * SIMULATED_EVERY_S / LASTS_S))
