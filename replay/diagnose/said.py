@@ -44,7 +44,7 @@ def says(
     named = " and ".join(words(c) for c in causes)
     if not found.whole:
         so_far = f"; so far {named} would explain these runs best" if named else ""
-        return f"Stopped before every cause was looked at: nothing is named and nothing excluded{so_far}."
+        return f"Stopped before every cause was tried: nothing is named and nothing is excluded{so_far}."
     if verdict == "complete":
         return f"Nothing is missing: the base model, its constants refitted, explains all {runs} runs to repeatability."
     if verdict == "within_tolerance":
@@ -72,9 +72,9 @@ def doubts(found: Inquiry) -> list[str]:
     runs = found.campaign.observations
     out = []
     if not found.whole:
-        out.append("the search was cut short: causes not looked at yet count as impossible here")
+        out.append("the search was cut short: causes that were not tried have probability zero here")
     if found.spent:
-        out.append("the search spent its budget of steps: what it had not fitted by then counts as not there")
+        out.append("the search spent its budget of steps: what was not fitted by then has probability zero here")
     if len(runs) < 3:
         out.append(
             f"{len(runs)} run{'s' if len(runs) > 1 else ''}: nothing could be held out, and repeats are not known"
@@ -87,7 +87,7 @@ def doubts(found: Inquiry) -> list[str]:
         )
     out += found.campaign.system.doubts(runs)
     if found.campaign.tally["failed"]:
-        out.append(f"{found.campaign.tally['failed']} simulations could not follow and counted as very wrong")
+        out.append(f"{found.campaign.tally['failed']} simulations failed and were counted as large misfits")
     return out
 
 

@@ -195,7 +195,7 @@ def test_an_inquiry_that_is_stopped_settles_nothing_and_holds_nothing_out(plain)
     assert findings.verdict == "ambiguous"
     assert findings.causes == []
     assert findings.held is None
-    assert "Stopped before every cause was looked at" in findings.says
+    assert "Stopped before every cause was tried" in findings.says
 
 
 def test_a_cause_whose_law_has_another_form_is_named_while_no_rival_explains_nearly_as_much():
