@@ -59,7 +59,7 @@ def says(
                 f"{probability[refuted.name]:.2f}), but fitted without the runs held out it predicts them worse than "
                 f"the base ({refuted.worse}){tail}."
             )
-        return f"{_not_told(causes, probability)}{tail}."
+        return f"{_undecided(causes, probability)}{tail}."
     what = "The recording is at fault:" if verdict == "measurement_fault" else "The model leaves out"
     judgement = found.judgement()
     share = judgement.left_over / max(judgement.excess["complete"], judgement.left_over, 1e-300)
@@ -96,11 +96,11 @@ def _sure(causes: Sequence[str], probability: Mapping[str, float]) -> float:
     return sum(p for name, p in probability.items() if set(causes) & set(name.split("+")))
 
 
-def _not_told(causes: Sequence[str], probability: Mapping[str, float]) -> str:
+def _undecided(causes: Sequence[str], probability: Mapping[str, float]) -> str:
     """Hypotheses that cannot be distinguished, with probabilities; a single cause may be too improbable to be named."""
     sure = {words(c): _sure([c], probability) for c in causes}
     sure |= {text: probability[name] for name, text in NO_CAUSE.items() if probability[name] > 1 - COVERED}
     among = [f"{name} ({p:.2f})" for name, p in sure.items()]
     if len(among) < 2:
-        return f"These runs do not settle it: {''.join(among) or 'nothing'} is the most probable, and not enough so"
+        return f"These runs do not settle it: {''.join(among) or 'nothing'} is most probable, but not enough"
     return f"These runs cannot tell {' from '.join(among)}, probabilities in brackets"
