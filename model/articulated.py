@@ -56,7 +56,7 @@ def _invert2(G: Floats) -> None:
 
 @allocates_nothing
 def _invert(G: Floats, k: int) -> None:
-    """Inverse in place, by Gauss and Jordan; the diagonal carries masses and stiffness of its own."""
+    """Inverse in place by Gauss-Jordan elimination; the diagonal, of masses and stiffness, needs no pivots."""
     if k == 2:
         _invert2(G)
         return

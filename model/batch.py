@@ -39,7 +39,7 @@ def simulate_many(
     client's ``client.get_executor()`` plug in unchanged. Pressures are sampled here, so they may be lambdas.
 
     A job that raises ModelError (no such rest state, constants out of range) yields that error in its place: in a
-    search over constants it is an answer. Anything else, such as a worker that died, is raised.
+    search over constants that is a result. Anything else, such as a worker that died, is raised.
 
     ``jobs`` may be endless: no more than ``ahead`` are taken before their turn, so that neither waiting jobs nor
     finished predictions (half a megabyte each for 6 s) pile up; at least twice the number of workers keeps all busy.

@@ -26,7 +26,7 @@ class Columns(NamedTuple):
 
     qv: Floats  # (cells, 2 moving wide) displacements, then rates, row by row, each padded with zeros
     memory: Floats  # (cells, 2, MEMORIES, 2, P)
-    way_in: Floats  # (STATES, P)
+    inlet: Floats  # (STATES, P)
     inside_pa: Floats  # (P,)
 
 
@@ -41,11 +41,11 @@ class Bench(NamedTuple):
     found: Floats  # (cells, moving, wide) accelerations; behind the columns those per pascal inside
     qv: Floats  # (STAGES, cells, 2 moving wide) rates of the columns in each stage
     memory: Floats  # (STAGES, cells, 2, MEMORIES, 2, P)
-    way_in: Floats  # (STAGES, STATES, P)
+    inlet: Floats  # (STAGES, STATES, P)
     known_memory: Floats
-    known_way_in: Floats
+    known_inlet: Floats
     now_memory: Floats
-    now_way_in: Floats
+    now_inlet: Floats
     external: Floats  # (P,)
     flow: Floats  # (wide,)
     inside_pa: Floats  # (wide,)

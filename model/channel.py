@@ -131,8 +131,8 @@ def inside_pressure(
     return inside, slope
 
 
-class WaySlopes(NamedTuple):
-    """The inlet after an implicit step, linearised: pressures p_r and inside, flow Q, gas v, see `way_slopes`."""
+class InletSlopes(NamedTuple):
+    """The inlet after an implicit step, linearised: pressures p_r and inside, flow Q, gas v, see `inlet_slopes`."""
 
     reservoir: float  # p_r by its known state
     external: float  # p_r by the external pressure
@@ -145,7 +145,7 @@ class WaySlopes(NamedTuple):
 
 
 @allocates_nothing
-def way_slopes(w: Channel, step_s: float, inside_pa: float, flow: float) -> WaySlopes:
+def inlet_slopes(w: Channel, step_s: float, inside_pa: float, flow: float) -> InletSlopes:
     """Linear response of the inlet; also valid in the limit of zero lag, gas or inertia."""
     time_s = w.lag_s + step_s
     drain = w.lag_s * step_s * w.line_pa_per_m3 / time_s
@@ -155,4 +155,4 @@ def way_slopes(w: Channel, step_s: float, inside_pa: float, flow: float) -> WayS
     share = math.exp(-squeezed)
     gas = -w.gas_m3 * share / (w.exponent * (AMBIENT_PA + inside_pa))
     by_exponent = w.gas_m3 * share * squeezed / w.exponent
-    return WaySlopes(w.lag_s / time_s, step_s / time_s, drain, resists, inertia, gas, share, by_exponent)
+    return InletSlopes(w.lag_s / time_s, step_s / time_s, drain, resists, inertia, gas, share, by_exponent)

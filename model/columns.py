@@ -1,7 +1,8 @@
 """Derivatives of a run along many directions at once: tangents of the integrator's own steps at fixed step lengths.
 
 After an accepted step every stage is linearised exactly at its solution and solved for all columns together; columns
-lie side by side in memory. Cost: one linearisation a stage, then some 1400 multiplications a stage, nine cells, column.
+lie side by side in memory. Cost for nine cells: one linearisation per stage, then some 1400 multiplications per stage
+and column.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from straw.model.frusta import MEMORIES
 from straw.model.frusta_slopes import frusta_slopes
 from straw.model.given import Given
 from straw.model.given_loads import add_given
+from straw.model.inlet_columns import advance_inlet
 from straw.model.kinematics import place, spread
 from straw.model.linearised import linearise
 from straw.model.pushing import add_pushed, body_slopes
@@ -28,7 +30,6 @@ from straw.model.scheme import COEFFICIENTS, GAMMA, STAGES, TIMES
 from straw.model.stages import Stages, State, copy, stages_for
 from straw.model.sweeps import Rows, rows_of, solve
 from straw.model.vectors import plus
-from straw.model.way_columns import advance_way
 
 Floats = NDArray[np.float64]
 
@@ -120,10 +121,10 @@ def _known(state: State, i: int, h: float, d: Columns, given: Given, b: Bench, r
         plus(qv[:half], hg, qv[half:], qv[:half])
     for x in range(STATES):
         for p in range(P):
-            b.known_way_in[x, p] = d.way_in[x, p]
+            b.known_inlet[x, p] = d.inlet[x, p]
         for j in range(i):
             for p in range(P):
-                b.known_way_in[x, p] += h * COEFFICIENTS[i, j] * b.way_in[j, x, p]
+                b.known_inlet[x, p] += h * COEFFICIENTS[i, j] * b.inlet[j, x, p]
     if given.remembers:
         for cell in range(d.qv.shape[0]):
             for f in range(2):
@@ -165,7 +166,7 @@ def _solve_stage(
     d: Columns,
     b: Bench,
 ) -> None:
-    """All columns of one stage: rates of q and v into the bench, what is left at its end into ``d`` when it is last."""
+    """All columns of one stage: rates of q and v into the bench, and after the last stage the columns into ``d``."""
     P, hg, rows = len(d.inside_pa), h * GAMMA, rows_of(c, b.links)
     _linearised(c, given, s, stage, hg, b, rows)
     _known(state, stage, h, d, given, b, rows)
@@ -175,11 +176,11 @@ def _solve_stage(
     for at in range(len(given.driven)):
         drive = Table(table.start_s, table.step_s, given.drive[at])
         b.external[given.driven[at]] = pressure_in(drive, state.clock[0] + TIMES[stage] * h)
-    advance_way(c, given, w, s, stage, hg, d, b, rows)
+    advance_inlet(c, given, w, s, stage, hg, d, b, rows)
     _moved_on(c, stage, hg, b, rows, P)
     for x in range(STATES):
         for p in range(P):
-            b.way_in[stage, x, p] = (b.now_way_in[x, p] - b.known_way_in[x, p]) / hg
+            b.inlet[stage, x, p] = (b.now_inlet[x, p] - b.known_inlet[x, p]) / hg
     if given.remembers:
         _remembered(c, stage, hg, b, rows)
 
@@ -198,7 +199,7 @@ def advance_columns(
         copy(b.qv[end, i, :half], d.qv[i, half:])
     for x in range(STATES):
         for p in range(P):
-            d.way_in[x, p] = b.now_way_in[x, p]
+            d.inlet[x, p] = b.now_inlet[x, p]
     if given.remembers:
         for i in range(c.cells):
             for j in range(2):

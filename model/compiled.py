@@ -18,7 +18,7 @@ def cache_folder(sources: Iterable[Path]) -> Path:
     """Folder for compiled code, one per state of its source files.
 
     Numba notices a change in the file of the function it cached but not in the files that function calls into, so a
-    stale answer is possible after an edit or an upgrade. Keying the folder by all of the source rules that out.
+    stale result is possible after an edit or an upgrade. Keying the folder by all of the source rules that out.
     """
     digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
     for source in sources:

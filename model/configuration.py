@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from straw.model.errors import ModelError
 from straw.model.frustum import Equilibrium, Frustum
+from straw.model.frustum_table import frustum_of
 from straw.model.parameters import StrawParameters
 
 Floats = NDArray[np.float64]
@@ -37,7 +38,7 @@ def unloaded(straw: StrawParameters, deployed: Collection[int], bent: Bent) -> F
     zeta[:] = straw.zeta0_m[:, 1]
     known: dict[tuple[Frustum, bool], list[Equilibrium]] = {}  # cells are mostly alike
     for cell in {*deployed, *bent}:
-        frustum, side = Frustum.of(straw, cell), bent.get(cell, 0)
+        frustum, side = frustum_of(straw, cell), bent.get(cell, 0)
         if (frustum, side != 0) not in known:
             found = frustum.bent() if side else frustum.straight()
             known[frustum, side != 0] = [e for e in found if e.stable and e.zeta_m > frustum.zeta0 * (1 - 1e-6)]

@@ -25,7 +25,7 @@ LONGEST_STEP, FIRST_STEP, SHORTEST_STEP = 0.05, 0.02, 1e-7
 #: A snap takes 20 steps; a branch that takes more than this is given up.
 MOST_STEPS = 5000
 #: Arclength of a load of 1; of a pressure, the multiple of 100 kPa.
-LOAD_WAY, PRESSURE_WAY_PA = 0.2, 100e3
+LOAD_LENGTH, PRESSURE_LENGTH_PA = 0.2, 100e3
 #: Newton squares its error: a step of 1e-6 leaves 1e-12.
 NEWTON_LIMIT, CLOSE = 8, 1e-6
 
@@ -43,7 +43,7 @@ class Followed:
 
 
 class Branch:
-    """A branch of rest states of a straw; points are y = ((q - start) / scale of the free coordinates, way)."""
+    """A branch of rest states of a straw; points are y = ((q - start) / scale of the free coordinates, load)."""
 
     def __init__(
         self,
@@ -59,11 +59,11 @@ class Branch:
         self.free = np.arange(len(start)) if free is None else free
         self.scale = length_scale(straw)[self.free]
         self.leftover = rest_force(self.c, self.start, 0.0) if held_start else np.zeros_like(start)
-        self.way = max(LOAD_WAY if held_start else 0.0, abs(pressure_pa) / PRESSURE_WAY_PA, 1e-6)
+        self.load_length = max(LOAD_LENGTH if held_start else 0.0, abs(pressure_pa) / PRESSURE_LENGTH_PA, 1e-6)
 
     def place(self, y: Floats) -> tuple[Floats, float, float]:
         """Coordinates, load s and pressure at a point."""
-        q, s = self.start.copy(), float(y[-1]) / self.way
+        q, s = self.start.copy(), float(y[-1]) / self.load_length
         q[self.free] += y[:-1] * self.scale
         return q, s, s * self.pressure_pa
 
@@ -77,7 +77,7 @@ class Branch:
         q, _, p = self.place(y)
         K = stiffness_matrix(self.c, q, p)[np.ix_(self.free, self.free)] * self.scale * self.scale[:, None]
         by_load = pressure_force(self.c, q, p) * self.pressure_pa + self.leftover
-        return np.column_stack([-K, by_load[self.free] * self.scale / self.way])
+        return np.column_stack([-K, by_load[self.free] * self.scale / self.load_length])
 
     def correct(self, guess: Floats, direction: Floats, reach: float) -> Floats | None:
         """The branch's point in the plane across ``direction`` through the guess, by steps no longer than ``reach``."""
@@ -98,7 +98,7 @@ class Branch:
 
     def settled(self, reach: float) -> Floats | None:
         """Coordinates of the stable state under the whole load within ``reach`` of the start; None where none is."""
-        y = np.append(np.zeros(len(self.free)), self.way)
+        y = np.append(np.zeros(len(self.free)), self.load_length)
         found = self.correct(y, np.eye(len(y))[-1], reach)
         if found is None or np.abs(found[:-1]).max() > reach or _softest(self.jacobian(found)) <= 0:
             return None
@@ -128,9 +128,9 @@ def follow(branch: Branch) -> Followed:
     direction, step = _tangent(J, up), FIRST_STEP
     for _ in range(MOST_STEPS):
         guess = y + step * direction
-        arrives = guess[-1] >= branch.way
+        arrives = guess[-1] >= branch.load_length
         if arrives:  # land on the whole load: the plane across the load's axis
-            guess = y + (branch.way - y[-1]) / direction[-1] * direction
+            guess = y + (branch.load_length - y[-1]) / direction[-1] * direction
         new = branch.correct(guess, up if arrives else direction, step)
         if new is None:
             step /= 4

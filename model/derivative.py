@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.model.bench import Columns
-from straw.model.channel import STATES, channel_of, lost, lost_to_table_moved, way_slopes
+from straw.model.channel import STATES, channel_of, inlet_slopes, lost, lost_to_table_moved
 from straw.model.columns import rest_columns
 from straw.model.compiled import compiled
 from straw.model.constants import Constants
@@ -197,27 +197,30 @@ def _by_frustum(straw: StrawParameters, by: Floats, odd: Floats) -> tuple[Floats
 def _start(
     straw: StrawParameters, changes: Given, linear: Constants, table: Table, q: Floats, directions: Sequence[Direction]
 ) -> tuple[Columns, Floats]:
-    """Where the columns start: how the rest state, (cells, moving, P) once more, and the way in change."""
+    """Where the columns start: how the rest state, (cells, moving, P) once more, and the states of the inlet change."""
     P, n, moving, first_pa = len(directions), straw.cells, len(q) // straw.cells, float(table.pressure_pa[0])
-    by_first_pa, way_in = np.zeros(P), np.zeros((STATES, P))
+    by_first_pa, inlet = np.zeros(P), np.zeros((STATES, P))
     by_first_pa[changes.driven] = changes.drive[:, 0]
     still = linear.terms.copy()
     for name in MEMORY_TERMS:  # whose memory is zero at rest
         still[:, :, COLUMNS[name][0]] = 0.0
-    way = channel_of(straw.constants())
-    lost_pa, by_lost_pa = lost(way, 0.0)[0], np.array([lost_to_table_moved(way, 0.0, by) for by in changes.way_tables])
+    channel = channel_of(straw.constants())
+    lost_pa, by_lost_pa = (
+        lost(channel, 0.0)[0],
+        np.array([lost_to_table_moved(channel, 0.0, by) for by in changes.inlet_tables]),
+    )
     at_rest = linear._replace(terms=still, remembers=False)
     rest = rest_columns(at_rest, changes, q, first_pa - lost_pa, by_first_pa - by_lost_pa)
     for p, direction in enumerate(directions):
         if direction.start is not None:
             rest[:, :, p] += direction.start.reshape(moving, n).T
-    gas = way_slopes(way, 1.0, first_pa, 0.0)
-    way_in[0] = by_first_pa
-    way_in[2] = gas.gas * by_first_pa + gas.gas_by_volume * changes.way[5] + gas.gas_by_exponent * changes.way[6]
+    gas = inlet_slopes(channel, 1.0, first_pa, 0.0)
+    inlet[0] = by_first_pa
+    inlet[2] = gas.gas * by_first_pa + gas.gas_by_volume * changes.inlet[5] + gas.gas_by_exponent * changes.inlet[6]
     memory = np.zeros((n, 2, MEMORIES, 2, P if changes.remembers else 0))
     qv = np.zeros((n, 2 * moving, wide(P + 1)))
     qv[:, :moving, :P] = rest
-    return Columns(qv.reshape(n, -1), memory, way_in, by_first_pa), rest
+    return Columns(qv.reshape(n, -1), memory, inlet, by_first_pa), rest
 
 
 @compiled

@@ -20,7 +20,7 @@ from scipy.optimize import brentq, least_squares
 from scipy.stats import qmc
 
 from straw.model.errors import ModelError
-from straw.model.frustum import Frustum
+from straw.model.frustum_table import frustum_of
 from straw.model.parameters import Floats, StrawParameters
 from straw.model.snap import snaps
 
@@ -52,7 +52,7 @@ class Wish:
 
 @dataclass(frozen=True)
 class Design:
-    """A geometry: what was varied, what it gives (as in `WANTED`), and how far that is from what was wanted."""
+    """A geometry: what was varied, its properties (as in `WANTED`), and their distance from the wish."""
 
     varied: Mapping[str, float]
     gives: Mapping[str, float]
@@ -119,7 +119,7 @@ def with_varied(straw: StrawParameters, varied: Mapping[str, float]) -> StrawPar
 
 def gives(straw: StrawParameters) -> dict[str, float]:
     """Properties of a cell of the straw, as in `WANTED`; NaN where it has one state only."""
-    frustum = Frustum.of(straw, sealed=True)
+    frustum = frustum_of(straw, sealed=True)
     odd, even = (1e3 * float(x) for x in straw.zeta0_m[0])
     found = frustum.equilibria()
     stable = [e for e in found if e.stable]
@@ -235,7 +235,7 @@ def in_order(wish: Wish, straw: StrawParameters) -> tuple[StrawParameters, list[
 def _thickness(straw: StrawParameters, cell: int, pressure_pa: float) -> float:
     """Thickness at which the cell's sealed even frustum snaps at a pressure by the closed form; ModelError if none."""
     which = 3 if pressure_pa > 0 else 0
-    own, h0 = Frustum.of(straw, cell, sealed=True), float(straw.h_m[cell - 1, 1])
+    own, h0 = frustum_of(straw, cell, sealed=True), float(straw.h_m[cell - 1, 1])
 
     def at(h: float) -> float:
         share = h / h0

@@ -148,10 +148,10 @@ def _eliminate(
         own, there, back, ahead = s.own[i], s.next[i], e.back[i], e.ahead[i]
         ux, uz, length = s.axis[i, 0], s.axis[i, 1], s.length[i]
         across = wrench[0] * uz - wrench[1] * ux
-        # all columns of what is beyond are added to the cell's own rows
+        # all columns of the outer part are added to the cell's own rows
         for column in range(dims + 3 * r):
             fx, fz, moment = _beyond(A, there, column, dims, r)
-            if column == bends:  # what is beyond turns, and the force it hands on turns with it
+            if column == bends:  # the outer part turns, and the force that it transmits turns with it
                 fx += wrench[1]
                 fz -= wrench[0]
             arm = moment + length * (fx * uz - fz * ux)

@@ -35,7 +35,7 @@ class FillingTests:
 
 @dataclass(frozen=True)
 class ChannelRadius:
-    """r_ch with its 95 % interval, and how far the tests bear the law out.
+    """r_ch with its 95 % interval, and how well the tests agree with the law.
 
     ``scatter`` is the relative standard deviation of the flows about the law. ``exponent`` is that of the flow in the
     pressure difference, left free: 1/2 for Bernoulli's law, 1 if friction along the walls (Poiseuille) ruled.

@@ -1,7 +1,7 @@
 """How the frusta's forces change with their motion and constants: central differences of each law by itself.
 
-Who writes a law writes no derivative. Differences of a law alone are good to 1e-9, as its steps are known to suit it;
-differences between runs are not.
+So the author of a law writes no derivatives. Differences of a single law, with steps that suit it, are good
+to 1e-9; differences between runs are not.
 """
 
 from __future__ import annotations

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.model.errors import ModelError
-from straw.model.parameters import StrawParameters
 
 Floats = NDArray[np.float64]
 
@@ -45,20 +44,6 @@ class Frustum:
     r_i: float
     zeta0: float
     area_m2: float
-
-    @classmethod
-    def of(cls, straw: StrawParameters, cell: int = 1, *, sealed: bool = False) -> Frustum:
-        """The even (active) frustum of a cell, alone or carrying the pull of the straw's sealed end."""
-        if not 1 <= cell <= straw.cells:
-            raise ModelError(f"frustum: cell {cell} is not in a straw of {straw.cells} cells")
-        c, place = straw.constants(), (cell - 1, 1)
-        area_m2 = float(c.S if sealed else c.C3)
-        own = (float(c.C1[place]), float(c.C2[place]), float(c.r_i), float(c.zeta0[place]), area_m2)
-        if c.wall[place][0] > 0:
-            from straw.model.frustum_table import TableFrustum  # which is made from this class
-
-            return TableFrustum(*own, tuple(c.wall[place].tolist()))
-        return cls(*own)
 
     def energy(self, zeta_m: Floats, phi_rad: Floats, pressure_pa: float = 0.0) -> Floats:
         """Potential energy, J (equation 7), zero at (zeta_0, 0) without pressure; arguments broadcast."""

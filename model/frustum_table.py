@@ -1,4 +1,4 @@
-"""One frustum whose energy is a table of finite elements, at rest: what `straw.model.frustum` answers, for it."""
+"""One frustum at rest whose energy is a table of finite elements; as `straw.model.frustum` for equation 7."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
+from straw.model.errors import ModelError
 from straw.model.frustum import Frustum
+from straw.model.parameters import StrawParameters
 from straw.model.terms.shell_energy import SHARE, shell_energy, shell_force, shell_stiffness
 
 Floats = NDArray[np.float64]
@@ -98,6 +100,16 @@ class TableFrustum(Frustum):
         inner_high = _extreme(bent, (0.0, 0.45 * reach), 1)
         inner_low = _extreme(bent, (-0.45 * reach, 0.0), -1)
         return low, inner_low, inner_high, high
+
+
+def frustum_of(straw: StrawParameters, cell: int = 1, *, sealed: bool = False) -> Frustum:
+    """The even (active) frustum of a cell, alone or carrying the pull of the straw's sealed end."""
+    if not 1 <= cell <= straw.cells:
+        raise ModelError(f"frustum: cell {cell} is not in a straw of {straw.cells} cells")
+    c, place = straw.constants(), (cell - 1, 1)
+    area_m2 = float(c.S if sealed else c.C3)
+    own = (float(c.C1[place]), float(c.C2[place]), float(c.r_i), float(c.zeta0[place]), area_m2)
+    return TableFrustum(*own, tuple(c.wall[place].tolist())) if c.wall[place][0] > 0 else Frustum(*own)
 
 
 def _root(function: Callable[[float], float], low: float, high: float) -> float:

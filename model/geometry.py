@@ -12,7 +12,7 @@ from scipy.optimize import brentq, root
 
 from straw.model.elasticity import EQUATION_7
 from straw.model.errors import ModelError
-from straw.model.frustum import Frustum
+from straw.model.frustum_table import frustum_of
 from straw.model.parameters import StrawParameters
 from straw.model.snap import snap_pair
 
@@ -139,7 +139,7 @@ def _by_table(readings: Readings, straw: StrawParameters, held: bool, limit_pa: 
 def _readings_of(straw: StrawParameters, held: bool, limit_pa: float) -> Floats:
     """The four readings of a straw: lengths (m) of its unloaded first cell, snap pressures (Pa) of its first cell."""
     odd, even = straw.zeta0_m[0]
-    deployed = Frustum.of(straw).equilibria()[0].zeta_m
+    deployed = frustum_of(straw).equilibria()[0].zeta_m
     down, up = snap_pair(straw, 1, held=held, limit_pa=limit_pa)
     return np.array([odd + even, odd + deployed, down.pressure_pa, up.pressure_pa])
 
@@ -166,7 +166,7 @@ def _without_gravity(readings: Readings, made: Callable[[float, float], StrawPar
     wanted = readings.deploy_pressure_pa / -readings.fold_pressure_pa
 
     def pressures(h_m: float) -> tuple[float, float]:
-        low, _, _, high = Frustum.of(made(h_m, 1e9), sealed=True).bifurcation_pressures()
+        low, _, _, high = frustum_of(made(h_m, 1e9), sealed=True).bifurcation_pressures()
         return low, high
 
     def ratio(h_m: float) -> float:

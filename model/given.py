@@ -23,8 +23,8 @@ Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 R_I, R_O, RHO, GRAVITY, PHI_0, M_TIP, I_TIP, F_X, F_Z, M_Y, LOSS, AREA, C3, CYCLE = range(len(SCALARS))
-#: Rows of Given.way, as `straw.model.channel.Channel` has them.
-WAY = ("loss", "resistance", "inertance", "lag_s", "line_pa_per_m3", "gas_m3", "exponent")
+#: Rows of Given.inlet, as `straw.model.channel.Channel` has them.
+INLET = ("loss", "resistance", "inertance", "lag_s", "line_pa_per_m3", "gas_m3", "exponent")
 #: Share of a constant's value, or of its plausible range where it is zero, by which its law's derivative moves it:
 #: central differences are off by its square. What memories do in a step may be a millionth of what they hold.
 SHARE, SHARE_OF_MEMORY = 1e-4, 1e-3
@@ -56,8 +56,8 @@ class Given(NamedTuple):
     body_steps: Floats  # (B,)
     body_rows: Floats  # (B, WIDTH)
     body_zeta0: Floats  # (B, cells, 2)
-    way: Floats  # (len(WAY), P)
-    way_tables: Floats  # (P, ..) of Channel.more
+    inlet: Floats  # (len(INLET), P)
+    inlet_tables: Floats  # (P, ..) of Channel.more
     driven: Indices  # (D,) columns that the pressure's derivative moves
     drive: Floats  # (D, points) it on the pressure's grid
 
@@ -99,7 +99,7 @@ def given(straw: StrawParameters, table: Table, directions: Sequence[Direction])
         for i, j in np.argwhere(d.wall.any(axis=2))
         if j == 1 or not rigid
     ]
-    way, tables = _way(straw, directions)
+    inlet, tables = _inlet(straw, directions)
     grid = np.asarray(table.start_s + table.step_s * np.arange(len(table.pressure_pa)), np.float64)
     drives = {p: at_times(d.pressure, grid) for p, d in enumerate(directions) if d.pressure is not None}
     return Given(
@@ -126,8 +126,8 @@ def given(straw: StrawParameters, table: Table, directions: Sequence[Direction])
         body_steps=np.array([10 * small(c, directions[p]) for p in body]),
         body_rows=rows[np.array(body, np.int64)],
         body_zeta0=np.array([directions[p].frusta[0] for p in body]).reshape(len(body), straw.cells, 2),
-        way=way,
-        way_tables=tables,
+        inlet=inlet,
+        inlet_tables=tables,
         driven=np.array(list(drives), np.int64),
         drive=np.array(list(drives.values()), np.float64).reshape(len(drives), len(grid)),
     )
@@ -170,16 +170,16 @@ def _wall_step(row: Floats, by: Floats) -> float:
     return 1e-6 / float((np.abs(by) / scale).max())
 
 
-def _way(straw: StrawParameters, directions: Sequence[Direction]) -> tuple[Floats, Floats]:
-    """Derivatives of the inlet, (len(WAY), P) and (P, ..): a smooth function of constants, by central differences."""
+def _inlet(straw: StrawParameters, directions: Sequence[Direction]) -> tuple[Floats, Floats]:
+    """Derivatives of the inlet, (len(INLET), P) and (P, ..): a smooth function of constants, by central differences."""
     c = straw.constants()
-    out, tables = np.zeros((len(WAY), len(directions))), np.zeros((len(directions), len(channel_of(c).more)))
+    out, tables = np.zeros((len(INLET), len(directions))), np.zeros((len(directions), len(channel_of(c).more)))
     for p, d in enumerate(directions):
         if not (d.scalars[[LOSS, CYCLE]].any() or (_KIND[d.where[:, 2]] == "flow").any()):
             continue
         e = small(c, d)
         plus, minus = (channel_of(moved(c, d, sign * e)) for sign in (1, -1))
-        out[:, p] = [(getattr(plus, name) - getattr(minus, name)) / (2 * e) for name in WAY]
+        out[:, p] = [(getattr(plus, name) - getattr(minus, name)) / (2 * e) for name in INLET]
         tables[p] = (plus.more - minus.more) / (2 * e)
     return out, tables
 

@@ -60,7 +60,7 @@ def integrate_columns(
     """
     n, P, sums = len(state.q), len(columns.inside_pa), summed(table)
     s, w, b = stages_for(c, n), work_for(c, n), bench_for(linear, given, P)
-    before = Columns(columns.qv.copy(), columns.memory, columns.way_in, columns.inside_pa.copy())
+    before = Columns(columns.qv.copy(), columns.memory, columns.inlet, columns.inside_pa.copy())
     filled = fill_start(state, output_s, out.q, out.v, out.inside_pa)
     for at in range(filled):
         fill_columns(0.0, 1.0, before, columns, by, at)
@@ -71,7 +71,7 @@ def integrate_columns(
             return status
         if P > 0:
             before.qv[:], before.inside_pa[:] = columns.qv, columns.inside_pa
-            advance_columns(linear, given, table, w.way, state, h, s, columns, b)
+            advance_columns(linear, given, table, w.channel, state, h, s, columns, b)
         new_s = limits.end_s if h == remaining else state.clock[0] + h
         start = filled
         filled = fill_inside(state, s, h, new_s, output_s, filled, out.q, out.v, out.inside_pa)

@@ -1,6 +1,6 @@
-"""The contract of a law from outside: what it says and what its functions do; one line where they do not.
+"""The contract of a user's law: its description and the behaviour of its functions; a defect is one line.
 
-Its functions are run as plain Python here, so that what is wrong is said as Python says it.
+Its functions are run as plain Python here, so that errors have Python's own messages.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from straw.model.term import Constant, Frustum, Law
 
 Floats = NDArray[np.float64]
 
-#: What a file may give: the walls and the way in are the model's own equations.
+#: Kinds that a file may define: the walls and the inlet are the model's own equations.
 KINDS = ("frustum", "memory", "body")
-#: How many frusta, moving, a law is asked about.
+#: Number of states of a moving frustum at which a law is evaluated.
 ASKED = 200
 #: Steps of a walk along which a force with memory must not give back more than it took.
 WALK = 2000
 
 
 def check_law(law: object, where: str) -> None:
-    """Raise ModelError, one line with place and cure, unless a law says all it has to and does what it says."""
+    """Raise ModelError, one line with place and cure, unless a law is fully described and behaves as described."""
     if not isinstance(law, Law):
         raise ModelError(f"{where}: {law!r} is no straw.Law; make it with straw.Law(name=..., law=..., ...)")
     where = f"{where}: law {law.name}"
     _says(law, where)
     if law.kind == "body":
-        return  # a chain of bodies cannot be made before the model is; `straw check --run` runs it
+        return  # bodies exist only in the compiled model; `straw check --run` runs such a law
     k = typical_row(law)
     with np.errstate(all="ignore"):
         _acts(law, k, where)
@@ -46,7 +46,7 @@ def check_law(law: object, where: str) -> None:
 
 
 def typical_row(law: Law) -> Floats:
-    """Constants at plausible sizes: strengths in the middle of their range, all others as they are by default."""
+    """Constants of plausible size: strengths in the middle of their range, all others at their defaults."""
     return np.array([_typical(c) if c.name in law.strengths else c.default for c in law.constants])
 
 
@@ -64,7 +64,7 @@ def _says(law: Law, where: str) -> None:
         raise ModelError(f"{where}: its name must be a word of small letters, digits and _, for a straw file")
     if law.kind == "flow":
         raise ModelError(
-            f"{where}: kind = 'flow': the way in is one equation of the model's own, with its derivatives; a loss over "
+            f"{where}: kind = 'flow': the inlet is one equation of the model's own, with its derivatives; a loss over "
             "the flow goes into the straw file as a table, [terms.missing_loss]"
         )
     if law.kind not in KINDS:
@@ -89,7 +89,7 @@ def _says(law: Law, where: str) -> None:
 
 
 def some_frusta(count: int = ASKED) -> list[Frustum]:
-    """Even frusta of the paper's straw anywhere a run takes them, moving."""
+    """Moving even frusta of the paper's straw, in states that a run may reach."""
     random = np.random.default_rng(7)
     r_i, r_o, e_pa, h, zeta0 = 11.1e-3, 14.65e-3, 0.92e9, 0.508e-3, -2.28e-3
     width, log = r_o - r_i, math.log(r_o / r_i)
@@ -101,7 +101,7 @@ def some_frusta(count: int = ASKED) -> list[Frustum]:
 
 
 def _asked(law: Law, k: Floats, f: Frustum, where: str, *more: float) -> tuple[float, float]:
-    """What the force is; ModelError where it raises, or is no two finite numbers."""
+    """The law's force; ModelError where it raises, or is not two finite numbers."""
     at = f"at zeta = {f.zeta * 1e3:.2f} mm, phi = {f.phi:.3f} rad"
     try:
         given = plain(law.force)(f, k, *more)

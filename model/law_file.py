@@ -1,4 +1,4 @@
-"""Reads a law that somebody keeps in a file of their own, or in a package, and checks it."""
+"""Reads and checks a user's law, from a file or an installed package."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def plugged_laws() -> list[tuple[Law, Origin]]:
 
 
 def laws_in(path: Path) -> list[Law]:
-    """The laws a file gives as ``LAW`` or ``LAWS``, checked but for what compiling tells; ModelError, one line."""
+    """The laws a file gives as ``LAW`` or ``LAWS``, checked but not compiled; ModelError, one line."""
     module = plugged.module_of(path, "law")
     laws = laws_of_module(module, str(path))
     for law in laws:

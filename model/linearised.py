@@ -41,7 +41,7 @@ Floats = NDArray[np.float64]
 
 @fused
 def _joint_changes(b: Body, p: Loads, ux: float, uz: float, spin: float, dims: int, g: Floats) -> None:
-    """What the joint's own changes do to the body, one row a column; see `_rows` for what a row holds."""
+    """Changes of the body with the joint's motion, one row per column of the links; see `_rows` for a row's entries."""
     for d in range(dims):
         for x in range(CHANGES):
             g[d, x] = 0.0
@@ -57,7 +57,7 @@ def _joint_changes(b: Body, p: Loads, ux: float, uz: float, spin: float, dims: i
 
 @fused
 def _own_changes(b: Body, p: Loads, by: Floats, spin: float, d_spin: float, q: Floats, v: Floats, a: Floats) -> None:
-    """What a coordinate of the cell does by its displacement, rate and acceleration, as in `_joint_changes`."""
+    """Changes of the body with a coordinate's displacement, rate and acceleration, as in `_joint_changes`."""
     l0, l1, l2, x0, x1, x2, t0, t1, t2 = by[L0], by[L1], by[L2], by[X0], by[X1], by[X2], by[T0], by[T1], by[T2]
     mass, inertia = by[MASS], by[I0]
     q[0], q[1], q[2] = l1 - x0 * spin, l0 * spin + x1, t1
@@ -79,7 +79,7 @@ def _own_changes(b: Body, p: Loads, by: Floats, spin: float, d_spin: float, q: F
 
 @fused
 def _push_changes(b: Body, p: Loads, ux: float, uz: float, k: Floats, pushed: Floats, slots: int, g: Floats) -> None:
-    """Add what the world's forces on a body do: by where it is and how it moves in the world, in axes that turn."""
+    """Add the changes of the world's forces on a body with its place and motion, in axes that turn with the straw."""
     va, vb = p.v_u * ux + p.v_w * uz, p.v_u * uz - p.v_w * ux
     for column in range(JOINT_IN_WORLD + slots * 3):
         turned, px, pz = 1.0 if column == ANGLE else 0.0, 1.0 if column == X else 0.0, 1.0 if column == Z else 0.0
@@ -117,7 +117,7 @@ def _rows(b: Body, p: Loads, ux: float, uz: float, s: Links, i: int, columns: in
 def _outer_joint(
     m: Motion, i: int, ux: float, uz: float, spin: float, d_spin: float, s: Links, dims: int, slots: int
 ) -> None:
-    """What the outer joint does, and how it answers the base joint and the cell, before the cell's first angle."""
+    """Motion of the outer joint as a function of the base joint's and the cell's, before the cell's first angle."""
     base, tip, there = s.joint[i], s.joint[i + 1], s.next[i]
     length, d_length = m.zeta[i, 0] + m.zeta[i, 1], m.d_zeta[i, 0] + m.d_zeta[i, 1]
     s.length[i] = length
@@ -149,7 +149,7 @@ def _outer_joint(
             there[AX, v], there[AZ, v] = 2 * spin * uz, -2 * spin * ux
             if in_world:
                 there[X, q], there[Z, q] = ux, uz
-        elif slot == 3:  # turns what is beyond about the outer joint
+        elif slot == 3:  # turns the outer part about the outer joint
             there[VX, q], there[VZ, q], there[AX, q], there[AZ, q] = -tip[VZ], tip[VX], -tip[AZ], tip[AX]
             there[SPIN, v] = there[D_SPIN, a] = 1.0
             if in_world:
@@ -158,7 +158,7 @@ def _outer_joint(
 
 @fused
 def _turn_base(base: Floats, dims: int, slots: int, matrix: Floats) -> None:
-    """Add to the columns of phi_1, the third slot, what turning the cell about its base joint does."""
+    """Add the turn of the cell about its base joint to the columns of phi_1, the third slot."""
     q, v, a = dims + 2, dims + slots + 2, dims + 2 * slots + 2
     for row in range(len(matrix)):
         r = matrix[row]

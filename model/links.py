@@ -1,4 +1,4 @@
-"""The links of a linearised straw, and the load that each cell's body hands on as its base joint moves."""
+"""The links of a linearised straw, and the load that each cell's body transmits as its base joint moves."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from straw.model.kinematics import Motion
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-#: What a joint does: velocity (X, Z), spin, acceleration less gravity's (X, Z), angular acceleration; where the world's
+#: Motion of a joint: velocity (X, Z), spin, acceleration less gravity's (X, Z), angular acceleration; where the world's
 #: axes matter as well its angle and position (X, Z).
 JOINT, JOINT_IN_WORLD = 6, 9
 VX, VZ, SPIN, AX, AZ, D_SPIN, ANGLE, X, Z = range(9)
-#: What is kept of how a column changes a body, see `_rows`.
+#: Number of a body's quantities that a column changes, see `_rows`.
 CHANGES = 9
 #: Inputs and outputs of a body's law of force in a `straw.model.load.Load`.
 LAW_IN, LAW_OUT = 6, 3
@@ -67,7 +67,7 @@ def links_for(c: Constants, dims: int, extra: int) -> Links:
 
 
 class Loads(NamedTuple):
-    """A cell's body in the cell's axes: velocity, acceleration less gravity's, spin, and the load that it hands on."""
+    """A cell's body in the cell's axes: velocity, acceleration less gravity's, spin, and the load that it transmits."""
 
     v_u: float
     v_w: float
@@ -84,7 +84,7 @@ class Loads(NamedTuple):
 def loads_of(
     b: Body, base: Floats, ux: float, uz: float, spin: float, d_spin: float, pushed: Floats, in_world: bool
 ) -> Loads:
-    """What a body does and hands on as its base moves, spinning after the cell's first angle with ``spin``."""
+    """A body's motion and transmitted load as its base moves, with ``spin`` after the cell's first angle."""
     v_u = base[VX] * ux + base[VZ] * uz + b.l1 - b.x0 * spin
     v_w = base[VX] * uz - base[VZ] * ux + b.l0 * spin + b.x1
     a_u = base[AX] * ux + base[AZ] * uz + b.l2 - b.l0 * spin**2 - 2 * b.x1 * spin - b.x0 * d_spin
@@ -126,7 +126,7 @@ def own_loads(c: Constants, m: Motion, pushed: Floats, s: Links, out: Floats) ->
 
 @fused
 def pushed_loads(c: Constants, m: Motion, load: Floats, s: Links, out: Floats) -> None:
-    """What forces and torques on the cells' bodies, load (cells + 1, 3), hand on, in the way of `own_loads`."""
+    """The same as `own_loads` for given forces and torques on the cells' bodies, load (cells + 1, 3)."""
     for i in range(c.cells):
         ux, uz = s.axis[i, 0], s.axis[i, 1]
         b = shape_of(c, m, i, s.slots, s.by)

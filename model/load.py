@@ -1,4 +1,4 @@
-"""Load: what terms add up into, and its projection on the generalised coordinates (virtual work, equation 5)."""
+"""Load: the sum of the terms' forces, and its projection on the generalised coordinates (virtual work, equation 5)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 
 
 class Load(NamedTuple):
-    """Forces on one state of the straw; terms add, nobody overwrites."""
+    """Forces on one state of the straw; every term adds to them."""
 
     cell: Floats  # (cells, 4) generalised force on each cell's zeta_1, zeta_2 (N) and phi_1, phi_2 (N m)
     force: Floats  # (cells + 1, 2) force at each body's centre of mass, N; the last body is the tip

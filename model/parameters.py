@@ -31,7 +31,7 @@ PER_FRUSTUM = ("zeta0_m", "h_m", "E_pa", "c_zeta_n_s_per_m", "c_phi_n_m_s_per_ra
 
 
 def _numbers(value: Any) -> Any:
-    """A plain number as it is, which is checked faster than an array: a search makes thousands of straws a second."""
+    """A plain number unchanged, as it is checked faster than an array: a search makes thousands of straws a second."""
     return value if isinstance(value, float) else np.asarray(value)
 
 
@@ -196,7 +196,7 @@ class StrawParameters:
         return 4 * self.cells if self.form == "full" else 2 * self.cells
 
     def constants(self) -> Constants:
-        """What the compiled equations take; C1, C2, C3 as below equation 6. Worked out once; not to be written to."""
+        """Constants of the compiled equations; C1, C2, C3 as below equation 6. Computed once; read-only."""
         return self._constants
 
     @cached_property
@@ -285,7 +285,7 @@ class StrawParameters:
 
     @property
     def laws(self) -> dict[str, str]:
-        """What a recording says of laws of somebody's own that are in this straw: name and SHA-256; {} without any."""
+        """Users' laws in this straw, for a recording's metadata: name and SHA-256; {} without any."""
         told = [f"{name} {ORIGINS[name].sha256}" for name in self.terms if name in ORIGINS]
         return {"laws": ", ".join(told)} if told else {}
 
@@ -357,9 +357,9 @@ def _check_laws(given: object, folder: Path, name: str) -> None:
         if sha256 in loaded:
             continue
         if sha256 and (path is None or not path.exists() or plugged.sha256_of(path) != sha256):
-            what = f"{path} has changed since or is gone" if path else "the package is another version or not installed"
+            what = f"{path} has been changed or removed" if path else "the package is another version or not installed"
             raise ModelError(
-                f"{name}: made with a law of SHA-256 {sha256[:12]}...: {what}; take it back, or leave out sha256"
+                f"{name}: made with a law of SHA-256 {sha256[:12]}...: {what}; restore it, or leave out sha256"
             )
         if path and plugged.sha256_of(path) not in loaded:
             raise ModelError(

@@ -1,4 +1,4 @@
-"""Laws from outside the package: which files and installed packages give them. Light: asked before the model is made.
+"""Laws from outside the package: the files and installed packages that provide them. Imports nothing heavy.
 
 The model is compiled with all its laws in it, so they are named before it is loaded: by ``STRAW_LAWS`` in the
 environment (which processes that are started inherit), by `add_laws`, or by a package with an entry point
@@ -112,7 +112,7 @@ def _read(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        return {}  # whoever reads all of it says what is wrong
+        return {}  # the error is reported when all of the file is read
 
 
 def laws_of(given: object, folder: Path, name: str) -> list[tuple[Path | None, str]]:
@@ -131,7 +131,7 @@ def laws_of(given: object, folder: Path, name: str) -> list[tuple[Path | None, s
 
 
 def module_of(path: Path, what: str) -> ModuleType:
-    """Run somebody's file as a module; ModelError, one line with place, for whatever it does wrong."""
+    """Run a user's file as a module; ModelError, one line with its place, for any error in it."""
     name = f"straw_{what}_{path.stem}_{sha256_of(path)[:8]}"
     spec = util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
@@ -150,7 +150,7 @@ def module_of(path: Path, what: str) -> ModuleType:
 
 
 def said(error: BaseException, path: Path | None = None) -> str:
-    """An error of somebody's code in one line, with the line it came from."""
+    """An exception of a user's code in one line, with the line it came from."""
     import traceback
 
     text = " ".join(str(error).split())

@@ -33,10 +33,9 @@ def rest_state(
 
     ``bent`` names cells in one of their two antisymmetric states: +1 turns the tip towards growing Phi, -1 against.
     The straw is let go slowly from its unloaded shape while the pressure is turned up: a Newton search that jumps to
-    the full load can land on another branch of a long deployed straw. Whoever knows the state of a slightly different
-    straw, ``near``, saves that way where a stable state is found close by.
-    Raises ModelError for a cell the straw does not have, and where the state does not exist, naming the cell that
-    does not hold.
+    the full load can land on another branch of a long deployed straw. ``near``, the rest state of a slightly different
+    straw, saves this continuation where a stable state is close to it. Raises ModelError for a cell the straw does not
+    have, and where the state does not exist, naming the cell that does not hold.
     """
     if near is not None and len(near) == straw.coordinates:
         branch = Branch(straw, near, pressure_pa)

@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 
 #: Accuracy of one step in zeta. Chosen against the reference runs, see tests/benchmarks/speed.py.
 TOLERANCE_M = 1e-6
-#: Steps a simulated second may take; the livelier validation run takes some 430.
+#: Steps a simulated second may take; the validation run with more snaps takes some 430.
 MOST_STEPS_PER_S = 6_000.0
 MAX_STEP_S = 0.02
 FIRST_STEP_S = 1e-4

@@ -71,7 +71,7 @@ def snaps(straw: StrawParameters, deployed: Collection[int], towards_pa: float) 
         reached_pa = max(reached_pa, snap.pressure_pa, key=abs)
         yield replace(snap, pressure_pa=reached_pa, before=tuple(before))
         if snap.lost != falling:
-            return  # bent over by its load rather than snapped by pressure: where it goes, statics does not say
+            return  # bent over by its load rather than snapped by pressure: statics does not determine where it goes
         now ^= {snap.cell}
         before.append(snap.cell)
 
@@ -95,7 +95,7 @@ def snap_of(
     if snap is None:
         raise ModelError(
             f"snap: cell {cell} of the straw {text(deployed, NONE_BENT)} does not snap between 0 and "
-            f"{towards_pa / 1e3:.4g} kPa; search further or look at the straw's constants"
+            f"{towards_pa / 1e3:.4g} kPa; search further or check the straw's constants"
         )
     return snap
 

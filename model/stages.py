@@ -33,7 +33,7 @@ class State(NamedTuple):
     v: Floats
     a: Floats
     memory: Floats  # (cells, 2, MEMORIES, 2), see straw.model.frusta
-    way_in: Floats  # (STATES,), see straw.model.channel
+    inlet: Floats  # (STATES,), see straw.model.channel
     clock: Floats  # time_s, next step_s, pressure inside_pa
 
 
@@ -46,8 +46,8 @@ class Stages(NamedTuple):
     inside_pa: Floats  # (STAGES,)
     memory: Floats  # (STAGES, cells, 2, MEMORIES, 2)
     known_memory: Floats  # what each starts from: memory = known + step_s GAMMA memory'
-    way_in: Floats  # (STAGES, STATES)
-    known_way_in: Floats
+    inlet: Floats  # (STAGES, STATES)
+    known_inlet: Floats
 
 
 class Limits(NamedTuple):
@@ -65,12 +65,12 @@ class Limits(NamedTuple):
 class Work(NamedTuple):
     """Scratch arrays of a step, allocated once."""
 
-    way: Channel
+    channel: Channel
     room: Room
     start: Chain  # the straw at the step's start
     memory_rate: Floats
-    way_in_rate: Floats
-    way_in: Floats
+    inlet_rate: Floats
+    inlet: Floats
     newton: Articulated
     blocks: Floats
     K: Floats
@@ -123,8 +123,8 @@ def work_for(c: Constants, n: int) -> Work:
 @compiled
 def limits_for(c: Constants, end_s: float, max_step_s: float, tolerance_m: float, steps: int) -> Limits:
     """Limits of the steps of a straw; ``steps`` may be tried in all."""
-    way = channel_of(c)
-    carries = c.remembers or way.gas_m3 > 0 or way.inertance > 0 or way.lag_s > 0
+    channel = channel_of(c)
+    carries = c.remembers or channel.gas_m3 > 0 or channel.inertance > 0 or channel.lag_s > 0
     missing = CARRIED_SHARE if carries else NEWTON_SHARE
     within_pa = SEEN_SHARE * tolerance_m * softest(c) / c.C3
     return Limits(end_s, max_step_s, tolerance_m, missing, within_pa, c.remembers, steps)
@@ -167,6 +167,6 @@ def arrive(state: State, s: Stages, time_s: float) -> None:
     copy(s.q[end], state.q)
     copy(s.v[end], state.v)
     copy(s.a[end], state.a)
-    copy(s.way_in[end], state.way_in)
+    copy(s.inlet[end], state.inlet)
     recall(s.memory[end], s.memory, 0.0, 0, state.memory)
     state.clock[0], state.clock[2] = time_s, s.inside_pa[end]

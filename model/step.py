@@ -70,8 +70,8 @@ def _newton_matrix(
     articulate(c, w.start, w.blocks, hg, w.newton)
     pressure_per_pa(c, w.start, w.push)
     solve(c, w.newton, w.push, hg, w.yields)
-    copy(state.way_in, w.way_in)
-    _, slope = inside_pressure(w.way, state.way_in, hg, external_pa, volume_rate(c, state.v), w.way_in)
+    copy(state.inlet, w.inlet)
+    _, slope = inside_pressure(w.channel, state.inlet, hg, external_pa, volume_rate(c, state.v), w.inlet)
     return slope, volume_rate(c, w.yields) / hg
 
 
@@ -79,8 +79,8 @@ def _newton_matrix(
 def _displaced(c: Constants, hg: float, slope: float, flow_per_pa: float, w: Work) -> None:
     """What the force left over displaces, into w.dq: W^-1 with the pressure's slope by the volume's rate added.
 
-    That is of rank one (Sherman and Morrison); the slope may be another in every iteration, as the way in resists the
-    more the more flows.
+    That is of rank one (Sherman and Morrison); the slope differs between iterations, as the resistance of the inlet
+    grows with the flow.
     """
     solve(c, w.newton, w.left, hg, w.dq)
     more_pa = slope * volume_rate(c, w.dq) / hg / (1 - slope * flow_per_pa)
@@ -104,9 +104,9 @@ def _known(state: State, h: float, i: int, remembers: bool, s: Stages, w: Work) 
         s.v[i, m] = known_v + hg * guess
         s.q[i, m] = known_q + hg * s.v[i, m]
     for m in range(STATES):
-        s.known_way_in[i, m] = state.way_in[m]
+        s.known_inlet[i, m] = state.inlet[m]
         for j in range(i):
-            s.known_way_in[i, m] += h * COEFFICIENTS[i, j] * w.way_in_rate[j, m]
+            s.known_inlet[i, m] += h * COEFFICIENTS[i, j] * w.inlet_rate[j, m]
     if remembers:
         recall(state.memory, w.memory_rate, h, i, s.known_memory[i])
 
@@ -123,7 +123,7 @@ def _solve_stages(
     w: Work,
     counts: NDArray[np.int64],
 ) -> bool:
-    """Find all stages; whether Newton converged in each."""
+    """Find all stages; return whether Newton's method converged in each."""
     n, hg = len(state.q), h * GAMMA
     per_hg, per_hg2 = 1 / hg, 1 / hg**2
     rate = 1.0  # not carried over from step to step: with friction or trapped gas that lost 3 % of the energy
@@ -133,7 +133,7 @@ def _solve_stages(
         external_pa = pressure_in(table, state.clock[0] + TIMES[i] * h)
         before, converged = np.inf, False
         for iteration in range(NEWTON_LIMIT):
-            inside_pa, slope = inside_pressure(w.way, s.known_way_in[i], hg, external_pa, volume_rate(c, v), w.way_in)
+            inside_pa, slope = inside_pressure(w.channel, s.known_inlet[i], hg, external_pa, volume_rate(c, v), w.inlet)
             forces_left(c, q, v, a, inside_pa, s.known_memory[i], s.memory[i], hg, w.room, w.left)
             _displaced(c, hg, slope, flow_per_pa, w)
             counts[3] += 1
@@ -156,13 +156,13 @@ def _solve_stages(
         if not converged:
             return False
         # what goes on to the next stage belongs to where this one ends, not to the iterate before
-        s.inside_pa[i], _ = inside_pressure(w.way, s.known_way_in[i], hg, external_pa, volume_rate(c, v), w.way_in)
+        s.inside_pa[i], _ = inside_pressure(w.channel, s.known_inlet[i], hg, external_pa, volume_rate(c, v), w.inlet)
         if limits.remembers:
             spread(c, q, v, a, w.room.motion)
             remember(c, w.room.motion, s.known_memory[i], s.memory[i], hg)
         for m in range(STATES):
-            s.way_in[i, m] = w.way_in[m]
-            w.way_in_rate[i, m] = (w.way_in[m] - s.known_way_in[i, m]) * per_hg
+            s.inlet[i, m] = w.inlet[m]
+            w.inlet_rate[i, m] = (w.inlet[m] - s.known_inlet[i, m]) * per_hg
         if limits.remembers:
             remembered_rate(s.known_memory[i], s.memory[i], hg, w.memory_rate[i])
     return True
@@ -182,8 +182,8 @@ def _error(c: Constants, h: float, limits: Limits, slope: float, flow_per_pa: fl
             w.error_v[m] += h * ERROR[j] * s.a[j, m]
     momentum(c, w.start, w.newton, w.error_v, w.left)
     water = 0.0  # in the channel; where there is no gas it moves as the straw does
-    if w.way.gas_m3 == 0:
-        water = w.way.inertance * volume_rate(c, w.error_v)
+    if w.channel.gas_m3 == 0:
+        water = w.channel.inertance * volume_rate(c, w.error_v)
     for i in range(n):
         w.left[i] = (w.left[i] + water * w.push[i]) * per_hg
     for i in range(c.cells):

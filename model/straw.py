@@ -119,7 +119,7 @@ def forces_left(
 
 @compiled
 def pressure_at(c: Constants, v: Floats, external_pa: float) -> float:
-    """Pressure inside, Pa (equation 2 and the laminar loss), of a straw without lag, gas or inertia on the way in."""
+    """Pressure inside, Pa (equation 2 and the laminar loss), of a straw whose inlet has no lag, gas or inertia."""
     w, flow = channel_of(c), volume_rate(c, v)
     return float(external_pa - lost(w, flow)[0] - w.resistance * flow)
 

@@ -66,7 +66,7 @@ def simulate_stretches(
     end_s, skipped_s, now_s = min(stretches[-1].end_s, window_s[1]), 0.0, 0.0
 
     def run_on(for_s: float, output_s: Floats) -> None:
-        # In the time of this piece: after weeks, seconds as floats would not tell a small step from none.
+        # In the time of this piece: after weeks, seconds as floats could not resolve a small step.
         state.clock[0] = 0.0
         table = sampled(lambda t: pressure(t + now_s), np.array([0.0, for_s]))
         n = len(output_s)

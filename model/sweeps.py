@@ -16,18 +16,19 @@ Floats = NDArray[np.float64]
 
 
 class Sweeps(NamedTuple):
-    """What takes right sides from the tip to the base and answers back; rows of ``block`` in the order of `rows`."""
+    """Arrays of the sweeps from the tip to the base and back; rows of ``block`` in the order of `rows`."""
 
     back: Floats  # (cells, moving + 3, 6 + 2 moving + slots)
     ahead: Floats  # (cells, moving + dims, 2 moving + slots + dims)
     block: Floats  # (cells, rows, wide) columns and behind them zeros
     flat: Floats  # (cells, rows wide) the same
-    spare: Floats  # (dims, wide) where answers go that nothing asks for: beyond the base, beyond the tip
+    spare: Floats  # (dims, wide) scratch for solutions that are not used: beyond the base, beyond the tip
 
 
 class Rows(NamedTuple):
-    """Where each cell's block has what: wrench and force given, wrench from beyond, known displacement and rate of what
-    moves, known displacement of what does not, the force left on what moves, and what the base joint does."""
+    """First rows of the parts of each cell's block: wrench and force given, wrench from beyond, known displacement and
+    rate of what moves, known displacement of what does not, the force left on what moves, and what the base joint
+    does."""
 
     force: int
     beyond: int

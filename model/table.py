@@ -32,7 +32,7 @@ def names(pattern: str) -> tuple[str, ...]:
 
 @allocates_nothing
 def empty(k: Floats, at: int) -> bool:
-    """Whether the table at k[at] says nothing."""
+    """Whether the table at k[at] is zero throughout."""
     for n in range(at + POINTS, at + 2 * POINTS):  # noqa: SIM110  (numba knows no generators)
         if k[n] != 0:
             return False

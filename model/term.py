@@ -60,7 +60,7 @@ class Term:
     * ``body``: ``force(c, k, chain, load)`` adds to the bodies along the straw;
     * ``walls``: constants of the frusta's own energy; taken by `straw.model.parameters` and
       `straw.model.terms.elasticity`;
-    * ``flow``: constants of the way from the controller to the inside of the straw; `straw.model.channel` takes them.
+    * ``flow``: constants of the inlet, taken by `straw.model.channel`.
     """
 
     name: str  # the cause's name in the contract, if it is one

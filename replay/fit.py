@@ -51,7 +51,7 @@ class Fitted:
     reduced_chi2: float
     rms: dict[str, float]  # by channel, m or rad
     runs: tuple[str, ...]
-    failures: int  # simulations that could not follow, each counted as a bad fit
+    failures: int  # simulations that failed, each counted as a bad fit
 
     @property
     def interval(self) -> Floats:
@@ -171,11 +171,10 @@ def fit(
 ) -> Fitted:
     """Constants (all above zero) with which one straw explains all gathered runs best.
 
-    Starts from the straw's own values and from ``starts`` (values in the order of ``names``), those that look best
-    through the widest blur. Intervals treat residuals within half a second as one sample, so that an incomplete
+    Starts from the straw's own values and from ``starts`` (values in the order of ``names``), those with the least
+    misfit at the widest blur. Intervals treat residuals within half a second as one sample, so that an incomplete
     model does not look certain, and include the gauge's noise, which shifts all snaps of a run together. They do not
-    account for a wrong model.
-    Raises ReplayError where nothing can be simulated.
+    account for a wrong model. Raises ReplayError where nothing can be simulated.
     """
     with _pool(executor) as pool:
         problem = _Problem(runs, straw, names, pool)
@@ -197,7 +196,7 @@ def fit(
         tell()
         looks = [_gentle(few.blurred(rows, SEARCH[0])) for rows in few.many(points)]
         if few.failures == len(points) * len(few.runs):
-            raise ReplayError("fit: the model follows none of the runs with these constants; check straw and runs")
+            raise ReplayError("fit: none of the runs can be simulated with these constants; check straw and runs")
         ends = []
         for start in np.argsort(looks, kind="stable")[:followed]:
             at = points[start]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.model.errors import ModelError
-from straw.model.frustum import Frustum
+from straw.model.frustum_table import frustum_of
 from straw.model.parameters import StrawParameters
 from straw.model.simulate import Prediction
 from straw.replay.metrics.merit import own_figures, uncertainties
@@ -61,7 +61,7 @@ class Motion:
 
 def limit_of(straw: StrawParameters) -> float:
     """Turn of the tip (rad) that counts as a snap; infinite for a straw without bent states."""
-    bent = [e.phi_rad for e in Frustum.of(straw).equilibria() if e.stable and e.phi_rad > 0]
+    bent = [e.phi_rad for e in frustum_of(straw).equilibria() if e.stable and e.phi_rad > 0]
     return OF_BENT * min(bent) if bent else math.inf
 
 

@@ -65,13 +65,13 @@ def _check_pressure(run: Run, log: PressureLog, tip: TipTrace) -> None:
     if low <= log.pressure_pa[0] <= high and float(np.min(log.pressure_pa)) > low / 2:
         raise ReplayError(
             f"{run.path}: /pressure/measured begins at {log.pressure_pa[0] / 1e3:.4g} kPa and is never near zero; it "
-            "looks absolute: record gauge pressure, or take off the air's"
+            "looks absolute: record gauge pressure, or subtract atmospheric pressure"
         )
 
 
 def _cure(others: list[str], unit: str) -> str:
     looks = f"it looks like {' or '.join(others[:2])}: " if others else ""
-    return f"{looks}write it in {unit}, or bring it in again with straw import, which converts units"
+    return f"{looks}write it in {unit}, or import it again with straw import, which converts units"
 
 
 def _check_together(run: Run, pressure_s: Floats, tip_s: Floats) -> None:

@@ -17,7 +17,7 @@ from straw.replay.metrics import Metrics
 from straw.replay.protocol_prediction import RATE_HZ, trace_of
 from straw.replay.series import Series, differ, tip_series
 from straw.rig.clock import SteppedClock
-from straw.rig.controller import make_controller
+from straw.rig.drivers import make_controller
 from straw.rig.outlet import Outlet
 from straw.rig.protocol import PressureProtocol
 from straw.rig.protocol_toml import load_protocol, protocol_from_toml

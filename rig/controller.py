@@ -13,13 +13,10 @@ from types import TracebackType
 from typing import Any, Self, final
 
 from straw.rig.clock import Clock
-from straw.rig.drivers import checked_driver, controller_names, driver_in, driver_of, make_controller
 from straw.rig.errors import LimitError, LinkLostError, RigError
 from straw.rig.limits import STRAW_LIMITS, Leash, PressureLimits
 from straw.rig.plausible import Expectation
 from straw.rig.reading import Answer, Command, Reading, Stamp, stamp_of
-
-__all__ = ["Controller", "checked_driver", "controller_names", "driver_in", "driver_of", "make_controller"]
 
 
 class Controller(ABC):
@@ -85,7 +82,7 @@ class Controller(ABC):
         """Set the trigger output."""
         raise RigError(f"{self.name}: has no trigger output; drive the LED from another instrument, or leave it out")
 
-    def beat(self) -> None:  # noqa: B027  only a guarded controller has somebody to tell
+    def beat(self) -> None:  # noqa: B027  only a guarded controller reports it
         """Signal that the script is alive, in pauses in which it neither sets nor reads."""
 
     def record_in(self, path: Path) -> None:  # noqa: B027  likewise

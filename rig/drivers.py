@@ -7,14 +7,12 @@ import pkgutil
 from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from straw.model.errors import ModelError
 from straw.model.plugged import module_of, said
+from straw.rig.controller import Controller
 from straw.rig.errors import RigError
-
-if TYPE_CHECKING:
-    from straw.rig.controller import Controller
 
 GROUP = "straw.controllers"
 
@@ -69,8 +67,6 @@ def driver_in(path: Path) -> type[Controller]:
 
 def checked_driver(driver: object, where: str) -> type[Controller]:
     """A driver's class, if it is complete; otherwise a RigError that names what is missing."""
-    from straw.rig.controller import Controller  # which offers these functions, too
-
     if not (isinstance(driver, type) and issubclass(driver, Controller)):
         raise RigError(f"{where}: CONTROLLER = {driver!r}; expected a class made of straw.Controller")
     if lacking := sorted(driver.__abstractmethods__):

@@ -11,10 +11,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from straw.rig.apart import start_apart
-from straw.rig.controller import Controller, make_controller
+from straw.rig.controller import Controller
+from straw.rig.detached import start_detached
+from straw.rig.drivers import make_controller
 from straw.rig.errors import LinkLostError
-from straw.rig.last_word import SILENT_S, Orders, Silence
+from straw.rig.final_vent import SILENT_S, Orders, Silence
 from straw.rig.ports import remember
 from straw.rig.reading import Answer
 
@@ -72,7 +73,7 @@ class GuardedController(Controller):
 
     def _open(self) -> None:
         while True:
-            self._process = start_apart("straw.rig.guardian", answers=True)
+            self._process = start_detached("straw.rig.guardian", answers=True)
             self._answers = queue.SimpleQueue()
             threading.Thread(target=_listen, args=(self._process.stdout, self._answers), daemon=True).start()
             try:
@@ -143,7 +144,7 @@ class GuardedController(Controller):
             pickle.dump((self._asked, message), process.stdin)
             process.stdin.flush()
         except OSError:
-            raise self._lost(process, "was lost; somebody ended it") from None
+            raise self._lost(process, "ended unexpectedly") from None
         silence = Silence(first_s or SILENT_S)
         while True:
             try:
@@ -155,7 +156,7 @@ class GuardedController(Controller):
                     raise self._lost(process, why) from None
                 continue
             if said is None:
-                raise self._lost(process, "was lost; somebody ended it")
+                raise self._lost(process, "ended unexpectedly")
             number, answer = said
             if number == self._asked:
                 break

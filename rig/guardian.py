@@ -20,10 +20,11 @@ import time
 from collections.abc import Callable
 from typing import Any, BinaryIO
 
-from straw.rig.controller import Controller, make_controller
+from straw.rig.controller import Controller
+from straw.rig.drivers import make_controller
 from straw.rig.errors import LimitError, LinkLostError, RigError
+from straw.rig.final_vent import PULSE_S, Notes, Orders, vent_until_confirmed
 from straw.rig.interrupts import NAMES
-from straw.rig.last_word import PULSE_S, Notes, Orders, vent_until_confirmed
 from straw.rig.script_requests import Requests
 from straw.rig.standby import Standby
 
@@ -67,7 +68,7 @@ class Guardian:
             return
         reply(number, None)
         self._obey(reply)
-        self._last_word(final=True)
+        self._final_vent(final=True)
         self._standby.dismiss()
 
     def _obey(self, reply: Reply) -> None:
@@ -80,7 +81,7 @@ class Guardian:
                 self._idle = False
                 self.refuses = f"the script was silent for {self.orders.heartbeat_s:g} s, so its guardian vented"
                 self.notes.say("heartbeat", self.refuses)
-                self._last_word()
+                self._final_vent()
                 continue
             self._got_on()
             self._idle = False
@@ -130,7 +131,7 @@ class Guardian:
         self.notes.path = path
         self._standby.note(path)
 
-    def _last_word(self, final: bool = False) -> None:
+    def _final_vent(self, final: bool = False) -> None:
         """Vent, again and again if need be: a lost link may return."""
         if not self.under_pressure:
             self.controller._close()

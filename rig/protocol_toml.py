@@ -87,7 +87,7 @@ def _also(
         here = at.inside(f"[[also]] {number}")
         here.known_keys(table, ("channel", *SECTIONS))
         if "channel" not in table:
-            here.fail("channel is missing; say which one")
+            here.fail("channel is missing; add channel = 2, for example")
         (time_s, pa), _ = _table(here, table, limits, unit_pa, lengths_s)
         yield here.integer(table["channel"], "channel", 1), time_s, pa
 

@@ -41,7 +41,7 @@ def version_line() -> str:
 def _git(*arguments: str) -> str:
     """Git's output about the checkout this file belongs to; empty where there is none."""
     root = Path(__file__).parents[1]
-    if not (root / ".git").exists():  # an installed package may lie inside somebody else's repository
+    if not (root / ".git").exists():  # an installed package may lie inside another project's repository
         return ""
     try:
         # without locks, as a killed run or a full disk would leave one behind

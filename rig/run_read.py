@@ -33,12 +33,7 @@ def read_run(path: str | Path, *, every_s: float = 0.0) -> Run:
     _check_room(path, every_s)
     found, topics = _decoded(path, every_s)
     lost, sha256 = found.lost, found.sha256
-    unsure = ""
-    try:
-        if read_manifest(path).get(path.name, sha256) != sha256:
-            lost.append("its SHA-256 is not the one in its manifest: it was changed after it was recorded")
-    except RigError as error:  # not a fault of the run
-        unsure = f"{error}; whether the run is as recorded cannot be told"
+    unsure = _against_manifest(path, sha256, lost)
     damage = tuple(lost)
     lost += [unsure] if unsure else []
     lost += [f"it was read thinned, at steps of {every_s:g} s"] if every_s else []
@@ -94,6 +89,16 @@ def read_fitting(path: Path) -> tuple[Run, float]:
         return read_run(path), 0.0
     except TooLongError as error:
         return read_run(path, every_s=error.every_s), error.every_s
+
+
+def _against_manifest(path: Path, sha256: str, lost: list[str]) -> str:
+    """Note in ``lost`` a file that differs from its manifest; return why that cannot be told, else ""."""
+    try:
+        if read_manifest(path).get(path.name, sha256) != sha256:
+            lost.append("its SHA-256 is not the one in its manifest: it was changed after it was recorded")
+    except RigError as error:  # not a fault of the run
+        return f"{error}; whether the run is as recorded cannot be told"
+    return ""
 
 
 def _check_room(path: Path, every_s: float) -> None:

@@ -52,7 +52,7 @@ def compile_entries(at: At, entries: object, name: str, why_not: WhyNot) -> Poin
 
 def _duration(at: At, entry: dict[str, Any]) -> float:
     if "for_s" not in entry:
-        at.fail("for_s is missing; say how many seconds the segment lasts")
+        at.fail("for_s is missing; give the segment's duration in seconds")
     return at.positive(entry["for_s"], "for_s")
 
 

@@ -200,7 +200,7 @@ class SessionRun:
         return (self.controller.clock.monotonic_ns() - self.start_ns) * 1e-9
 
     def wait_until(self, time_s: float) -> None:
-        """Sleep until then, with a sign of life to the guardian and an ear to the operator."""
+        """Sleep until then; meanwhile send heartbeats to the guardian and take the operator's orders."""
         while (left_s := time_s - self.now_s()) > BEAT_S:
             self.controller.clock.sleep(BEAT_S)
             self.controller.beat()

@@ -159,7 +159,7 @@ class _Search:
             below = held
         raise RigError(
             f"snap search: nothing snapped between {self.plan.start_pa / 1e3:g} and {self.plan.end_pa / 1e3:g} kPa; "
-            "search further, or look at the configuration"
+            "search further, or check the configuration"
         )
 
     def bisected(self, bracket: Bracket) -> Bracket:

@@ -2,7 +2,7 @@
 
 The guardian starts it, and holds the only end of its pipe: when that closes without a word, the guardian was killed.
 Then, or when the guardian gives no sign of life (stopped, or inside a vendor's library that does not return) and had to
-be ended, the standby opens the port, which nobody else holds any more, and vents. It is detached from the tree of
+be ended, the standby opens the port, which is then free, and vents. It is detached from the tree of
 processes, so that killing the script with all its children does not reach it. It cannot help if it is killed as well,
 or when the computer fails; see rig/README.md.
 """
@@ -18,11 +18,11 @@ import threading
 from contextlib import suppress
 from typing import Any, BinaryIO
 
-from straw.rig.apart import start_apart
-from straw.rig.controller import make_controller
+from straw.rig.detached import start_detached
+from straw.rig.drivers import make_controller
 from straw.rig.errors import RigError
+from straw.rig.final_vent import SILENT_S, Notes, Orders, Silence, vent_until_confirmed
 from straw.rig.interrupts import NAMES
-from straw.rig.last_word import SILENT_S, Notes, Orders, Silence, vent_until_confirmed
 
 RESTARTS = 3
 LATER_S = 0.3  # after the script's own deadline, so that the script, which writes the record, acts first
@@ -58,7 +58,7 @@ class Standby:
 
     def _begin(self) -> None:
         self._starts += 1
-        self._process = start_apart("straw.rig.standby", answers=False)
+        self._process = start_detached("straw.rig.standby", answers=False)
         assert self._process.stdin is not None
         self._tell("orders", (self._orders, os.getpid()))
         self._tell("note", self._note)

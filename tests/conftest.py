@@ -1,4 +1,4 @@
-"""What every test may ask for: the folder of given material, where it is there."""
+"""Fixtures of all tests: the checkout, and the folder of given material where there is one."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-# What tests drive is nobody's rig: it must not be found by `straw rig vent`, nor may a lab's own ports by the tests.
+# Tests drive no real rig: it must not be found by `straw rig vent`, nor may a lab's own ports by the tests.
 os.environ["STRAW_STATE_DIR"] = tempfile.mkdtemp(prefix="straw-state-")
 
 REPOSITORY = Path(__file__).resolve().parents[1]

@@ -85,7 +85,7 @@ class Follower:
     def resume(self, time_s: float, sighting: Sighting) -> None:
         """Go on from a sighting."""
         if self.lost:
-            self.recent = []  # a velocity across a hole says nothing
+            self.recent = []  # across a gap the velocity is unknown
         self.recent = [*self.recent[-1:], (time_s, sighting)]
         self.lost, self.again, self.sign = 0, 0, float(np.sign(sighting.contrast))
 

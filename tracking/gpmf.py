@@ -21,7 +21,7 @@ _MOST_PACKETS = 10  # a second each: more would mean reading the whole file twic
 
 @dataclass(frozen=True)
 class Telemetry:
-    """What the camera says of itself: its name ("" when it says nothing), and its exposures in s (may be empty).
+    """The camera's own data: its name ("" when not stated), and its exposures in s (may be empty).
 
     ``rate`` (frames/s): at which it filmed (VFPS, from the HERO8 on); 0 when it does not say.
     """

@@ -1,7 +1,7 @@
 """Landscape: energy, forces and stiffness over (zeta, phi), row by row, on many cores, kept as it grows.
 
-The file is JSON lines: the problem and grid first, then one line a row of equal zeta. A run that was broken off goes
-on from the rows that are there. A point without an equilibrium is said in its row and the others are kept.
+The file is JSON lines: the problem and grid first, then one line a row of equal zeta. An interrupted run continues
+from the rows that are there. A point without an equilibrium is noted in its row and the others are kept.
 """
 
 from __future__ import annotations
@@ -205,7 +205,7 @@ def _kept(path: Path, header: Row) -> dict[float, Row]:
         try:
             row = json.loads(line)
         except ValueError:
-            continue  # cut where a run was broken off
+            continue  # cut where a run was interrupted
         rows[row["zeta_m"]] = row
         whole.append(line)
     if len(whole) < len([line for line in lines if line]):

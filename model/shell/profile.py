@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 #: squeezing of the wall, which a shell leaves out, are of the order of its square.
 THICKEST = 1 / 3
 COLUMNS = ("r_m", "z_m", "thickness_m")
-#: Two walls meet whose ends are this near: less than a micrometre is no place, only rounding.
+#: Two walls meet whose ends are this near: less than a micrometre is rounding.
 TOUCHING_M = 1e-6
 #: A radius beyond this is millimetres in the column of metres.
 LARGEST_M = 1.0

@@ -1,7 +1,7 @@
 """Frusta that are not axisymmetric: one side snaps first, a moment of fixed sign between the two wells.
 
 U = m phi B(x), B = (1 - x^2)^n within |x| < 1, x = (zeta / |zeta_0| - c) / w:  M = -m B,  F = -m phi B' / (w |zeta_0|).
-Beyond it is zero: how far a straw at rest leans is another matter (intrinsic curvature). n = 1 is a parabola, a large n
+Beyond it is zero: the lean of a straw at rest is intrinsic curvature's. n = 1 is a parabola, a large n
 nearly a normal curve.
 """
 

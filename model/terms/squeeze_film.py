@@ -2,7 +2,7 @@
 
 F = -c (g / h)^3 zeta',  M = -b c (g / h)^3 (r^2 / 2) phi',  h = g + (x + sqrt(x^2 + g^2)) / 2 - g / 2,
 x = zeta + |zeta_0| the opening, r the mean radius; h = g at the folded rest state and h -> x + g / 2 beyond.
-b = 1 for a narrow ring that is wet all round; less where water gives way along the ring when the frusta tilt.
+b = 1 for a narrow ring that is wet all round; less where water flows along the ring when the frusta tilt.
 """
 
 from __future__ import annotations

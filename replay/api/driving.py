@@ -12,7 +12,8 @@ from straw.replay.commands.rig_run import drive, emulation, write_true_tip
 from straw.replay.errors import ReplayError
 from straw.replay.output import check_new
 from straw.rig.clock import SteppedClock
-from straw.rig.controller import Controller, controller_names, make_controller
+from straw.rig.controller import Controller
+from straw.rig.drivers import controller_names, make_controller
 from straw.rig.emulate import Emulation
 from straw.rig.guarded import GuardedController
 

@@ -48,7 +48,7 @@ def verdict_figure(
 ) -> Figure:
     """Probabilities as bars; beside them RMS held out, before and after, as multiples of the noise.
 
-    ``shown``: by channel its short name, factor and unit for a person's eyes.
+    ``shown``: by channel its short name, factor and display unit.
     """
     from matplotlib.figure import Figure  # slow to import
 

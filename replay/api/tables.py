@@ -132,8 +132,8 @@ def import_tables(
     if plan.doubts and not accept_guesses:
         first = plan.doubts[0]
         raise ReplayError(
-            f"{read[0].name}: {len(plan.doubts)} guesses, as that {first.what} (to state it: {first.say}); look at "
-            "import_tables without an output, state them, or accept_guesses=True"
+            f"{read[0].name}: {len(plan.doubts)} guesses, for example that {first.what} (to state it: {first.say}); "
+            "call import_tables without an output to see them, state them, or give accept_guesses=True"
         )
     write(plan, Path(output), progress)
     return Import(plan, read_recording(output))
@@ -152,7 +152,7 @@ def export_table(
     """Write a recording as a table, as `straw export` does, and return its number of rows. `straw import` restores it
     exactly; `import_tables` is for other tables. Raises RigError or ReplayError."""
     if csv is None and parquet is None:
-        raise ReplayError("export_table: say where: csv=, parquet=, or both")
+        raise ReplayError("export_table: no output; give csv=, parquet=, or both")
     for path in (csv, parquet):
         if path is not None:
             check_new(Path(path))

@@ -58,7 +58,7 @@ def check_laws(path: Path, _module: ModuleType, args: argparse.Namespace) -> lis
 
 
 def compiles(where: str, law: object) -> None:
-    """Raise ModelError, one line, where numba cannot compile what is good as Python."""
+    """Raise ModelError, one line, where numba cannot compile a law that runs as Python."""
     from straw.model.law_contract import some_frusta, typical_row
     from straw.model.term import Law
 
@@ -100,7 +100,7 @@ def runs(name: str) -> float:
 
 def check_controller(path: Path, _module: ModuleType, _args: argparse.Namespace) -> list[str]:
     """Describe a driver."""
-    from straw.rig.controller import driver_in
+    from straw.rig.drivers import driver_in
 
     driver = driver_in(path.resolve())
     settings = [name for name in inspect.signature(driver).parameters if name not in ("port", "kwargs", "settings")]

@@ -14,7 +14,7 @@ import numpy as np
 
 from straw.model.design import WANTED, Design, Wish, in_order, read_wish, refined, sweep, with_varied
 from straw.model.elasticity import EQUATION_7
-from straw.model.frustum import Frustum
+from straw.model.frustum_table import frustum_of
 from straw.model.parameters import StrawParameters, load_straw
 from straw.replay.commands.shell import require_shell
 from straw.replay.errors import ReplayError
@@ -118,7 +118,7 @@ def _order_checked(args: argparse.Namespace, straw: StrawParameters, seen: list[
     with workers(args.jobs, args.dask) as executor, progress_bar("finite elements", "cell") as update:
         one = partial(shell_snap_pa, straw, folds=folds)
         for done, own in enumerate(executor.map(one, cells) if executor else map(one, cells), 1):
-            low, _, _, high = Frustum.of(straw, cells[done - 1], sealed=True).bifurcation_pressures()
+            low, _, _, high = frustum_of(straw, cells[done - 1], sealed=True).bifurcation_pressures()
             made.append(seen[done - 1][1] + own - (low if folds else high))
             update(done, len(cells))
     return made

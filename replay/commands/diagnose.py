@@ -81,7 +81,7 @@ def run(args: argparse.Namespace) -> int:
         write_json(args.json, findings.as_json())
         written.append(args.json)
     if written:
-        print(f"\nlook at {', '.join(map(str, written))}")
+        print(f"\nwritten to {', '.join(map(str, written))}")
     return 0 if findings.verdict in ("complete", "within_tolerance") else 1
 
 

@@ -13,7 +13,7 @@ from straw.rig.tables.own_files import side_of
 def run(args: argparse.Namespace) -> int:
     """Write the table, and report what it does not hold."""
     if not (args.csv or args.parquet):
-        raise ReplayError("straw export: say --csv T.csv or --parquet T.parquet")
+        raise ReplayError("straw export: no output; give --csv T.csv or --parquet T.parquet")
     outputs = [path for path in (args.csv, args.csv and side_of(args.csv), args.parquet) if path]
     for path in outputs:
         check_new(path)

@@ -99,9 +99,11 @@ def _runs(args: argparse.Namespace, known: StrawParameters) -> tuple[StrawParame
         print(f"{label:<20} " + "{:>24} {:>24} {:>26}".format(*cells) + f" {found[-1].reduced_chi2:>8.2f}")
     joint = found[-1]
     if joint.reduced_chi2 > POOR_CHI2:
-        print("the straw does not explain these runs to their noise; the intervals say nothing about what is left out")
+        print(
+            "the straw does not explain these runs to their noise; the intervals do not account for what it leaves out"
+        )
     if joint.failures:
-        print(f"{joint.failures} simulations could not follow and were counted as bad fits")
+        print(f"{joint.failures} simulations failed and were counted as bad fits")
     fits = [
         {
             "runs": f.runs,

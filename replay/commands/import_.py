@@ -18,7 +18,7 @@ from straw.rig.tables.mapping import to_toml
 def run(args: argparse.Namespace) -> int:
     """Write the recording; 1 where guesses must be confirmed first."""
     if args.output is None and not args.dry_run:
-        raise ReplayError("straw import: say -o RUN.mcap, where the recording goes, or --dry-run to look only")
+        raise ReplayError("straw import: no output; give -o RUN.mcap for the recording, or --dry-run to write none")
     if args.output is not None:
         check_new(args.output)
     if args.straw:
@@ -33,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
     for line in lines(plan):
         print(line)
     if "initial_deployed" not in plan.mapping.metadata:
-        print("note: which cells were deployed is not said, and replay and diagnose need it: --deployed 1,4 (or none)")
+        print("note: the cells deployed at the start are missing; replay and diagnose need --deployed 1,4 (or none)")
     if args.save_map:
         check_new(args.save_map)
         write_text(args.save_map, to_toml(plan.mapping))
@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
         print("nothing is written (--dry-run)")
         return 0
     if waiting:
-        print(f"{args.output} is not written: look at {picture}; state the guesses, or add --yes where all are right")
+        print(f"{args.output} is not written: check {picture}; state the guesses, or add --yes if all are right")
         return 1
     with progress_bar(f"write {args.output.name}", "message") as progress:
         count = write(plan, args.output, progress)

@@ -81,8 +81,10 @@ def tell(folder: Path, said: dict[str, Any]) -> None:
     if said["remote"]:
         print("other machines can reach it: whoever has this address controls the rig", flush=True)
     if not said["writable"]:
-        print(f"{folder} cannot be written: you can look, but take no notes and run or make nothing here", flush=True)
-    print("here: V and Enter vent; Ctrl-C ends the lab, and a run in progress continues by itself", flush=True)
+        print(f"{folder} cannot be written: notes, runs and results cannot be stored", flush=True)
+    print(
+        "at this terminal V and Enter vent; Ctrl-C ends the lab, and a run in progress continues by itself", flush=True
+    )
 
 
 def show(url: str, args: argparse.Namespace) -> int:

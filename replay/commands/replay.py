@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
     for one in runs:
         for sentence in one.lost:
             say(f"{one.run_id}: {sentence}")
-    print(f"\nlook at {', '.join(map(str, written))}")
+    print(f"\nwritten to {', '.join(map(str, written))}")
     return 0
 
 

@@ -25,7 +25,7 @@ TRIES = 5
 
 
 def run(args: argparse.Namespace) -> int:
-    """Try everything; 0 when all of it is well, 1 when not."""
+    """Try everything; 0 when every check passes, 1 when not."""
     rig = take_rig(args)
     settings = settings_of(args)
     name = f"{rig.name} ({rig.path})" if rig else args.controller
@@ -55,7 +55,7 @@ def report(controller: Controller, args: argparse.Namespace) -> int:
     if found["camera"]:
         print(found["camera"]["says"])
     well = all(row["well"] for row in found["channels"]) and found["camera"].get("well", True)
-    print("all is well" if well else "something is wrong: check what is named above (tubes, valves, supply, camera)")
+    print("all checks passed" if well else "a check failed: see above, and check tubes, valves, supply and camera")
     if args.json:
         write_json(args.json, found | {"well": well})
     return 0 if well else 1
@@ -70,8 +70,8 @@ def camera_says(args: argparse.Namespace) -> dict[str, Any]:
         with GoPro(camera.address) as gopro:
             count = len(gopro.clips())
     except RigError as error:
-        return {"well": False, "says": f"camera: NOT WELL: {error}"}
-    return {"well": True, "says": f"camera: well: {camera.address} answers, {count} files on its card"}
+        return {"well": False, "says": f"camera: FAILED: {error}"}
+    return {"well": True, "says": f"camera: ok: {camera.address} answers, {count} files on its card"}
 
 
 def checked(controller: Controller, pressure_pa: float) -> dict[str, Any]:
@@ -94,7 +94,7 @@ def checked(controller: Controller, pressure_pa: float) -> dict[str, Any]:
             well &= abs(left) <= NEAR_PA
         flow = next(r.flow_m3_s for r in controller.read() if r.channel == channel)
         told.append("no flow sensor" if flow != flow else f"flow {flow * 1e9:.2f} µl/s")
-        rows.append({"channel": channel, "well": well, "says": ("well: " if well else "NOT WELL: ") + "; ".join(told)})
+        rows.append({"channel": channel, "well": well, "says": ("ok: " if well else "FAILED: ") + "; ".join(told)})
     return {"instrument": instrument, "channels": rows}
 
 

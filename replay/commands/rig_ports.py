@@ -12,11 +12,11 @@ from typing import Any
 from straw.replay.errors import ReplayError
 from straw.replay.output import write_json
 from straw.replay.settings import settings_of
-from straw.rig.controller import controller_names, make_controller
+from straw.rig.drivers import controller_names, make_controller
 from straw.rig.errors import RigError
-from straw.rig.let_out import LetOut, let_out, look
 from straw.rig.line_controller import LineController
 from straw.rig.ports import Known, is_guarded, known_ports
+from straw.rig.vent import Vented, look, vent_known
 
 DEFAULT = "ob1-mk4"
 KPA = 1e3
@@ -32,7 +32,7 @@ def vent(args: argparse.Namespace) -> int:
     done = []
     for known in wanted(args):
         print(f"venting {known.port} ({known.controller})", file=sys.stderr, flush=True)
-        done.append(let_out(known))
+        done.append(vent_known(known))
         print(_vented(done[-1]))
     if args.json:
         write_json(args.json, {"vented": [asdict(one) | {"is_empty": one.is_empty} for one in done]})
@@ -127,7 +127,7 @@ def wanted(args: argparse.Namespace) -> list[Known]:
     return [Known(args.port, controller, settings | settings_of(args), before.guardian_pid if before else 0)]
 
 
-def _vented(one: LetOut) -> str:
+def _vented(one: Vented) -> str:
     ended = (
         f"guardian {one.ended_guardian}, which drove a run, was told to vent and end; " if one.ended_guardian else ""
     )

@@ -21,7 +21,8 @@ from straw.replay.live.feed import Live
 from straw.replay.output import check_new, write_json
 from straw.replay.progress import prepare, progress_bar, say
 from straw.rig.clock import SteppedClock
-from straw.rig.controller import Controller, make_controller
+from straw.rig.controller import Controller
+from straw.rig.drivers import make_controller
 from straw.rig.emulate import Emulation, emulator_of
 from straw.rig.guarded import GuardedController
 from straw.rig.orders import Orders
@@ -65,7 +66,7 @@ def live_of(args: argparse.Namespace, straw: StrawParameters, protocol: Pressure
 
 def _run(args: argparse.Namespace, straw: StrawParameters, protocol: PressureProtocol, live: Live | None) -> int:
     if live:
-        say(f"look at {live.url} while it runs")
+        say(f"the page of the run: {live.url}")
     if (args.fast or args.tip) and not args.emulate:
         raise ReplayError("--fast and --tip belong to --emulate: a real rig runs in real time and is filmed")
     check_new(args.output)

@@ -18,7 +18,8 @@ from straw.replay.errors import ReplayError
 from straw.replay.output import check_new, write_json
 from straw.replay.progress import say
 from straw.rig.clock import SteppedClock
-from straw.rig.controller import Controller, make_controller
+from straw.rig.controller import Controller
+from straw.rig.drivers import make_controller
 from straw.rig.emulate import Emulation
 from straw.rig.guarded import GuardedController
 from straw.rig.interrupts import Interrupts
@@ -58,7 +59,7 @@ def deployed_of(args: argparse.Namespace, cells: int) -> list[int]:
     if args.deployed is not None:
         return cells_of(args.deployed)
     if args.cell is None or not 1 <= args.cell <= cells:
-        raise ReplayError(f"--cell {args.cell}: say which of cells 1..{cells} is to snap, or --deployed CELLS")
+        raise ReplayError(f"--cell {args.cell}: give the cell that is to snap, 1 to {cells}, or --deployed CELLS")
     return [args.cell] if args.direction == "fold" else [cell for cell in range(1, cells + 1) if cell != args.cell]
 
 

@@ -14,7 +14,8 @@ from straw.replay.errors import ReplayError
 from straw.replay.output import write_text
 
 KINDS = (".stl", ".step", ".stp")
-#: Segments of a circle: fewer are no circle; with so many the flange's chords are 6 nm off it, no printer sees that.
+#: Segments of a circle: fewer make no circle; with the most, the flange's chords are 6 nm off, below any printer's
+#: resolution.
 FEWEST, MOST = 8, 5000
 
 

@@ -17,7 +17,7 @@ from straw.replay.demo.film import Error, Motion, errors_of, film, lens_alone
 from straw.replay.diagnose.systems.straw.instrument import Instrument
 from straw.replay.track_file import track_to_file
 from straw.rig.clock import SteppedClock
-from straw.rig.controller import make_controller
+from straw.rig.drivers import make_controller
 from straw.rig.plant import PressurePlant
 from straw.rig.protocol import PressureProtocol
 from straw.rig.protocol_toml import load_protocol

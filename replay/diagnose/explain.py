@@ -29,7 +29,7 @@ from straw.replay.diagnose.settings import (
     ROUNDS,
     SHORTLIST,
 )
-from straw.replay.diagnose.starts import check_simulated
+from straw.replay.diagnose.starts import check_simulated, fit_from_priors
 from straw.replay.diagnose.tournament import fitted_contestant, tournament
 
 Floats = NDArray[np.float64]
@@ -55,7 +55,8 @@ def explain(
     """
     steps = _Steps(told, campaign)
     steps("base model")
-    null, wide_known = campaign.system.fit_base(campaign, _base_start(proposal))
+    given = _base_start(proposal)
+    null, wide_known = campaign.system.fit_base(campaign, given) or fit_from_priors(campaign, given)
     if known is not None and len(known) == len(null.unknowns):
         null = min(null, fitted(campaign, null.unknowns, known, rounds=ROUNDS), key=lambda fit: fit.cost)
     check_simulated(campaign, null)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 #: Judged names that are no causes.
-NO_CAUSE = {"complete": "nothing missing", "unknown": "something no hypothesis holds"}
+NO_CAUSE = {"complete": "nothing missing", "unknown": "something outside the library"}
 
 
 def words(name: str) -> str:

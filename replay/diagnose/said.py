@@ -44,7 +44,7 @@ def says(
     named = " and ".join(words(c) for c in causes)
     if not found.whole:
         so_far = f"; so far {named} would explain these runs best" if named else ""
-        return f"Stopped before every cause was looked at: nothing is named and nothing excluded{so_far}."
+        return f"Stopped before every cause was tried: nothing is named and nothing is excluded{so_far}."
     if verdict == "complete":
         return f"Nothing is missing: the base model, its constants refitted, explains all {runs} runs to repeatability."
     if verdict == "within_tolerance":
@@ -59,7 +59,7 @@ def says(
                 f"{probability[refuted.name]:.2f}), but fitted without the runs held out it predicts them worse than "
                 f"the base ({refuted.worse}){tail}."
             )
-        return f"{_not_told(causes, probability)}{tail}."
+        return f"{_undecided(causes, probability)}{tail}."
     what = "The recording is at fault:" if verdict == "measurement_fault" else "The model leaves out"
     judgement = found.judgement()
     share = judgement.left_over / max(judgement.excess["complete"], judgement.left_over, 1e-300)
@@ -72,9 +72,9 @@ def doubts(found: Inquiry) -> list[str]:
     runs = found.campaign.observations
     out = []
     if not found.whole:
-        out.append("the search was cut short: causes not looked at yet count as impossible here")
+        out.append("the search was cut short: causes that were not tried have probability zero here")
     if found.spent:
-        out.append("the search spent its budget of steps: what it had not fitted by then counts as not there")
+        out.append("the search spent its budget of steps: what was not fitted by then has probability zero here")
     if len(runs) < 3:
         out.append(
             f"{len(runs)} run{'s' if len(runs) > 1 else ''}: nothing could be held out, and repeats are not known"
@@ -87,7 +87,7 @@ def doubts(found: Inquiry) -> list[str]:
         )
     out += found.campaign.system.doubts(runs)
     if found.campaign.tally["failed"]:
-        out.append(f"{found.campaign.tally['failed']} simulations could not follow and counted as very wrong")
+        out.append(f"{found.campaign.tally['failed']} simulations failed and were counted as large misfits")
     return out
 
 
@@ -96,11 +96,11 @@ def _sure(causes: Sequence[str], probability: Mapping[str, float]) -> float:
     return sum(p for name, p in probability.items() if set(causes) & set(name.split("+")))
 
 
-def _not_told(causes: Sequence[str], probability: Mapping[str, float]) -> str:
+def _undecided(causes: Sequence[str], probability: Mapping[str, float]) -> str:
     """Hypotheses that cannot be distinguished, with probabilities; a single cause may be too improbable to be named."""
     sure = {words(c): _sure([c], probability) for c in causes}
     sure |= {text: probability[name] for name, text in NO_CAUSE.items() if probability[name] > 1 - COVERED}
     among = [f"{name} ({p:.2f})" for name, p in sure.items()]
     if len(among) < 2:
-        return f"These runs do not settle it: {''.join(among) or 'nothing'} is the most probable, and not enough so"
+        return f"These runs do not settle it: {''.join(among) or 'nothing'} is most probable, but not enough"
     return f"These runs cannot tell {' from '.join(among)}, probabilities in brackets"

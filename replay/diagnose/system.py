@@ -191,11 +191,9 @@ class System(ABC):
         """A proposal of starts, or None."""
         return None
 
-    def fit_base(self, campaign: Campaign, proposed: Sequence[Floats]) -> tuple[Fit, Fit]:
-        """The base fitted to all samples, and to the coarse comparison: by default from what was given."""
-        from straw.replay.diagnose.starts import fit_from_priors
-
-        return fit_from_priors(campaign, proposed)
+    def fit_base(self, campaign: Campaign, proposed: Sequence[Floats]) -> tuple[Fit, Fit] | None:
+        """The base fitted to all samples, and to the coarse comparison; None: multi-start over the priors does it."""
+        return None
 
     def telling(self, campaign: Campaign, fit: Fit) -> list[str]:
         """Names of the few runs in which hypotheses are looked at first; by default all."""

@@ -1,4 +1,4 @@
-"""Alone: one lab a folder; a second one finds the first."""
+"""Alone: one lab per folder; a second one finds the first."""
 
 from __future__ import annotations
 

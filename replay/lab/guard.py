@@ -1,15 +1,14 @@
 """Guard: checks every request to a page that this project serves: by whom, from where, and in what form.
 
-A browser lets any page send requests to a server of this machine. What each line of defence is for:
+A browser lets any page send requests to a server of this machine. The defences, and against what:
 
-* Host: a name that an attacker's DNS points at 127.0.0.1 (rebinding) comes with Origin equal to Host and nothing else
-  to recognise it by; so only names of this machine are answered (jupyter_server does the same, CVE-2024-28224 is the
-  lack).
-* Origin: pages of other servers on this machine are the same *site*, so cookies are sent to us for them; a form of a
-  public page arrives without any preflight. Origin must be ours; ``null`` is foreign.
-* Token: other users and programs of this machine. New with every start, in the address that is printed; then a cookie,
-  HttpOnly, SameSite=Strict, named with the port because cookies ignore ports.
-* JSON and a header of our own on whatever changes something: neither a form nor a beacon can send them.
+* Host, against DNS rebinding: a name that an attacker's DNS points at 127.0.0.1 sends an Origin equal to Host, so only
+  names of this machine are answered (CVE-2024-28224 is a server without this check).
+* Origin, against pages of other servers: on this machine they are the same *site*, so the browser sends our cookie with
+  their requests; a form of a public page is sent without preflight. Origin must be ours; ``null`` is refused.
+* Token, against other users and programs of this machine: new at every start, in the printed address; then a cookie,
+  HttpOnly, SameSite=Strict, with the port in its name, as cookies ignore ports.
+* JSON and a header of our own on every request that changes something: neither a form nor a beacon can send them.
 """
 
 from __future__ import annotations

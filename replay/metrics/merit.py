@@ -48,7 +48,7 @@ class FigureOfMerit:
         ):
             text = getattr(self, name)
             if not isinstance(text, str) or not text.strip() or "\n" in text.strip():
-                raise ReplayError(f"{where}: {name} = {text!r}; say in a line {what}")
+                raise ReplayError(f"{where}: {name} = {text!r}; state in a line {what}")
         if not callable(self.value):
             raise ReplayError(f"{where}: value is no function; give value(motion), which gives one number")
 

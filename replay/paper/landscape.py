@@ -10,6 +10,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from straw.model.frustum import Equilibrium, Frustum
+from straw.model.frustum_table import frustum_of
 from straw.model.parameters import StrawParameters
 from straw.replay.paper.style import STABLE, UNSTABLE, figure, label
 
@@ -47,7 +48,7 @@ def _energy_mj(frustum: Frustum, e: Equilibrium, pressure_pa: float = 0.0) -> fl
 
 def energy_surface() -> Figure:
     """Fig. 4: the energy at zero gauge pressure (a) and its cuts through the stable states (b, c)."""
-    frustum = Frustum.of(StrawParameters())
+    frustum = frustum_of(StrawParameters())
     fig = figure(10, 4.2)
     grid = fig.add_gridspec(2, 2, width_ratios=(1.45, 1))
     surface = fig.add_subplot(grid[:, 0])
@@ -94,7 +95,7 @@ def branches(frustum: Frustum, most_pa: float) -> list[tuple[Floats, Floats, Flo
 
 def bifurcations() -> Figure:
     """Fig. 5: equilibria of a frustum against the pressure on it, in three views."""
-    frustum = Frustum.of(StrawParameters())
+    frustum = frustum_of(StrawParameters())
     bounds = frustum.bifurcation_pressures()
     most_pa = 1.3 * bounds[-1]
     fig = figure(10, 4.0)

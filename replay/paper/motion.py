@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from straw.model.frustum import Frustum
+from straw.model.frustum_table import frustum_of
 from straw.model.simulate import Prediction
 from straw.replay.paper.landscape import PHI_LABEL, ZETA_LABEL, branches, draw_energy
 from straw.replay.paper.runs import ValidationRun
@@ -34,7 +34,7 @@ def motion(run: ValidationRun, moved: Prediction) -> Figure:
         axes.plot(t, values, color="#222222")
         label(axes, title, "t / s", name)
     landscape, *in_time = panels[1]
-    frustum = Frustum.of(run.straw, sealed=True)
+    frustum = frustum_of(run.straw, sealed=True)
     draw_energy(landscape, frustum, run.steady_pa, CONTOUR_MJ)
     label(landscape, f"(d) on the energy, every {CONTOUR_MJ:g} mJ", ZETA_LABEL, PHI_LABEL)
     for _, zeta, phi, _ in branches(frustum, np.inf)[1:]:

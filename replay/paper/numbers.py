@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from straw.model.filling import ChannelRadius
-from straw.model.frustum import Frustum
+from straw.model.frustum_table import frustum_of
 from straw.model.geometry import Readings, identify_geometry
 from straw.model.parameters import StrawParameters
 from straw.model.simulate import Prediction
@@ -67,7 +67,7 @@ def _identified(radius: ChannelRadius, table: str) -> Iterator[Number]:
     how = "from the paper's zeta_01 and zeta_02"
     yield Number("zeta_01 / |zeta_02|", "3.1", 1.66, odd / -even, "", 0.005, how)
     yield Number("folded cell", "3.1", 1.5, (odd + even) * 1e3, "mm", 0.05, how)
-    deployed = Frustum.of(STRAW).equilibria()[0].zeta_m
+    deployed = frustum_of(STRAW).equilibria()[0].zeta_m
     how = "zeta_01 and the deployed root of equation 6a without load"
     yield Number("deployed cell", "3.1", 5.8, (odd + deployed) * 1e3, "mm", 0.05, how)
 
@@ -86,10 +86,10 @@ def _snaps() -> Iterator[Number]:
 
 
 def _frustum() -> Iterator[Number]:
-    frustum = Frustum.of(STRAW)
+    frustum = frustum_of(STRAW)
     found = frustum.equilibria()
     bounds = frustum.bifurcation_pressures()
-    sealed = Frustum.of(STRAW, sealed=True).bifurcation_pressures()
+    sealed = frustum_of(STRAW, sealed=True).bifurcation_pressures()
     how = "all roots of equations 6a and 6b, stable where both eigenvalues of their Jacobian are positive"
     yield Number("equilibria of a frustum at 0 kPa", "3.2, Fig. 4", 9, len(found), "", 0, how)
     yield Number("of them stable", "3.2, Fig. 4", 4, sum(e.stable for e in found), "", 0, how)
@@ -121,7 +121,7 @@ def _runs(folding: Prediction, deployment: Prediction) -> Iterator[Number]:
         first = f"{how}; in the experiment it was cell 4, which is weaker (3.3)"
         yield Number(f"first cell to snap in the {name}", "3.3", 1, order[0], "", 0, first)
         bent = float(np.abs(run.frustum_phi_rad[:, 0, 1]).max())
-        antisymmetric = next(e for e in Frustum.of(STRAW).equilibria() if e.stable and e.phi_rad > 0).phi_rad
+        antisymmetric = next(e for e in frustum_of(STRAW).equilibria() if e.stable and e.phi_rad > 0).phi_rad
         through = 1 if sign < 0 else 0
         yield Number(
             f"cell 1 bends as far as the antisymmetric state in the {name} (1 yes)",

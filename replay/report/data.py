@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.model.frustum import Frustum
-from straw.model.frustum_table import TableFrustum
+from straw.model.frustum_table import TableFrustum, frustum_of
 from straw.model.parameters import StrawParameters
 from straw.model.simulate import Prediction
 from straw.replay.compare import Comparison
@@ -124,7 +124,7 @@ def pressure(log: PressureLog, command: PressureLog | None) -> dict[str, Any]:
 
 def straw_data(straw: StrawParameters) -> dict[str, Any]:
     """The constants with which the page draws a straw and its energy, SI."""
-    frusta = [Frustum.of(straw, cell, sealed=True) for cell in range(1, straw.cells + 1)]
+    frusta = [frustum_of(straw, cell, sealed=True) for cell in range(1, straw.cells + 1)]
     bent = [e.phi_rad for e in frusta[0].equilibria() if e.stable and e.phi_rad > 0]
     return {
         "cells": straw.cells,

@@ -7,7 +7,7 @@ const COLUMNS = [
   ["X, Z, Φ reduced χ²", (r) => each(r, (m) => short(m.reduced_chi2)), (r) => Math.max(...Object.values(r.signals).map((s) => s.metrics.reduced_chi2 ?? -1))],
   ["Φ lag / ms", (r) => { const m = r.signals.phi_rad.metrics; return m.lag_at_bound ? "beyond" : `${fixed(m.lag_s * 1e3, 1)} ± ${fixed(m.lag_sigma_s * 1e3, 1)}`; }, (r) => Math.abs(r.signals.phi_rad.metrics.lag_s)],
   ["snaps late by / ms", (r) => r.pairs.map((p) => (p.late === null ? (p.measured ? "missed" : "extra") : fixed(p.late * 1e3, 1))).join(" · ") || "no snap", (r) => Math.max(0, ...r.pairs.map((p) => Math.abs(p.late ?? 9)))],
-  ["off / can tell", (r) => r.quantities.filter((q) => q.verdict === "off").length + " / " + r.quantities.filter((q) => q.verdict !== "no statement").length, (r) => r.quantities.filter((q) => q.verdict === "off").length],
+  ["off / resolvable", (r) => r.quantities.filter((q) => q.verdict === "off").length + " / " + r.quantities.filter((q) => q.verdict !== "no statement").length, (r) => r.quantities.filter((q) => q.verdict === "off").length],
 ];
 const each = (r, f) => ["x_m", "z_m", "phi_rad"].map((n) => f(r.signals[n].metrics)).join(" · ");
 const short = (v) => (v === null ? "–" : v < 10 ? v.toFixed(1) : Math.round(v));
@@ -76,7 +76,7 @@ function drawNumbers(run) {
     (run.pairs.length ? `<h3>Snaps</h3><div class="scroll"><table><tr><th></th><th class="words">measured</th><th class="words">model</th><th>model late by</th></tr>` +
       run.pairs.map((p, k) => `<tr><td>${k + 1}</td><td class="words">${cell(p.measured)}</td><td class="words">${cell(p.predicted)}</td><td>${p.late === null ? "not in both" : fixed(p.late * 1e3, 2) + " ms"}</td></tr>`).join("") +
       `</table></div><p class="facts">${html(run.order)}</p>` : "") +
-    `<h3>What can be told of the model</h3><div class="scroll"><table><tr><th></th><th>measured</th><th>model</th><th>E = model − measured</th><th>2 u<sub>val</sub></th><th class="words">of it: measurement, integration, inputs</th><th class="words"></th></tr>` +
+    `<h3>Validation of the model</h3><div class="scroll"><table><tr><th></th><th>measured</th><th>model</th><th>E = model − measured</th><th>2 u<sub>val</sub></th><th class="words">of it: measurement, integration, inputs</th><th class="words"></th></tr>` +
     run.quantities.map((q) => `<tr><td>${html(q.name)} / ${q.unit}</td><td>${fixed(q.measured, q.digits)}</td><td>${fixed(q.predicted, q.digits)}</td><td>${fixed(q.error, q.digits)}</td><td>${q.u_val === null ? "–" : fixed(2 * q.u_val, q.digits)}</td><td class="words">${[q.u_data, q.u_num, q.u_input].map((v) => (v === null ? "–" : v.toPrecision(2))).join(", ")}</td><td class="words ${q.verdict === "off" ? "off" : ""}">${q.verdict === "off" ? "off" : q.verdict}</td></tr>`).join("") +
     `</table></div><p class="facts">An error below 2 u<sub>val</sub> cannot be resolved with these data: it says nothing for or against the model. One in twenty is above it by chance. ${html(run.inputs)}</p>` +
     (run.threeWays ? threeWays(run.threeWays) : "");

@@ -70,7 +70,7 @@ def _flags(args: argparse.Namespace, table: Table, tables: list[Table], said: Ta
         for text in getattr(args, flag):
             which, value = split_table(text, tables)
             if which is None and len(tables) > 1 and flag == "offset":
-                raise ReplayError(f"--offset {text}: say of which table, as {tables[-1].name}:{text}")
+                raise ReplayError(f"--offset {text}: name the table, as {tables[-1].name}:{text}")
             if which in (None, table):
                 if (
                     flag == "rate"
@@ -125,7 +125,7 @@ def place(role: str, text: str, tables: list[Table], maps: list[TableMap]) -> li
     if len(found) > 1 and role != "time":
         names = " and ".join(tables[k].name for k in found[:2])
         raise ReplayError(
-            f"--{role.replace('_', '-')} {name!r}: both {names} have it; say {tables[found[0]].name}:{name}"
+            f"--{role.replace('_', '-')} {name!r}: both {names} have it; name one, as {tables[found[0]].name}:{name}"
         )
     for k in found:
         use = uses[k]

@@ -59,6 +59,26 @@ def import_options(p: argparse.ArgumentParser) -> None:
     p.add_argument("tables", type=Path, nargs="+", metavar="TABLE", help="CSV, TSV, Parquet, ESI, Kinovea, Tracker, "
                    "DeepLabCut (CSV, H5), MAT, or what straw export wrote")  # fmt: skip
     p.add_argument("-o", "--output", type=Path, metavar="RUN.mcap", help="the recording (not with --dry-run)")
+    _columns(p)
+    _clocks(p)
+    _format(p)
+    _metadata(p)
+    p.add_argument("--straw", type=Path, metavar="S.toml", help='a straw file whose readers = ["R.py"] are used')
+    p.add_argument("--map", type=Path, metavar="M.toml", help="a mapping file; options override it")
+    p.add_argument("--save-map", type=Path, metavar="M.toml", help="write the interpretation as a mapping file")
+    p.add_argument("--as-stated", action="store_true", help="trust stated units although the values look implausible")
+    p.add_argument("--yes", action="store_true", help="accept the guesses and write")
+    p.add_argument("--dry-run", action="store_true", help="print and draw the interpretation, write no recording")
+    p.add_argument(
+        "--picture",
+        type=Path,
+        metavar="P.png",
+        help="drawing of the interpretation (RUN.import.png where nothing is written)",
+    )
+
+
+def _columns(p: argparse.ArgumentParser) -> None:
+    """Which column is what."""
     columns = p.add_argument_group("which column is what")
     for role, text in COLUMNS.items():
         columns.add_argument(
@@ -74,6 +94,10 @@ def import_options(p: argparse.ArgumentParser) -> None:
     columns.add_argument(
         "--tip-offset", type=float, metavar="MM", help="distance from the tip's face to the tracked point (0)"
     )
+
+
+def _clocks(p: argparse.ArgumentParser) -> None:
+    """Clocks of the tables."""
     clock = p.add_argument_group("clocks")
     clock.add_argument(
         "--rate",
@@ -91,6 +115,10 @@ def import_options(p: argparse.ArgumentParser) -> None:
     clock.add_argument(
         "--back", metavar="HOW", help="where time runs backwards: drop, sort, wrap (a counter), part:N; TABLE:HOW"
     )
+
+
+def _format(p: argparse.ArgumentParser) -> None:
+    """Format of the file, where it is not recognised."""
     written = p.add_argument_group("format of the file, where it is not recognised")
     written.add_argument(
         "--format", metavar="NAME", help="csv, esi, kinovea, tracker, deeplabcut, parquet, mat; or R.py"
@@ -104,6 +132,10 @@ def import_options(p: argparse.ArgumentParser) -> None:
     )
     written.add_argument("--encoding", metavar="NAME", help="as latin-1 (detected)")
     written.add_argument("--skip", type=int, default=0, metavar="LINES", help="lines to skip at the top")
+
+
+def _metadata(p: argparse.ArgumentParser) -> None:
+    """What the run was."""
     run = p.add_argument_group("what the run was")
     run.add_argument("--specimen", metavar="NAME", help="which straw")
     run.add_argument("--deployed", metavar="CELLS", help='cells deployed at the start, as 1,4; "none"')
@@ -111,18 +143,6 @@ def import_options(p: argparse.ArgumentParser) -> None:
     run.add_argument("--cells", type=int, metavar="N", help="number of cells (9)")
     run.add_argument("--run-id", metavar="NAME", help="name of the run (the file's)")
     run.add_argument("--meta", action="append", default=[], metavar="KEY=VALUE", help="any other fact, for the record")
-    p.add_argument("--straw", type=Path, metavar="S.toml", help='a straw file whose readers = ["R.py"] are used')
-    p.add_argument("--map", type=Path, metavar="M.toml", help="a mapping file; options override it")
-    p.add_argument("--save-map", type=Path, metavar="M.toml", help="write the interpretation as a mapping file")
-    p.add_argument("--as-stated", action="store_true", help="trust stated units although the values look implausible")
-    p.add_argument("--yes", action="store_true", help="accept the guesses and write")
-    p.add_argument("--dry-run", action="store_true", help="print and draw the interpretation, write no recording")
-    p.add_argument(
-        "--picture",
-        type=Path,
-        metavar="P.png",
-        help="drawing of the interpretation (RUN.import.png where nothing is written)",
-    )
 
 
 def export_options(p: argparse.ArgumentParser) -> None:

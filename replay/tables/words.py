@@ -36,13 +36,13 @@ def lines(plan: Plan) -> list[str]:
             out.append(f"  its clock + {part.said.offset_s:g} s is the run's")
         if part.unused:
             names = ", ".join(map(repr, part.unused[:8])) + (", ..." if len(part.unused) > 8 else "")
-            out.append(f"  left alone: {names}")
+            out.append(f"  not used: {names}")
         out += [f"  {note}" for note in part.notes]
     said = plan.mapping.metadata
     when = datetime.fromtimestamp(plan.zero_ns // 10**9, UTC).strftime("%Y-%m-%d %H:%M:%S")
     out.append(
-        f"run: 0 s is {when}.{plan.zero_ns % 10**9:09d} UTC; specimen {said.get('specimen') or 'not said'}; "
-        f"deployed {said.get('initial_deployed', 'not said') or 'none'}; cycle {said.get('cycle', 'not said')}"
+        f"run: 0 s is {when}.{plan.zero_ns % 10**9:09d} UTC; specimen {said.get('specimen') or 'not stated'}; "
+        f"deployed {said.get('initial_deployed', 'not stated') or 'none'}; cycle {said.get('cycle', 'not stated')}"
     )
     return out
 

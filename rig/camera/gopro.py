@@ -155,7 +155,7 @@ class GoPro:
             if time.monotonic() > until_s:
                 what = {BUSY: "busy", ENCODING: "filming"}[number]
                 state = "is still" if not value else "is not"
-                raise RigError(f"the camera {self.address} {state} {what} after {PATIENCE_S:g} s; look at its display")
+                raise RigError(f"the camera {self.address} {state} {what} after {PATIENCE_S:g} s; check its display")
             time.sleep(POLL_S)
 
     def _keep_alive(self) -> None:
@@ -168,7 +168,7 @@ class GoPro:
             with urllib.request.urlopen(self.address + path, timeout=self.timeout_s) as answer:
                 return json.loads(answer.read() or b"{}")
         except urllib.error.HTTPError as error:
-            raise RigError(f"the camera {self.address} refused {path}: {error.code}; look at its display") from None
+            raise RigError(f"the camera {self.address} refused {path}: {error.code}; check its display") from None
         except (OSError, ValueError) as error:
             why = getattr(error, "reason", None) or error
             raise LinkLostError(

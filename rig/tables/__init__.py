@@ -12,7 +12,7 @@ from pathlib import Path
 
 from straw.rig.errors import RigError
 from straw.rig.mcap_scan import read_bytes
-from straw.rig.tables.formats import format_of
+from straw.rig.tables.choose_format import format_of
 from straw.rig.tables.mapping import Mapping, TableMap, Use, load_mapping
 from straw.rig.tables.own import rows_of
 from straw.rig.tables.own_back import recording_of
@@ -76,7 +76,8 @@ def import_tables(
     plan = understand(tables, mapping)
     if plan.doubts and not accept_guesses:
         raise RigError(
-            f"{tables[0].name}: {len(plan.doubts)} guesses, as that {plan.doubts[0].what}; state them in the mapping"
+            f"{tables[0].name}: {len(plan.doubts)} guesses, for example that {plan.doubts[0].what}; "
+            "state them in the mapping"
         )
     write(plan, Path(output), progress)
     return plan

@@ -113,7 +113,7 @@ def _minute_ns(part: dict[str, str | None], zone: tzinfo | None, where: str) -> 
         day = [int(part[name] or 0) for name in ("Y", "M", "D")]
         naive = datetime(day[0], day[1], day[2], hour, int(part["m"] or 0))
     except ValueError as error:
-        raise RigError(f"{where}: {error}; is the order of day and month another? Say --date-order") from None
+        raise RigError(f"{where}: {error}; if day and month are swapped, give --date-order") from None
     its = zone_of(part["zone"]) if part["zone"] else zone or UTC
     offset = naive.replace(tzinfo=its).utcoffset() or timedelta()
     return int((naive - offset - _EPOCH) / timedelta(seconds=1)) * 10**9

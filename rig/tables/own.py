@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -91,23 +91,7 @@ def rows_of(path: Path, topics: Sequence[str] = ()) -> Rows:
     firsts: dict[int, bytes] = {}
     for channel_id, _, data, _ in every:
         firsts.setdefault(channel_id, data)
-    index: dict[int, int] = {}
-    codecs: dict[int, Codec] = {}
-    for channel_id, channel in found.channels.items():
-        if not _asked(channel, topics):
-            continue
-        schema = found.schemas.get(channel.schema_id)
-        about = (schema.name, schema.encoding, schema.data) if schema else ("", "", b"")
-        index[channel_id] = len(side.channels)
-        codecs[channel_id] = Codec(channel.message_encoding, about[0], about[2], firsts.get(channel_id))
-        side.channels.append(
-            {
-                "topic": channel.topic,
-                "encoding": channel.message_encoding,
-                "metadata": dict(channel.metadata),
-                "schema": {"name": about[0], "encoding": about[1], "data": base64.b64encode(about[2]).decode()},
-            }
-        )
+    index, codecs = _codecs(found, topics, firsts, side)
     several = {c["topic"] for c in side.channels if sum(o["topic"] == c["topic"] for o in side.channels) > 1}
     kinds = _kinds(codecs)
     rows: list[Row] = []
@@ -130,6 +114,30 @@ def rows_of(path: Path, topics: Sequence[str] = ()) -> Rows:
     kinds = {name: kind for name, kind in kinds.items() if name in there}
     side.kinds = {name: kind.__name__ for name, kind in kinds.items()}
     return Rows(rows, kinds, side)
+
+
+def _codecs(
+    found: Scan, topics: Sequence[str], firsts: Mapping[int, bytes], side: Side
+) -> tuple[dict[int, int], dict[int, Codec]]:
+    """Place in ``side.channels``, which is filled, and codec of each channel by its id; ``firsts``: messages."""
+    index: dict[int, int] = {}
+    codecs: dict[int, Codec] = {}
+    for channel_id, channel in found.channels.items():
+        if not _asked(channel, topics):
+            continue
+        schema = found.schemas.get(channel.schema_id)
+        about = (schema.name, schema.encoding, schema.data) if schema else ("", "", b"")
+        index[channel_id] = len(side.channels)
+        codecs[channel_id] = Codec(channel.message_encoding, about[0], about[2], firsts.get(channel_id))
+        side.channels.append(
+            {
+                "topic": channel.topic,
+                "encoding": channel.message_encoding,
+                "metadata": dict(channel.metadata),
+                "schema": {"name": about[0], "encoding": about[1], "data": base64.b64encode(about[2]).decode()},
+            }
+        )
+    return index, codecs
 
 
 def _fits(value: Any, kind: type) -> bool:

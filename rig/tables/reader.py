@@ -45,7 +45,7 @@ class Reader:
         if not isinstance(self.name, str) or not re.fullmatch(r"[a-z][a-z0-9_-]*", self.name):
             raise RigError(f"{where}: its name must be a word of small letters, digits, - and _, for --format")
         if not isinstance(self.about, str) or not self.about.strip():
-            raise RigError(f"{where}: about is empty; say in words what it reads")
+            raise RigError(f"{where}: about is empty; state in words what it reads")
         if not callable(self.read) or not (self.recognises is None or callable(self.recognises)):
             raise RigError(f"{where}: read and recognises are functions: read(path), recognises(path, first_bytes)")
         if any(not str(one).startswith(".") or len(str(one)) < 2 for one in self.suffixes):  # a lone word, too

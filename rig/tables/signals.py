@@ -65,7 +65,7 @@ def signal_of(
     else:
         likely = looks_like(raw, quantity)
         if quantity == "flow" or not likely:
-            raise RigError(f'{where} says no unit; say {flag} "{column.name} in UNIT"')
+            raise RigError(f'{where} has no unit; give {flag} "{column.name} in UNIT"')
         unit = likely[0]
         si = factor(unit, quantity, where)
         others = f" ({' or '.join(likely[1:3])} would do, too)" if len(likely) > 1 else ""
@@ -90,11 +90,9 @@ def _check_gauge(values: Floats, where: str, name: str, unit: str, si: float) ->
 
 def _from_px(table: Table, role: str, raw: Floats, said: TableMap) -> Floats:
     if said.mm_per_px is None:
-        raise RigError(f"{table.name}: its points are in px; say --mm-per-px, and --origin-px U,V of the straw's base")
+        raise RigError(f"{table.name}: its points are in px; give --mm-per-px, and --origin-px U,V of the straw's base")
     if said.origin_px is None:
-        raise RigError(
-            f"{table.name}: its points are in px; say --origin-px U,V, where the middle of the straw's base is"
-        )
+        raise RigError(f"{table.name}: its points are in px; give --origin-px U,V, the middle of the straw's base")
     scale = said.mm_per_px * 1e-3
     if role.startswith("sigma"):
         return raw * scale
@@ -123,7 +121,7 @@ def from_points(table: Table, said: TableMap, clock: Times) -> list[Signal]:
         for role, name in (("x", point.x), ("z", point.y)):
             signal, doubt = signal_of(table, role, Use(name, said.points_unit), said, clock, "stated", as_stated=True)
             if doubt:
-                raise RigError(f"{table.name}: points say no unit; say --points-unit m, mm or px")
+                raise RigError(f"{table.name}: its points have no unit; give --points-unit m, mm or px")
             values[label, role] = signal
     dx = values["far", "x"].values - values["near", "x"].values
     dz = values["far", "z"].values - values["near", "z"].values
@@ -150,8 +148,8 @@ def check_tip(table: Table, signals: list[Signal]) -> None:
     if set(TIP) & there and missing:
         points = f", or --points NEAR FAR, two of {', '.join(map(repr, table.points))}" if len(table.points) > 1 else ""
         raise RigError(
-            f"{table.name}: a tip is x, z and phi, but nobody named {' and '.join(missing)}"
-            f"; say --{missing[0]} COLUMN{points}, or leave the tip out: --{next(r for r in TIP if r in there)} none"
+            f"{table.name}: a tip is x, z and phi; not named: {' and '.join(missing)}"
+            f"; give --{missing[0]} COLUMN{points}, or leave the tip out: --{next(r for r in TIP if r in there)} none"
         )
     if len(table.points) > 1 and not there:
         raise RigError(

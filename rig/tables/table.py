@@ -18,7 +18,7 @@ class Column:
     """One column: ``values`` (n,) as numbers in the file's own unit, NaN where there is none.
 
     ``text`` is what stands in a text file, cell by cell: times are read from it exactly. ``whole`` are integers too
-    large for a float (nanoseconds). ``unit`` is what the format or the header says, "" where nobody does.
+    large for a float (nanoseconds). ``unit`` is what the format or the header says, "" where neither does.
     """
 
     name: str

@@ -137,11 +137,11 @@ def _forward(
     wraps = _wraps(ns, unit)
     if said.back is None:
         looks = (
-            f"looks like a counter that overflows after {wraps / _UNIT_NS.get(unit, 10**9):g} {unit}: say --back wrap"
+            f"looks like a counter that overflows after {wraps / _UNIT_NS.get(unit, 10**9):g} {unit}: give --back wrap"
             if wraps
-            else f"looks like {len(back) + 1} records in one file: say --back part:N for one of them"
+            else f"looks like {len(back) + 1} records in one file: give --back part:N for one of them"
             if ns[at + 1] <= ns[0] + abs(ns[at] - ns[0]) // 20
-            else "say --back drop (leaves such rows out) or sort"
+            else "give --back drop (leaves such rows out) or sort"
         )
         raise RigError(
             f"{where}: time runs back at {table.where(int(keep[at + 1]))}, from {_show(ns[at], unit)} to "

@@ -60,7 +60,7 @@ def understand(tables: Sequence[Table], mapping: Mapping) -> Plan:
         empty = [n for n, c in tables[0].columns.items() if c.whole is None and not np.any(np.isfinite(c.values))]
         nothing = f" ({', '.join(map(repr, empty[:3]))} without a number)" if empty else ""
         raise RigError(
-            f"{tables[0].name}: nothing to import from it is named; say --pressure, --command or --x --z --phi, of its "
+            f"{tables[0].name}: no column to import is named; give --pressure, --command or --x --z --phi, of its "
             f"columns {tables[0].names()}{nothing}"
         )
     doubts = [doubt for part in parts for doubt in part.doubts]
@@ -100,16 +100,14 @@ def _part(table: Table, said: TableMap, mapping: Mapping) -> Part:
     uses, how = _uses(table, said)
     if not said.points and not uses.get("time") and not said.rate_hz:
         if "frame" in uses:
-            raise RigError(f"{table.name}: it counts frames, not time; say --rate with the frames a second (as 240)")
-        raise RigError(f"{table.name}: no column looks like time; say --time COLUMN of {table.names()}, or --rate HZ")
+            raise RigError(f"{table.name}: it counts frames, not time; give --rate, the frames a second (as 240)")
+        raise RigError(f"{table.name}: no column looks like time; give --time COLUMN of {table.names()}, or --rate HZ")
     time_use = uses.get("time", (None,))[0] if uses.get("time") else None
     if time_use is None and not said.rate_hz:
         if said.points and (point := table.points.get(said.points[1])) and point.time:
             time_use = Use(point.time)
         else:
-            raise RigError(
-                f"{table.name}: it has no time; say --time COLUMN, or --rate with the frames a second (as 240)"
-            )
+            raise RigError(f"{table.name}: it has no time; give --time COLUMN, or --rate, the frames a second (as 240)")
     zone = zone_of(mapping.time_zone) if mapping.time_zone else None
     clock = times(table, time_use, said, zone)
     if time_use is None and "frame" in uses:

@@ -100,5 +100,5 @@ def check_size(values: NDArray[np.float64], unit: str, quantity: str, where: str
     if low <= size * si <= high:
         return
     others = looks_like(values, quantity)
-    cure = f'looks like {" or ".join(others[:2])}: say {flag} "... in {others[0]}"' if others else "is it this column?"
+    cure = f'looks like {" or ".join(others[:2])}: give {flag} "... in {others[0]}"' if others else "is it this column?"
     raise RigError(f"{where}: up to {size:g} {unit} is not plausible ({size * si:g} SI); {cure}, or --as-stated")

@@ -1,1 +1,1 @@
-"""An apparatus of another hand: a straw of 36 coordinates, its campaigns and the effects concealed in them."""
+"""An independent apparatus: a straw of 36 coordinates, its campaigns and the effects concealed in them."""

@@ -42,7 +42,7 @@ SCATTER = Scatter()
 
 
 def drawn(seed: int, attempt: int, scatter: Scatter) -> Straw:
-    """A straw by chance: damping and channel, E, h and zeta_0 near the recordings' base constants."""
+    """A random straw: damping and channel, E, h and zeta_0 near the recordings' base constants."""
     rng = np.random.default_rng([seed, 1, attempt])
     base = Straw()
     ratio = scatter.damping_ratio ** rng.uniform(-1.0, 1.0, size=2)
@@ -58,7 +58,7 @@ def drawn(seed: int, attempt: int, scatter: Scatter) -> Straw:
 
 @dataclass(frozen=True)
 class Made:
-    """One run before noise: what moved, under which true pressure, through which instruments."""
+    """One run before noise: the motion, the true pressure, and the instruments."""
 
     plan: Plan
     straw: Straw
@@ -133,7 +133,7 @@ def _make(
             straw, instrument = conceal((straw, instrument), cause)
             if cause.form == CLOGS:
                 straw = straw.with_laws(R_CH=straw.laws["R_CH"] * (1.0 - cause.size) ** index)
-        if "COHESION_N" in straw.laws:  # what was torn apart heals only partly
+        if "COHESION_N" in straw.laws:  # torn bonds recover only partly
             straw = straw.with_laws(COHESION_N=straw.laws["COHESION_N"] * (1.0 + plan.cycle) ** -0.6)
         if runs is None or plan.run_id in runs:
             time_s = np.arange(0.0, plan.seconds + 0.25, FINE_S)

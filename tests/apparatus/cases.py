@@ -88,7 +88,7 @@ def _sized(name: str, sizes: Range, low: float, high: float, rng: np.random.Gene
 
 
 def deck(split: Split, seed: int) -> list[Case]:
-    """The cases of a split in an order, and under names, that say nothing: 134 "final", 67 to "develop" with."""
+    """The cases of a split in random order, under neutral names: 134 "final", 67 to "develop" with."""
     if split in ("strong", "rest"):
         return _of_one_kind(split, seed)
     if split in ("two", "outside"):

@@ -1,4 +1,4 @@
-"""Camera and gauge: what they make of a motion, with the faults that a lab meets."""
+"""Camera and gauge: a motion as they record it, with the faults that occur in a lab."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ FRAME_S, GAUGE_S = 1.0 / 240.0, 1.0 / 200.0
 SIGMA = np.array([25e-6, 25e-6, 1.5e-3])
 SIGMA_PA = 30.0
 REST_LENGTHS = np.array([10e-3, 10e-3, 0.3])  # m, m, rad: over which a rest changes
-SLOW_SHARE, SLOW_FRAMES = 0.45, 15.0  # of the noise's variance, and its memory: light and pixels drift together
+SLOW_SHARE, SLOW_FRAMES = 0.45, 15.0  # correlated share of the noise's variance, and its correlation time
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Instrument:
     gauge_play_pa: float = 0.0
     hiccup_at_s: float = 0.0
     hiccup_s: float = 0.0
-    rest_sigmas: float = 0.0  # what remains of a lens, a board and a straw that no model has: smooth over the pose
+    rest_sigmas: float = 0.0  # residual of lens, board and straw that no model describes: smooth over the pose
     rest_draw: int = 0
 
     def true_time(self, stamp_s: np.ndarray) -> np.ndarray:
@@ -67,7 +67,7 @@ class Instrument:
 
 
 def tracking_noise(frames: int, rng: np.random.Generator) -> np.ndarray:
-    """Noise (frames, 3) of the stated sigma: white, and a part that remembers (AR(1))."""
+    """Noise (frames, 3) of the stated sigma: a white and a correlated part (AR(1))."""
     a = np.exp(-1.0 / SLOW_FRAMES)
     slow = rng.normal(size=(frames, 3))
     for i in range(1, frames):

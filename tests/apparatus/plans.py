@@ -1,4 +1,4 @@
-"""The eight runs of a campaign as they are asked for, and what a regulator makes of the commands."""
+"""The eight runs of a campaign as commanded, and a regulator's response to the commands."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ RUN_IDS = tuple(plan.run_id for plan in PLANS)
 
 
 def regulated(plan: Plan, time_s: np.ndarray, settling_s: float) -> np.ndarray:
-    """Pressure (Pa) that the regulator makes of the commands: it nears each within some tens of ms."""
+    """The regulator's response to the commands (Pa): it approaches each within some tens of ms."""
     pressure, before = np.zeros_like(time_s), 0.0
     for start, command in plan.commands:
         after = np.clip(time_s - start, 0.0, None)

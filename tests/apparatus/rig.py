@@ -61,7 +61,7 @@ def runs_in(folder: Path, specimen: str) -> list[tuple[Run, PressureProtocol]]:
 
 
 def as_plan(protocol: PressureProtocol, run_id: str, cycle: int) -> Plan:
-    """What the apparatus is told: a command whenever the protocol's pressure has changed, at the gauge's rate."""
+    """Commands of the apparatus: one whenever the protocol's pressure has changed, at the gauge's rate."""
     time_s = np.arange(round(protocol.duration_s / GAUGE_S)) * GAUGE_S
     pa = protocol(time_s + 1e-9)  # a step counts from its own time on, however that is rounded
     at = np.concatenate([[0], np.flatnonzero(np.diff(pa)) + 1])

@@ -1,4 +1,4 @@
-"""The apparatus against the given material, against itself, and its decks: what a proof that uses it stands on."""
+"""The apparatus against the given material and against itself, and its decks: the basis of the benchmarks."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ def sweep(amplitude_n: float) -> np.ndarray:
 
 
 def recorded(forces: dict[str, np.ndarray], k: float = K, alpha: float = ALPHA) -> list[Record]:
-    """What the hysteretic oscillator answers from rest, with noise; Newmark's average acceleration, as published."""
+    """Response of the hysteretic oscillator from rest, with noise; Newmark's average acceleration, as published."""
     u = np.stack(list(forces.values()))
     grid = np.arange(u.shape[1] * SUBSTEPS - SUBSTEPS + 1)
     u = np.stack([np.interp(grid, grid[::SUBSTEPS], row) for row in u])
@@ -90,7 +90,7 @@ def campaign_forces() -> dict[str, np.ndarray]:
 
 
 def located(campaign: Campaign, null: Fit) -> str:
-    """In which record the base model is off, whether in time, amplitude or shape, and which constant would wander."""
+    """In which record the base model is off, in time, amplitude or shape, and which constant would have to vary."""
     rows = campaign.misfits(null.unknowns, [null.u])[0]
     lines = []
     for record, one in zip(campaign.observations, rows, strict=True):

@@ -4,9 +4,9 @@
     python -m tests.benchmarks.calibrating SPLIT-SEED-COMMIT.jsonl --tell
 
 Rows are those of `python -m tests.benchmarks.concealed`, each file named by its deck; of a case in two files the later
-counts. Campaigns in which the base leaves less than noise may (`--limit`) hold nothing to be seen: left out,
-but for those with nothing concealed.
-`--tell` fits nothing: it says how well the present constants do on a deck that they were not found with.
+counts. Campaigns in which the base leaves no more than noise (`--limit`) show nothing and are left out, except those
+with nothing concealed. `--tell` fits nothing: it evaluates the present constants on a deck that was not used to find
+them.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from straw.replay.diagnose.systems.straw.library import causes
 from tests.apparatus.cases import Case, deck
 
 Rows = Sequence[tuple[Case, Mapping[str, Any]]]
-#: What one would guess before any deck, and how many factors of e (of log priors: how many units) it may be off.
+#: Prior mean of each constant, and its deviation in factors of e (of log priors: in units).
 GUESS = Calibration(
     scale=20, cause=4, second=4, constant=0.5, unknown=6, other=0.2, other_fault=0.1, form=0.01, power=1.5,
     chance=0.003, second_chance=0.003, missed=0.05,
@@ -53,7 +53,7 @@ OFF = Calibration(
 LOGARITHMIC = ("scale", "other", "other_fault", "form", "power", "chance", "second_chance", "missed")
 #: What one of two causes alone must leave for only both to be the truth, sigmas squared: what noise leaves of a base.
 ALONE = 150.0
-#: Probabilities are at most this: a guess may be off by factors that lead beyond one.
+#: Largest probability, as a factor on the guess may lead beyond one.
 MOST = {"missed": 0.5, "other": 0.9, "other_fault": 0.9, "chance": 0.5, "second_chance": 0.5}
 
 
@@ -153,7 +153,7 @@ def toml(found: Calibration) -> str:
 
 
 def told(rows: Rows, by: Calibration) -> str:
-    """Mean logarithm of what the truth was given, and how often what was said was right."""
+    """Mean logarithm of the probability of the truth, and how often the most probable hypothesis was right."""
     p = [probability(row, by) for _, row in rows]
     log = np.mean([np.log(of_truth(case, row, one, by)) for (case, row), one in zip(rows, p, strict=True)])
     top = np.array([next(iter(one.values())) for one in p])

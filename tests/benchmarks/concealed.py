@@ -3,10 +3,11 @@
     python -m tests.benchmarks.concealed --split develop --seed 1 --cases 20
 
 The SHA-256 of all labels is printed before the first analysis; `--split final` is for the end, with a seed nobody has
-looked at. One line of JSON per case; an interrupted benchmark goes on where it stopped, `--score` only counts what is
-there. `--ablate` takes each true cause out of the library: nothing may then be named. `--camera` paints every run as a
-video and diagnoses its track. Rows of whole decks are kept in `decks`, named by seed and by the commit that wrote them:
-`--out` goes on with one from a checkout of that commit, `--score` prints what came out, `--again` by today's judge.
+looked at. One line of JSON per case; an interrupted benchmark continues where it stopped, `--score` only counts what
+is there. `--ablate` takes each true cause out of the library: nothing may then be named. `--camera` paints every run
+as a video and diagnoses its track. Rows of whole decks are kept in `decks`, named by seed and by the commit that wrote
+them: `--out` goes on with one from a checkout of that commit, `--score` prints what came out, `--again` by the present
+judge.
 """
 
 from __future__ import annotations
@@ -73,7 +74,7 @@ def main() -> None:
     ask.add_argument("--out", type=Path, help="one line of JSON per case (default: a name by split, seed and way)")
     ask.add_argument("--score", action="store_true", help="diagnose nothing more")
     ask.add_argument("--limit", type=float, metavar="SIGMA2", help="detection limit (default: by the deck's own nulls)")
-    ask.add_argument("--again", action="store_true", help="rows of an older version are weighed by today's judge")
+    ask.add_argument("--again", action="store_true", help="rows of an older version are weighed by the present judge")
     ask.add_argument("--ablate", action="store_true", help="single causes only, each taken out of the library")
     ask.add_argument("--camera", action="store_true", help="painted, filmed and tracked")
     workers_options(ask, "processes")

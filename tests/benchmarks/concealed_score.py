@@ -1,4 +1,4 @@
-"""Scores sealed cases: how often the diagnosis was right, wrong with confidence, or honestly in doubt."""
+"""Scores sealed cases: how often the diagnosis was right, wrong with confidence, or undecided."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def score(cases: Sequence[Case], told: Mapping[str, Row], limit: float | None = 
 
 
 def judged_again(row: Row, cells: int = 9) -> Row:
-    """The row with probabilities, verdict and causes by today's judge from what each hypothesis had left then."""
+    """The row with probabilities, verdict and causes by the present judge from what each hypothesis had left then."""
     own = {name: len(unknowns) for name, (unknowns, _) in causes(cells).items()}
     constants = {n: sum(own[part] for part in n.split("+")) for n in row["excess"] if n != "complete"}
     probability = weighed(row["excess"], constants, MEASUREMENT)

@@ -1,7 +1,7 @@
-"""Runs of a minute on an instrument whose answers are spoilt or late: how many end well, what readings are wrong.
+"""Runs of a minute on an instrument whose answers are corrupted or late: how many end well, which readings are wrong.
 
-One answer in twenty is garbled, cut, merged with the next, lost, or up to 2 s late. Every reading is held against what
-the plant's pressure was in the time that the reading claims.
+One answer in twenty is garbled, cut, merged with the next, lost, or up to 2 s late. Every reading is compared with the
+plant's pressure in the time that the reading states.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from straw.rig.controller import make_controller
+from straw.rig.drivers import make_controller
 from straw.rig.emulate import Emulation
 from straw.rig.errors import RigError
 from straw.rig.faults import SeededFaults
@@ -25,7 +25,7 @@ from tests.benchmarks.figures import missed, publish, write_option
 from tests.benchmarks.soak import NoStraw, misread
 
 KINDS = ("garble", "truncate", "merge", "silence", "late")
-SPELT = ("garble", "truncate")  # on a wire without a checksum one of these may be spelt like a right answer
+SPELT = ("garble", "truncate")  # on a wire without a checksum one of these may look like a right answer
 PROTOCOL = """
 pressure_unit = "kPa"
 initial_deployed = []
@@ -107,7 +107,7 @@ def main() -> None:
         print(
             f"{baud} baud: {sum(run.well for run in ended)} of {len(ended)} ended well; {sum(r.cycles for r in ended)} "
             f"cycles, {dict(sorted(faults.items()))}; wrong readings {sum(len(run.wrong) for run in ended)}, "
-            f"spelt like right ones {sum(run.spelt_alike for run in ended)}",
+            f"indistinguishable from right ones {sum(run.spelt_alike for run in ended)}",
             flush=True,
         )
         for run in ended:

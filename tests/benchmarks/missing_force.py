@@ -2,7 +2,7 @@
 
     python -m tests.benchmarks.missing_force [--only "side wind" ...] [--states "tip X, along Z" ...] [--write]
 
-Per law: the state it acts over, the state chosen, how much of the misfit the curve takes away, the curve's largest
+Per law: the state it acts over, the state chosen, how much of the misfit the curve explains, the curve's largest
 error against the law where it is known, in shares of the law's largest value, and the formula. About a minute of CPU
 each; and X on runs held out: base, curve, stated noise, and what the law itself would leave there with the mean straw,
 by the apparatus: the camera's noise and how far repeats of this straw differ. Cohesion and squeeze film are causes of

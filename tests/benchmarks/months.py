@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from straw.rig.clock import SteppedClock
-from straw.rig.controller import make_controller
+from straw.rig.drivers import make_controller
 from straw.rig.emulate import Emulation
 from straw.rig.plant import PressurePlant
 from straw.rig.protocol_toml import protocol_from_toml

@@ -105,7 +105,7 @@ def _delay(name: str, campaign: Campaign, fit: Fit) -> None:
     """Print the delay that all runs would share."""
     late, gain = one_delay(campaign, fit)
     told = f"{late.value * 1e3:.2f} ± {late.sigma * 1e3:.2f} ms"
-    worth = f"by linear reckoning the misfit would be less by {gain:.0f} of {fit.cost:.0f}"
+    worth = f"to first order the misfit would be less by {gain:.0f} of {fit.cost:.0f}"
     print(f"  {name} model, a delay that all runs would share: {told}; {worth}", flush=True)
 
 
@@ -133,7 +133,7 @@ def _first_late(campaign: Campaign, straw: StrawParameters) -> dict[str, float]:
 
 
 def _wishes(title: str, fits: Mapping[str, Fit], common: Mapping[str, Number] | None = None) -> None:
-    """Print the constants that each run wishes; with a common set, how many sigmas from it, or from no delay."""
+    """Print the constants of each run's own fit; with a common set, how many sigmas from it, or from no delay."""
     print(f"\n{title}: value ± sigma" + (" (sigmas from the one set)" if common else ""))
     print(f"  {'':<18}" + "".join(f"{t:>24}" for t in TITLES) + "    chi2")
     for name, fit in fits.items():

@@ -69,7 +69,7 @@ def numbers(fit: Fit) -> dict[str, Number]:
 
 
 def alone_unknowns(straw_unknowns: tuple[Unknown, ...]) -> tuple[Unknown, ...]:
-    """What one run by itself may wish: the paper's three constants, a delay, and what repeats of a run differ by."""
+    """Unknowns of a single run's fit: the paper's three constants, a delay, and the differences between repeats."""
     three = tuple(k for k in straw_unknowns if k.target.removeprefix("straw.") in WISHED)
     (delay,) = causes(1)["clock_offset"][0]
     stiffness = Unknown("straw.E_pa", REPEATS["straw.E_pa"], 1.0, "log")
@@ -163,8 +163,7 @@ def _alike(spread: Unknown) -> Unknown:
 
 
 def one_delay(campaign: Campaign, fit: Fit) -> tuple[Number, float]:
-    """The delay (s) that all runs would share beside this fit, its constants free, by linear reckoning at its optimum;
-    and by how much it would lower the misfit."""
+    """The common delay (s) of all runs beside this fit, to first order, constants free, and the misfit it removes."""
     (delay,) = causes(1)["clock_offset"][0]
     unknowns, u = (*fit.unknowns, delay), np.append(fit.u, 0.0)
     at_fit = evaluated(campaign, unknowns, u)

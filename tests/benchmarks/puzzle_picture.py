@@ -1,4 +1,4 @@
-"""The puzzle's picture: each run measured, base and improved model with one set; what each run alone would wish."""
+"""The puzzle's picture: each run measured, base and improved model with one set; constants of each run's own fit."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def draw(
     alone: Mapping[str, tuple[Mapping[str, Number], Mapping[str, Number]]],
     common: tuple[Mapping[str, Number], Mapping[str, Number]],
 ) -> None:
-    """Save as the path's suffix says. ``alone`` has for each fitted run what base and improved model wish there,
+    """Save as the path's suffix says. ``alone`` has for each fitted run its own constants by base and improved model,
     ``common`` the one set of each.
     """
     fig = figure(12.0, 2.0 * len(observations) + 3.2)
@@ -78,7 +78,7 @@ def draw(
             panel.tick_params(axis="y", which="minor", labelsize=6)
         panel.set_title(title, loc="left")
         panel.set_xticks(range(len(fitted)), fitted, rotation=30, ha="right", fontsize=7)
-    fig.suptitle("below: what each run alone wishes, with one sigma; dashed: the one set", fontsize=10)
+    fig.suptitle("below: constants of each run's own fit, with one sigma; dashed: the one set", fontsize=10)
     part = path.with_name(path.name + ".part")
     fig.savefig(part, format=path.suffix.lstrip(".").lower() or "png", dpi=110)
     part.replace(path)

@@ -1,4 +1,5 @@
-"""Soak: ten thousand exchanges over a wire of which one in twenty is spoilt, and every outcome held against the truth.
+"""Soak: ten thousand exchanges over a wire of which one in twenty is corrupted, and every outcome compared with the
+truth.
 
 A reading is wrong when no instant of the time it claims had that pressure. A wrong one may pass only where the
 protocol gives no way to tell: noise that turned one good answer into another.
@@ -15,7 +16,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from straw.rig.controller import Controller, make_controller
+from straw.rig.controller import Controller
+from straw.rig.drivers import make_controller
 from straw.rig.emulate import Emulation
 from straw.rig.errors import LinkLostError, RigError
 from straw.rig.faults import Fault, SeededFaults
@@ -49,7 +51,7 @@ class Report:
     good: int = 0
     refused: int = 0  # told as an error
     reopened: int = 0
-    passed_untellable: list[str] = field(default_factory=list)  # wrong, and spelt exactly like a right one
+    passed_untellable: list[str] = field(default_factory=list)  # wrong, and indistinguishable from a right one
     passed_wrong: list[str] = field(default_factory=list)
     events: int = 0  # read back from the recording
     longest_s: float = 0.0
@@ -139,7 +141,7 @@ def main() -> None:
         kinds = ", ".join(f"{kind} {count}" for kind, count in sorted(r.faults.items()))
         print(f"{name}: {r.exchanges} exchanges in {r.wall_s:.0f} s, {sum(r.faults.values())} spoilt ({kinds})")
         print(f"  good {r.good}, told as errors {r.refused} (all {r.events} in the recording), reopened {r.reopened}")
-        print(f"  wrong and spelt like right {len(r.passed_untellable)}; wrong and tellable {len(r.passed_wrong)}")
+        print(f"  wrong and indistinguishable {len(r.passed_untellable)}; wrong and detectable {len(r.passed_wrong)}")
         print(f"  longest exchange, reopening included, {r.longest_s:.2f} s")
         for line in (r.passed_untellable + r.passed_wrong)[:20]:
             print("   ", line)

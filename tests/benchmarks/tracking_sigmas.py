@@ -1,4 +1,4 @@
-"""Honesty of the track's sigmas over cameras and motions drawn by chance: python -m tests.benchmarks.tracking_sigmas.
+"""The track's sigmas against its errors, over random cameras and motions: python -m tests.benchmarks.tracking_sigmas.
 
     python -m tests.benchmarks.tracking_sigmas --clips 16 --first 40
 

@@ -1,4 +1,4 @@
-"""Designing: what is wanted comes out of the reduced model again, and a wish that is none is named."""
+"""Designs have the wanted properties by the reduced model, and an invalid wish is refused by name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Steps see all of the pressure, and the way in costs them nothing."""
+"""Steps see all of the pressure, at no cost in their number."""
 
 import numpy as np
 import pytest

@@ -9,7 +9,7 @@ import pytest
 
 from straw.model.elasticity import elasticity_of
 from straw.model.errors import ModelError
-from straw.model.frustum import Frustum
+from straw.model.frustum_table import frustum_of
 from straw.model.parameters import StrawParameters, load_straw, straw_from_toml
 from straw.model.rest import rest_state
 from straw.model.straw import potential_energy_at
@@ -51,8 +51,8 @@ def test_beyond_the_end_the_restoring_force_grows() -> None:
 
 def test_the_shipped_table_has_the_equilibria_of_the_finite_elements() -> None:
     """facts/fe.md by NGSolve: (zeta mm, phi, mJ); the fit may be off by 0.03 mJ, heights by what that moves."""
-    found = [e for e in Frustum.of(SHELL).equilibria() if e.phi_rad >= 0]
-    energies = [1e3 * float(Frustum.of(SHELL).energy(np.array(e.zeta_m), np.array(e.phi_rad))) for e in found]
+    found = [e for e in frustum_of(SHELL).equilibria() if e.phi_rad >= 0]
+    energies = [1e3 * float(frustum_of(SHELL).energy(np.array(e.zeta_m), np.array(e.phi_rad))) for e in found]
     wanted = [(2.087, 0, 11.76), (0.232, 0, 21.19), (-2.28, 0, 0.0), (1.035, 0.104, 17.31), (-0.130, 0.215, 10.01)]
     wanted.append((-0.864, 0.143, 12.14))
     assert [e.stable for e in found] == [True, False, True, False, True, False]
@@ -65,7 +65,7 @@ def test_the_shipped_table_has_the_equilibria_of_the_finite_elements() -> None:
 def test_half_a_share_lies_between_equation_7_and_finite_elements() -> None:
     at = np.array(2.5e-3), np.array(0.02)
     low, middle, high = (
-        float(Frustum.of(s).energy(*at))
+        float(frustum_of(s).energy(*at))
         for s in (StrawParameters(), StrawParameters().with_term("wall_elasticity", share=0.5), SHELL)
     )
     assert middle == pytest.approx((low + high) / 2, rel=1e-9)
@@ -83,9 +83,9 @@ def test_a_straw_rests_deployed_where_its_walls_store_least() -> None:
 
 def test_a_straw_of_other_thickness_scales_the_table_to_first_order() -> None:
     """Modulus exactly; thickness: bending and stretching apart, as their cubes and firsts."""
-    other = Frustum.of(SHELL.replace(E_pa=np.array(1.84e9)))
+    other = frustum_of(SHELL.replace(E_pa=np.array(1.84e9)))
     at = np.array(1e-3), np.array(0.05)
-    assert float(other.energy(*at)) == pytest.approx(2 * float(Frustum.of(SHELL).energy(*at)), rel=1e-12)
+    assert float(other.energy(*at)) == pytest.approx(2 * float(frustum_of(SHELL).energy(*at)), rel=1e-12)
 
 
 def test_a_file_is_found_beside_the_straw_file_and_what_does_not_fit_is_named(tmp_path: Path) -> None:

@@ -7,12 +7,12 @@ import pytest
 from mpmath import mpf
 
 from straw.model.errors import ModelError
-from straw.model.frustum import Frustum
+from straw.model.frustum_table import frustum_of
 from straw.model.parameters import StrawParameters
 from tests.model.paper import PaperStraw
 
 STRAW = StrawParameters()
-ACTIVE = Frustum.of(STRAW)
+ACTIVE = frustum_of(STRAW)
 #: paper/NOTES.md, mm and rad
 STABLE = {(-2.2800, 0.0), (2.0248, 0.0), (-0.2735, 0.2196), (-0.2735, -0.2196)}
 UNSTABLE = {(0.2552, 0.0), (-0.8014, 0.1727), (-0.8014, -0.1727), (1.0750, 0.1147), (1.0750, -0.1147)}
@@ -50,7 +50,7 @@ def test_the_energy_is_the_papers_and_its_slope_and_curvature_are_the_forces(zet
 
 @pytest.mark.parametrize("sealed", [False, True])
 def test_four_pressures_separate_five_regions_of_one_two_four_two_and_one_stable_states(sealed: bool) -> None:
-    frustum = Frustum.of(STRAW, sealed=sealed)
+    frustum = frustum_of(STRAW, sealed=sealed)
     bounds = frustum.bifurcation_pressures()
     assert bounds[0] < bounds[1] < 0 < bounds[2] < bounds[3]
     just = 1e-3  # Pa; far below the gaps, far above rounding
@@ -73,4 +73,4 @@ def test_an_equilibrium_needs_no_force_and_its_pressure_is_found_again() -> None
 
 def test_a_frustum_too_flat_to_snap_says_so() -> None:
     with pytest.raises(ModelError, match="one state only"):
-        Frustum.of(STRAW.replace(h_m=5e-3)).bifurcation_pressures()
+        frustum_of(STRAW.replace(h_m=5e-3)).bifurcation_pressures()

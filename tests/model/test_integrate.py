@@ -1,4 +1,4 @@
-"""The tableau is of the order it is said to be."""
+"""The tableau has the order that is stated."""
 
 from __future__ import annotations
 

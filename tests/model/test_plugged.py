@@ -1,4 +1,4 @@
-"""Laws of somebody's own: part of the model without an edit of the package, and one line where they are no law."""
+"""Users' laws are part of the model without an edit of the package; a file that is no law is refused in one line."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ def test_a_straw_file_with_a_law_of_ones_own_predicts_another_motion_and_remembe
     (place / "sticky.py").write_text(STICKY + "# another day\n")
     done = ran(place, "-m", "straw", "simulate", "--protocol", "p.toml", "--straw", "w.toml", "-o", "n.mcap")
     assert done.returncode == 2
-    assert "has changed since" in done.stderr
+    assert "has been changed" in done.stderr
     assert len(done.stderr.splitlines()) == 1
 
 

@@ -236,7 +236,7 @@ def test_energy_in_is_energy_stored_and_dissipated(name: str) -> None:
 
 
 @pytest.mark.parametrize("names", [["fluid_inertia"], ["poiseuille_loss"], ["line_lag"], ["trapped_gas"], list(CAUSES)])
-def test_the_way_in_loses_pressure_as_its_laws_say(names: list[str]) -> None:
+def test_the_inlet_loses_pressure_by_its_laws(names: list[str]) -> None:
     """Played against a straw that takes water at a given rate; the laws integrated by SciPy are the judge."""
     from scipy.integrate import solve_ivp
 

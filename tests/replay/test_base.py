@@ -1,4 +1,4 @@
-"""Which runs tell most, and the base model's constants from anywhere."""
+"""Which runs are the most informative, and the base model's constants from any start."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from straw.model.simulate import Stepper
 from straw.replay.cli import main
 from straw.rig.camera_clock import CameraClock, bursts_of, fit_led, load_clock
 from straw.rig.clock import SteppedClock
-from straw.rig.controller import make_controller
+from straw.rig.drivers import make_controller
 from straw.rig.emulate import Emulation
 from straw.rig.errors import RigError
 from straw.rig.protocol_toml import protocol_from_toml

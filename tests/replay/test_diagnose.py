@@ -127,12 +127,12 @@ def test_an_ambiguous_verdict_lists_complete_and_unknown_in_words(plain):
         )
     found.whole = True
     said = says("ambiguous", ["cohesion"], {"unknown": 0.45, "complete": 0.3, "cohesion": 0.25}, found)
-    assert "cannot tell cohesion (0.25) from nothing missing (0.30) from something no hypothesis holds (0.45)" in said
+    assert "cannot tell cohesion (0.25) from nothing missing (0.30) from something outside the library (0.45)" in said
     said = says("ambiguous", [], {"unknown": 0.49, "complete": 0.47, "cohesion": 0.04}, found)
-    assert "cannot tell nothing missing (0.47) from something no hypothesis holds (0.49)" in said
+    assert "cannot tell nothing missing (0.47) from something outside the library (0.49)" in said
     assert "experiment" not in said  # none is proposed
     said = says("ambiguous", ["cohesion"], {"cohesion": 0.78, "unknown": 0.04, "complete": 0.04}, found)
-    assert "cohesion (0.78) is the most probable, and not enough so" in said
+    assert "cohesion (0.78) is most probable, but not enough" in said
 
 
 def test_the_apparatus_own_straw_leaves_only_noise(plain):
@@ -195,7 +195,7 @@ def test_an_inquiry_that_is_stopped_settles_nothing_and_holds_nothing_out(plain)
     assert findings.verdict == "ambiguous"
     assert findings.causes == []
     assert findings.held is None
-    assert "Stopped before every cause was looked at" in findings.says
+    assert "Stopped before every cause was tried" in findings.says
 
 
 def test_a_cause_whose_law_has_another_form_is_named_while_no_rival_explains_nearly_as_much():

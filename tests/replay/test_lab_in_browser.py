@@ -102,7 +102,7 @@ def test_one_is_in_control_the_other_watches_asks_and_may_always_vent(browser: B
     second.until("state.bench.control.holder === 'Ada' && document.getElementById('arm').disabled")
     assert "Ada is in control" in second.js("tell('arm', { on: false }).catch((e) => e.message)")
     second.js("document.querySelector('#control [data-control=take]').click()")
-    first.until("document.getElementById('control').textContent.includes('Bea asks')")
+    first.until("document.getElementById('control').textContent.includes('Bea requests')")
     first.js("document.querySelector('#control b ~ [data-control=give]').click()")
     second.until("state.bench.control.mine")
     first.until("state.bench.control.holder === 'Bea'")

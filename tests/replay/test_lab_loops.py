@@ -1,4 +1,4 @@
-"""The closed loop in the lab's page: seen round by round, answered yes or no, stopped, gone on with after a crash."""
+"""The closed loop in the lab's page: shown by round, answered yes or no, stopped, and continued after a crash."""
 
 from __future__ import annotations
 

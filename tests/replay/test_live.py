@@ -23,7 +23,7 @@ from straw.model.parameters import StrawParameters
 from straw.replay.cli import main
 from straw.replay.commands.rig_run import drive, emulation
 from straw.replay.live.feed import Live
-from straw.rig.controller import make_controller
+from straw.rig.drivers import make_controller
 from straw.rig.protocol_toml import protocol_from_toml
 from straw.rig.run_read import read_run
 from tests.replay.test_replay_command import FOLD

@@ -175,8 +175,8 @@ def test_the_processes_that_vent_start_beside_files_of_the_rooms_names(
     installed: dict[str, str], foreign: Path
 ) -> None:
     """A standby without orders ends with 0, if it came from the package at all."""
-    code = "from straw.rig.apart import start_apart as s; p = s('straw.rig.standby', answers=False); p.stdin.close(); "
-    assert asked(installed, foreign, sys.executable, "-c", f"{code}print(p.wait(30))") == "0\n"
+    code = "from straw.rig.detached import start_detached; p = start_detached('straw.rig.standby', answers=False); "
+    assert asked(installed, foreign, sys.executable, "-c", f"{code}p.stdin.close(); print(p.wait(30))") == "0\n"
 
 
 def test_a_run_with_its_guardian_works_beside_files_of_the_rooms_names(foreign: Path) -> None:

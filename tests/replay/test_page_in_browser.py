@@ -97,12 +97,12 @@ def test_the_energy_on_the_page_is_that_of_the_walls_the_straw_has(
     straw: StrawParameters, comparison: Comparison, tmp_path: Path
 ) -> None:
     """Differences, as the page's energy is up to a constant; the last two lie beyond the end at the slant."""
-    from straw.model.frustum import Frustum
+    from straw.model.frustum_table import frustum_of
 
     places = [(2e-3, 0.1, 0.0), (-1e-3, 0.2, -2e4), (-0.13e-3, 0.215, 1e4), (3.9e-3, 0.0, 0.0), (2.0e-3, -0.2, 5e3)]
     script = f"return {[list(at) for at in places]}.map((at) => energyOf(runs[0].straw.frusta[0], ...at));"
     told = np.array(asked(page([dataclasses.replace(comparison, straw=straw)]), script, tmp_path)["answer"])
-    frustum = Frustum.of(straw, sealed=True)
+    frustum = frustum_of(straw, sealed=True)
     said = np.array([float(frustum.energy(np.array(z), np.array(f), p)) for z, f, p in places])
     np.testing.assert_allclose(told - told[0], said - said[0], rtol=1e-6, atol=1e-9)
 

@@ -1,4 +1,4 @@
-"""Figures of merit of somebody's own: judged like straw's own, by file, straw file and entry point."""
+"""Users' figures of merit are judged like straw's own, by file, straw file and entry point."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from straw.replay.cli import main
-from straw.rig.controller import make_controller
+from straw.rig.drivers import make_controller
 from straw.rig.errors import RigError
 from straw.rig.run_read import read_run
 

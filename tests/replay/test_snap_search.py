@@ -9,7 +9,7 @@ from straw.model.parameters import StrawParameters
 from straw.model.snap import snap_pair
 from straw.replay.cli import main
 from straw.rig.clock import SteppedClock
-from straw.rig.controller import make_controller
+from straw.rig.drivers import make_controller
 from straw.rig.emulate import Emulation
 from straw.rig.errors import RigError
 from straw.rig.faults import SeededFaults

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from straw.rig.controller import Controller, make_controller
+from straw.rig.controller import Controller
+from straw.rig.drivers import make_controller
 from straw.rig.emulate import Emulation
 from straw.rig.plant import PressurePlant
 from straw.rig.protocol import PressureProtocol

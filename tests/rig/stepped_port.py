@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from straw.rig.clock import SteppedClock
-from straw.rig.controller import make_controller
+from straw.rig.drivers import make_controller
 from straw.rig.emulate import emulator_of
 from straw.rig.emulator import Emulator
 from straw.rig.line import POLL_S

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from straw.rig.clock import SteppedClock
-from straw.rig.controller import make_controller
 from straw.rig.controllers.alicat import Alicat, decode_frame, encode_set
+from straw.rig.drivers import make_controller
 from straw.rig.emulate import Emulation
 from straw.rig.emulator import Emulator
 from straw.rig.emulators.alicat import AlicatEmulator

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from straw.rig.controller import make_controller
+from straw.rig.drivers import make_controller
 from straw.rig.emulate import Emulation
 from straw.rig.errors import RigError
 from straw.rig.faults import KINDS, SeededFaults

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from straw.rig.clock import SteppedClock
-from straw.rig.controller import Controller, make_controller
+from straw.rig.controller import Controller
+from straw.rig.drivers import make_controller
 from straw.rig.emulate import Emulation
 from straw.rig.errors import LimitError, RigError
 from straw.rig.limits import Leash, PressureLimits

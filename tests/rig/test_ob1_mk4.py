@@ -12,8 +12,9 @@ import pytest
 from serial import SerialTimeoutException
 from serial.urlhandler.protocol_socket import Serial as SocketSerial
 
-from straw.rig.controller import Controller, controller_names, make_controller
+from straw.rig.controller import Controller
 from straw.rig.controllers.ob1_mk4 import READ_ALL, Dialect, decode_payload, decode_readings, encode_set, is_answer_to
+from straw.rig.drivers import controller_names, make_controller
 from straw.rig.emulate import Emulation
 from straw.rig.emulators.ob1_mk4 import Ob1Mk4Emulator
 from straw.rig.errors import LinkLostError, RigError

@@ -10,7 +10,7 @@ import pytest
 from straw.model.parameters import StrawParameters
 from straw.model.simulate import Stepper
 from straw.rig.clock import SteppedClock
-from straw.rig.controller import make_controller
+from straw.rig.drivers import make_controller
 from straw.rig.emulate import Emulation
 from straw.rig.errors import RigError
 from straw.rig.line import Line

@@ -1,4 +1,4 @@
-"""Controllers and emulators of somebody's own: from a file, without an edit of the package."""
+"""Users' controllers and emulators are loaded from a file, without an edit of the package."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from straw.replay.cli import main
-from straw.rig.controller import make_controller
+from straw.rig.drivers import make_controller
 from straw.rig.errors import RigError
 from straw.rig.run_read import read_run
 

@@ -1,4 +1,4 @@
-"""Readers of somebody's own: known by file, mapping, straw file and entry point, and one line where they are wrong."""
+"""Users' readers: by file, mapping, straw file and entry point, and one line where they are wrong."""
 
 from __future__ import annotations
 

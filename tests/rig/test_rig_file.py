@@ -106,6 +106,6 @@ def test_check_reads_every_channel_and_vents_without_and_with_pressure(
     said = capsys.readouterr().out
     for channel in (1, 2):
         assert re.search(
-            rf"channel {channel}: well: vented from 0 kPa .* at a command of 2 kPa .* vented from 2 kPa", said
+            rf"channel {channel}: ok: vented from 0 kPa .* at a command of 2 kPa .* vented from 2 kPa", said
         )
     assert "flow" in said

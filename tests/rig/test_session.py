@@ -16,7 +16,8 @@ import pytest
 from serial import SerialTimeoutException
 from serial.urlhandler.protocol_socket import Serial as SocketSerial
 
-from straw.rig.controller import Controller, make_controller
+from straw.rig.controller import Controller
+from straw.rig.drivers import make_controller
 from straw.rig.emulate import Emulation
 from straw.rig.errors import RigError
 from straw.rig.limits import PressureLimits
@@ -170,7 +171,7 @@ def test_ctrl_c_and_kill_vent_first_even_when_they_come_again(
 @pytest.mark.skipif(os.name != "posix", reason="sends POSIX signals")
 def test_a_process_that_is_told_to_end_vents_on_its_way_out(emulation: Emulation, sets: Sets, tmp_path: Path) -> None:
     script = f"""
-from straw.rig.controller import make_controller
+from straw.rig.drivers import make_controller
 from straw.rig.protocol_toml import protocol_from_toml
 from straw.rig.session import run_protocol
 text = 'pressure_unit = "kPa"\\ninitial_deployed = []\\nmain = [{{hold = 20, for_s = 60}}]'

@@ -13,7 +13,8 @@ import pytest
 from straw.rig.errors import RigError
 from straw.rig.run_read import read_run
 from straw.rig.tables import Mapping, Reading, TableMap, Use, import_tables, load_mapping, read_table, understand
-from straw.rig.tables.formats import format_of, formats
+from straw.rig.tables.choose_format import format_of
+from straw.rig.tables.formats import formats
 from straw.rig.tables.mapping import to_toml
 from straw.rig.tables.write import messages
 
@@ -269,15 +270,15 @@ def test_a_mapping_file_says_what_the_mapping_says(tmp_path: Path) -> None:
         ("t [s],p\n0,0\n1,25\n", {"time": "t [s]", "pressure": "p2 in Pa"}, {}, "no column 'p2'"),
         ("t [s],p\n0,0\n1,25\n", {"time": "t [s]", "pressure": "p in furlong"}, {}, "not a unit of pressure"),
         ("t [s],p\n0,101.3\n1,102\n", {"time": "t [s]", "pressure": "p in kPa"}, {}, "looks absolute"),
-        ("t [s],x\n0,22\n1,25\n", {"time": "t [s]", "x": "x in mm"}, {}, "nobody named z and phi"),
+        ("t [s],x\n0,22\n1,25\n", {"time": "t [s]", "x": "x in mm"}, {}, "not named: z and phi"),
         ("t [s],p [kPa]\n0,1\n2,2\n1.9,3\n5,4\n", {}, {}, "line 4"),
-        ("t [ms],p [kPa]\n65500,1\n65530,2\n24,3\n", {}, {}, "65536 ms: say --back wrap"),
+        ("t [ms],p [kPa]\n65500,1\n65530,2\n24,3\n", {}, {}, "65536 ms: give --back wrap"),
         ("t [s],p [kPa]\n0,1\n9,2\n0,1\n9,2\n", {}, {}, "2 records in one file"),
         ("p [kPa]\n1\n2\n", {}, {}, "--rate"),
         ("frame,p [kPa]\n1,1\n2,2\n", {}, {}, "counts frames"),
         ("t [s],p [kPa]\n0,a\n1,b\n", {"pressure": "p [kPa]"}, {}, "holds words"),
         ("hello\nworld\n", {}, {}, "no rows of numbers"),
-        ("t [s],q\n0,1\n1,2\n", {}, {}, "nothing to import"),
+        ("t [s],q\n0,1\n1,2\n", {}, {}, "no column to import"),
     ],
 )
 def test_what_cannot_be_is_one_line_with_place_and_cure(

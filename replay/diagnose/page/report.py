@@ -180,5 +180,5 @@ def _next(f: Findings, shown: Shown) -> Next | None:
 
 def _nothing_next(f: Findings) -> str:
     if f.verdict in ("ambiguous", "unknown_physics"):
-        return "None of the experiments on the menu would tell."
-    return "None is needed to tell hypotheses apart."
+        return "None of the candidate experiments would distinguish the hypotheses."
+    return "None is needed: there are no hypotheses left to distinguish."

@@ -76,7 +76,7 @@ function draw() {
 function rowOf(row, k) {
   const first = !look.group || !rows[k - 1] || rows[k - 1].group !== row.group;
   const star = row.marks.includes("star"), archived = row.marks.includes("archive");
-  const flags = (row.marks.includes("lock") ? " 🔒" : "") + (row.kind === "part" ? ' <button data-recover="1" title="makes a whole file of what is on disk; the cut one stays">recover</button>' : "");
+  const flags = (row.marks.includes("lock") ? " 🔒" : "") + (row.kind === "part" ? ' <button data-recover="1" title="makes a complete file of what is on disk; the cut file stays">recover</button>' : "");
   return `<tr class="row${k === cursor ? " cursor" : ""}${selected.has(row.name) ? " selected" : ""}${archived ? " archived" : ""}" data-k="${k}">` +
     `<td><input type="checkbox" aria-label="select" ${selected.has(row.name) ? "checked" : ""}></td>` +
     `<td><button class="star${star ? " on" : ""}" title="star" aria-label="star">${star ? "★" : "☆"}</button></td>` +
@@ -133,7 +133,7 @@ function edit(k, what) {
   const input = document.createElement("input");
   input.className = "cell-edit";
   input.value = what === "tag" ? before.join(" ") : "";
-  input.placeholder = what === "tag" ? "tags, a word each" : "a note; Enter keeps it";
+  input.placeholder = what === "tag" ? "tags, one word each" : "a note; Enter saves it";
   cell.replaceChildren(input);
   input.focus();
   let done = false;

@@ -10,10 +10,10 @@ function bars(row) {
     <i role="img" aria-label="${(100 * p).toFixed(1)} %"><b style="width:${(100 * p).toFixed(1)}%"></b></i><em>${p >= 0.005 ? p.toFixed(2) : "&lt; 0.01"}</em></div>`).join("");
 }
 function card(row, k) {
-  const ran = row.ran, found = row.page ? ` <a href="${html(`/found/${encodeURIComponent(loop.name)}/${row.page}`)}" target="_blank">all of it</a>` : "";
+  const ran = row.ran, found = row.page ? ` <a href="${html(`/found/${encodeURIComponent(loop.name)}/${row.page}`)}" target="_blank">details</a>` : "";
   return `<div class="round"><h3>${row.probability.length ? `${k + 1}. ${html(worded(row.verdict))}${row.causes.length ? `: ${html(row.causes.map(worded).join(", "))}` : ""}` : `${k + 1}. ${html(row.says)}`}</h3>
     ${row.probability.length ? `<p class="soft">${html(row.says)}${found}</p>${bars(row)}` : ""}
-    ${row.proposed ? `<p class="soft">then: ${html(row.proposed.why)}${row.who ? `; ${html(row.who)} said ${row.who === "nobody" ? "no yes" : "yes"}` : ""}</p>` : ""}
+    ${row.proposed ? `<p class="soft">then: ${html(row.proposed.why)}${row.who ? `; ${row.who === "nobody" ? "not approved" : "approved by " + html(row.who)}` : ""}</p>` : ""}
     ${ran ? `<p class="${ran.status === "success" ? "ok" : "warn"}">${html(ran.status)}: <a href="${html(pageOf("/run", { name: ran.recording }))}">${html(ran.recording)}</a> <span class="soft">${(60 * ran.minutes).toFixed(1)} s${ran.snaps === null ? "" : `, ${ran.snaps} snaps`}</span> ${html(ran.reason || "")}</p>` : ""}</div>`;
 }
 function doing() {
@@ -22,24 +22,24 @@ function doing() {
   if (loop.waits) return `<b class="warn">Waits for your yes or no.</b> <span class="soft">${spent}</span>`;
   if (p) return `<b class="ok">${html(p.doing)}${p.total ? ` ${p.done} of ${p.total}` : ""}…</b> <span class="soft">${spent}</span>`;
   if (stopped) return `<b class="${["complete", "named", "within_tolerance"].includes(stopped.reason) ? "ok" : "warn"}">Stopped: ${html(worded(stopped.reason))}</b> (${html(stopped.means)}). ${html(stopped.says)} <span class="soft">${spent}</span>`;
-  if (loop.cut) return `<b class="warn">Its process ended without saying why.</b> Going on takes up where its log ends. <span class="soft">${spent}</span>`;
+  if (loop.cut) return `<b class="warn">Its process ended without a reason.</b> The button continues where its log ends. <span class="soft">${spent}</span>`;
   return "begins…";
 }
 function show() {
   const n = loop.next, p = loop.pulse;
   $("#doing").innerHTML = doing();
   $("#complaint").textContent = loop.complaint;
-  $("#begin").textContent = loop.rounds.length || loop.stopped ? "go on" : "investigate";
+  $("#begin").textContent = loop.rounds.length || loop.stopped ? "continue" : "investigate";
   $("#begin").hidden = Boolean(p);
   $("#end").hidden = !p;
   document.querySelectorAll("#options input").forEach((x) => { x.disabled = Boolean(p); });
   $("#nextCard").hidden = !n;
   if (n) {
-    $("#why").textContent = n.why + (n.run_before ? `; run ${n.run_before} times before: a repeat tells most` : "");
-    $("#says").textContent = n.plan.says + (n.opening ? "" : `; ${n.information_nats.toFixed(2)} nats expected, ${n.separation_sigma.toFixed(0)} sigma apart`) + (n.runs > 1 ? `; some ${n.runs} runs of it are expected to be needed, each looked at before the next` : "");
+    $("#why").textContent = n.why + (n.run_before ? `; run ${n.run_before} times before: a repeat is the most informative` : "");
+    $("#says").textContent = n.plan.says + (n.opening ? "" : `; ${n.information_nats.toFixed(2)} nats expected, ${n.separation_sigma.toFixed(0)} sigma apart`) + (n.runs > 1 ? `; some ${n.runs} runs of it are expected to be needed, each is diagnosed before the next` : "");
     $("#hand").textContent = n.plan.hand;
     $("#yes").disabled = $("#no").disabled = !loop.waits;
-    $("#asks").textContent = loop.waits ? "" : p ? "" : "Nobody waits for an answer: go on first.";
+    $("#asks").textContent = loop.waits ? "" : p ? "" : "No process waits for an answer: continue first.";
     const key = n.round + n.protocol + document.documentElement.dataset.theme;
     if (key !== drawn) {
       drawn = key;
@@ -65,7 +65,7 @@ async function list() {
   if (!chosen && logs.length && !here.has("new")) chosen = (logs.find((l) => l.alive) || logs.at(-1)).name;
   $("#specimens").innerHTML = specimens.map((s) => `<option value="${html(s)}">`).join("");
   if (!value("specimen") && specimens.length === 1) $("#specimen").value = specimens[0];
-  $("#logs").innerHTML = '<option value="">another specimen</option>' + logs.map((l) => `<option value="${html(l.name)}"${l.name === chosen ? " selected" : ""}>${html(l.name.replace(/^investigate-|\.jsonl$/g, ""))} (${l.alive ? "goes on" : l.reason ? worded(l.reason) : "cut"}, ${l.rounds} rounds)</option>`).join("");
+  $("#logs").innerHTML = '<option value="">another specimen</option>' + logs.map((l) => `<option value="${html(l.name)}"${l.name === chosen ? " selected" : ""}>${html(l.name.replace(/^investigate-|\.jsonl$/g, ""))} (${l.alive ? "running" : l.reason ? worded(l.reason) : "cut"}, ${l.rounds} rounds)</option>`).join("");
 }
 let timer = 0;
 async function look() {

@@ -68,16 +68,16 @@ onState(({ bench: b }) => {
   $("#start").disabled = !can || !b.armed || !b.queue.items.length || Boolean(run) || Boolean(b.starting);
   for (const [id, off] of [["hold", !run || run.state !== "running"], ["resume", !run || run.state !== "held"], ["stop", !run]]) $("#" + id).disabled = !can || off;
   const c = b.control;
-  $("#control").innerHTML = (mine ? "You are in control." : free ? "Nobody is in control; whoever arms first is." : `<b>${html(c.holder)}</b> is in control; you may watch, and vent at any time.`) +
+  $("#control").innerHTML = (mine ? "You are in control." : free ? "Nobody is in control; arming takes control." : `<b>${html(c.holder)}</b> is in control; you may watch, and vent at any time.`) +
     (c.watching > 1 ? ` ${c.watching} pages are connected to this rig.` : "") +
-    (mine ? ` <button data-control="give">give it up</button>` : free ? "" : c.asking ? ` Asked; ${html(c.holder)} has ${c.answer_s} s to answer.` : ` <button data-control="take">ask for control</button>`) +
-    (mine && c.asker ? ` <b class="warn">${html(c.asker)} asks for control (${c.answer_s} s)</b> <button data-control="give">give</button> <button data-control="keep">keep</button>` : "");
+    (mine ? ` <button data-control="give">release control</button>` : free ? "" : c.asking ? ` Requested; ${html(c.holder)} has ${c.answer_s} s to answer.` : ` <button data-control="take">request control</button>`) +
+    (mine && c.asker ? ` <b class="warn">${html(c.asker)} requests control (${c.answer_s} s)</b> <button data-control="give">give</button> <button data-control="keep">keep</button>` : "");
   const items = b.queue.items;
   $("#held").innerHTML = !items.length ? "empty: choose a protocol below and add it" : b.queue.held ? `<b class="warn">waits: ${html(b.queue.held)}</b>` : b.queue.pause_s ? `next in ${b.queue.pause_s} s` : run || b.starting ? "continues after this run" : b.armed ? "starting" : "waiting: the rig is not armed";
   const text = JSON.stringify([items, can, b.queue.running]);
   if (text !== followedQueue) {
     followedQueue = text;
-    $("#queue").innerHTML = items.map((q, k) => `<li>${k + 1}. <b>${html(q.name)}</b> ${html(q.specimen)} ${q.id === b.queue.running ? '<b class="ok">runs now</b>' : ""} ${q.repeats > 1 ? `${q.done} of ${q.repeats}` : ""}${q.pause_s ? `, ${q.pause_s} s between` : ""}${q.by_hand ? ", cells set by hand" : ""} ${q.said && !q.done ? `<span class="warn">${html(q.said)}</span>` : ""}
+    $("#queue").innerHTML = items.map((q, k) => `<li>${k + 1}. <b>${html(q.name)}</b> ${html(q.specimen)} ${q.id === b.queue.running ? '<b class="ok">running</b>' : ""} ${q.repeats > 1 ? `${q.done} of ${q.repeats}` : ""}${q.pause_s ? `, ${q.pause_s} s between` : ""}${q.by_hand ? ", cells set by hand" : ""} ${q.said && !q.done ? `<span class="warn">${html(q.said)}</span>` : ""}
       <button data-id="${q.id}" data-by="-1" title="up">↑</button> <button data-id="${q.id}" data-by="1" title="down">↓</button> <button data-id="${q.id}" data-by="0" title="remove">×</button></li>`).join("");
     document.querySelectorAll("#queue button").forEach((x) => { x.disabled = !can; });
   }
@@ -89,7 +89,7 @@ onState(({ bench: b }) => {
   if (run) lastName = run.recording.split(/[\\/]/).at(-1);
 });
 let lastName = "";
-const lastRun = () => (lastName ? `<a href="${html(pageOf("/run", { name: lastName }))}">look at ${html(lastName)}</a>` : "");
+const lastRun = () => (lastName ? `<a href="${html(pageOf("/run", { name: lastName }))}">open ${html(lastName)}</a>` : "");
 $("#control").addEventListener("click", (e) => { if (e.target.dataset.control) attempt(() => tell("control", { do: e.target.dataset.control })); });
 $("#queue").addEventListener("click", (e) => {
   const { id, by } = e.target.dataset;

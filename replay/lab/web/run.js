@@ -11,12 +11,12 @@ async function loadRun() {
   const raw = said.kind === "run", withTip = said.tracks.length || said.signals.X;
   $("#actions").innerHTML = ["star", "lock", "archive"].map((m) => `<button data-mark="${m}">${said.marks.includes(m) ? { star: "★ starred", lock: "🔒 unlock", archive: "take out of the archive" }[m] : { star: "☆ star", lock: "lock", archive: "archive" }[m]}</button>`).join(" ") +
     (raw && withTip ? ' <button data-job="replay" class="go">replay page</button> <button data-job="diagnose">diagnose</button>' : "") +
-    (said.kind === "part" ? ' <button data-recover="1" class="go">recover: what is on disk becomes a whole file</button>' : "") +
+    (said.kind === "part" ? ' <button data-recover="1" class="go">recover: make a complete file of what is on disk</button>' : "") +
     (said.attachments && said.attachments["protocol.toml"] ? ' <button data-again="1">run its protocol again</button>' : "") +
     (raw && !withTip ? `<span class="soft">no tip yet: film it and track it: straw track VIDEO --run ${html(said.name)}</span>` : "");
   $("#drop").hidden = !(raw || said.kind === "part");
   $("#facts").innerHTML = Object.entries(said.facts).filter(([, v]) => v).map(([k, v]) => `<dt>${html(k)}</dt><dd>${k === "specimen" ? `<a href="${html(pageOf("/specimen", { name: v }))}">${html(v)}</a>` : html(v)}</dd>`).join("") + `<dt>SHA-256</dt><dd>${html(said.sha256 || "")}</dd>`;
-  $("#tags").innerHTML = said.tags.map((t) => `<span class="tag">${html(t)} <a href="#" data-untag="${html(t)}" title="take it off">×</a></span>`).join("") || '<span class="soft">none</span>';
+  $("#tags").innerHTML = said.tags.map((t) => `<span class="tag">${html(t)} <a href="#" data-untag="${html(t)}" title="remove">×</a></span>`).join("") || '<span class="soft">none</span>';
   $("#notes").innerHTML = said.notes.map(([line, when, text]) => `<li><span class="soft">${html(when.slice(0, 16).replace("T", " "))}</span> <span data-note="${line}" title="click to change">${html(text)}</span> <a href="#" data-unnote="${line}" title="remove it (the file keeps it)">×</a></li>`).join("") || '<li class="soft">none</li>';
   $("#lineage").innerHTML = said.lineage.map((l) => `<li>${html(l.relation)}: ${l.name ? `<a href="${html(pageOf("/run", { name: l.name }))}">${html(l.name)}</a>` : l.job ? `<a href="${html(pageOf("/job", { id: l.job }))}">${html(l.says || "look")}</a>` : l.calibration ? `<a href="${html(pageOf("/", { where: `calibration_sha256 = ${l.calibration}`, all: 1 }))}" title="the tracks made with it">${html(l.file)}</a> (${html(l.says)})` : html(l.file || "not in this folder")} <span class="soft">${html((l.sha256 || "").slice(0, 12))}</span></li>`).join("") || '<li class="soft">nothing yet</li>';
   $("#events").innerHTML = (said.events || []).map(([t, kind, text]) => `<li><b>${t.toFixed(3)} s</b> ${html(kind)}: ${html(text)}</li>`).join("");
@@ -32,7 +32,7 @@ document.addEventListener("click", (e) => {
   if (untag || unnote) e.preventDefault();
   if (mark) sayIt(shown.marks.includes(mark) ? "unmark" : "mark", mark).then(() => mark === "archive" && toast("archived: hidden, not deleted", () => sayIt("unmark", "archive")));
   if (untag) sayIt("untag", untag);
-  if (unnote) sayIt("unnote", unnote).then(() => toast("note taken away", null));
+  if (unnote) sayIt("unnote", unnote).then(() => toast("note removed", null));
   if (note) {
     const text = prompt("the note", e.target.textContent);
     if (text && text !== e.target.textContent) sayIt("note", text, { instead_of: Number(note) });

@@ -1,7 +1,7 @@
-// A specimen's life: its cycles so far, its constants as they were found, findings, and every run in order.
-let life = null;
+// A specimen's history: its cycles so far, its constants as they were found, findings, and every run in order.
+let found = null;
 function drawConstants() {
-  const box = $("#constants"), all = Object.entries(life.constants);
+  const box = $("#constants"), all = Object.entries(found.constants);
   box.innerHTML = all.length ? "" : '<p class="soft">none yet: choose runs with tracks in the table of runs, then "identify constants" or "diagnose"</p>';
   for (const [name, points] of all) {
     const sorted = [...points].sort((a, b) => a.cycle - b.cycle), low = Math.min(...sorted.map((p) => p.low)), high = Math.max(...sorted.map((p) => p.high)), wide = high - low || Math.abs(high) || 1;
@@ -12,13 +12,13 @@ function drawConstants() {
   }
 }
 attempt(async () => {
-  life = await ask(pageOf("/api/specimen", { name: here.get("name") || "" }));
-  document.title = `${life.name} · straw lab`;
-  $("#title").textContent = life.name;
-  $("#sums").textContent = `${life.runs.length} runs, ${life.cycles} cycles so far, ${(life.seconds / 60).toFixed(1)} minutes under test, from ${life.first.slice(0, 10)} to ${life.last.slice(0, 10)}.`;
-  $("#findings").innerHTML = life.findings.map((f) => `<li><a href="${html(pageOf("/job", { id: f.id }))}">${html(f.title)}</a>: <b>${html(f.verdict || "constants")}</b> ${html(f.causes.join(", "))}</li>`).join("") || '<li class="soft">none yet</li>';
+  found = await ask(pageOf("/api/specimen", { name: here.get("name") || "" }));
+  document.title = `${found.name} · straw lab`;
+  $("#title").textContent = found.name;
+  $("#sums").textContent = `${found.runs.length} runs, ${found.cycles} cycles so far, ${(found.seconds / 60).toFixed(1)} minutes under test, from ${found.first.slice(0, 10)} to ${found.last.slice(0, 10)}.`;
+  $("#findings").innerHTML = found.findings.map((f) => `<li><a href="${html(pageOf("/job", { id: f.id }))}">${html(f.title)}</a>: <b>${html(f.verdict || "constants")}</b> ${html(f.causes.join(", "))}</li>`).join("") || '<li class="soft">none yet</li>';
   $("#runs").innerHTML = "<tr><th></th><th class='words'>run</th><th class='words'>start</th><th class='words'>protocol</th><th>cycle</th><th class='words'>status</th><th class='words'>tags</th></tr>" +
-    life.runs.map((r) => `<tr><td class="stamp">${stamp(r.preview)}</td><td class="words"><a href="${html(pageOf("/run", { name: r.name }))}">${html(r.cells[0])}</a></td><td class="words">${html(r.cells[1] || "")}</td><td class="words">${html(r.cells[2] || "")}</td><td>${r.cells[3]}</td><td class="words status-${html(r.cells[4] || "")}">${html(r.cells[4] || "")}</td><td class="words">${tagsOf(r.cells[5])}</td></tr>`).join("");
+    found.runs.map((r) => `<tr><td class="stamp">${stamp(r.preview)}</td><td class="words"><a href="${html(pageOf("/run", { name: r.name }))}">${html(r.cells[0])}</a></td><td class="words">${html(r.cells[1] || "")}</td><td class="words">${html(r.cells[2] || "")}</td><td>${r.cells[3]}</td><td class="words status-${html(r.cells[4] || "")}">${html(r.cells[4] || "")}</td><td class="words">${tagsOf(r.cells[5])}</td></tr>`).join("");
   drawConstants();
   document.documentElement.dataset.ready = Math.round(performance.now());
 });

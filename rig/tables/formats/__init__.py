@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from straw.rig.errors import RigError
 from straw.rig.tables.table import Reading, Table
 
 
@@ -33,23 +32,3 @@ def formats() -> dict[str, Format]:
     names = [module.name for module in pkgutil.iter_modules(__path__) if not module.name.startswith("_")]
     found: list[Format] = [importlib.import_module(f"{__name__}.{name}").FORMAT for name in names]
     return {one.name: one for one in sorted(found, key=lambda one: (one.rank, one.name))}
-
-
-def format_of(path: Path, data: bytes, named: str | None = None) -> Format:
-    """The format of a file; RigError where none reads it. ``named``: one of those known, or the file of a reader."""
-    from straw.rig.tables.reader import reader_formats, reader_in  # imported late, as it uses the classes above
-
-    if named is not None and named.endswith(".py"):
-        return reader_in(Path(named))
-    known = {**reader_formats(), **formats()}
-    if named is not None:
-        if named not in known:
-            raise RigError(f"{path.name}: no format {named!r}; known: {', '.join(known)}, or a reader's file R.py")
-        return known[named]
-    for one in known.values():
-        if one.recognises(path, data):
-            return one
-    raise RigError(
-        f"{path.name}: is not a table that can be read; known: {', '.join(known)}. Save it as CSV, say --format, or "
-        "give a reader of your own, --format R.py"
-    )

@@ -87,7 +87,7 @@ def grid(text: str, name: str, reading: Reading) -> Grid:
     split = [(k, cells(line, separator), line) for k, line in numbered]
     data = [(k, row) for k, row, line in split if not line.lstrip().startswith(_COMMENT) and _is_data(row)]
     if not data:
-        raise RigError(f"{name}: no rows of numbers are found in it; is it a table? Say --separator or --skip LINES")
+        raise RigError(f"{name}: no rows of numbers are found in it; is it a table? Give --separator or --skip LINES")
     width, trailing = _width([row for _, row in data])
     first = next(k for k, row in data if len(row) in (width, width + trailing))
     rows, lines, torn = [], [], []
@@ -128,7 +128,7 @@ def table(path: Path, form: str, found: Grid, reading: Reading) -> Table:
     if len(torn) > max(1.0, MOST_TORN * total):
         raise RigError(
             f"{path.name}: {len(torn)} of {total} lines do not fit {len(columns)} columns of numbers separated by "
-            f"{_WORDS.get(found.separator, found.separator)} (line {torn[0]}); say --separator, --decimal or --skip"
+            f"{_WORDS.get(found.separator, found.separator)} (line {torn[0]}); give --separator, --decimal or --skip"
         )
     keep = [k for k in range(len(found.rows)) if k not in bad]
     made: dict[str, Column] = {}

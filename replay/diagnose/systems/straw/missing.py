@@ -89,14 +89,14 @@ class Missing:
     @property
     def says(self) -> str:
         """In one sentence."""
-        takes = f"{100 * self.explains:.0f} % of what the base model leaves"
+        takes = f"{100 * self.explains:.0f} % of what the base model leaves unexplained"
         if not self.tells:
             best = self.laws[0].state.says
-            return f"No force over any one state explains the runs: the best, {best}, takes away {takes}"
+            return f"No force over any one state explains the runs: the best, {best}, accounts for {takes}"
         if len(self.laws) > 1:
             both = " and ".join(law.says for law in self.laws)
-            return f"What is missing looks like {both}; together they take away {takes}"
-        return f"What is missing looks like {self.laws[0].says}; it takes away {takes}"
+            return f"What is missing looks like {both}; together they account for {takes}"
+        return f"What is missing looks like {self.laws[0].says}; it accounts for {takes}"
 
     def discovered(self, cells: Sequence[int]) -> dict[str, Any]:
         """The contract's ``discovered`` of the first law; a second one is ``beside`` it in the same words."""
@@ -137,7 +137,7 @@ def missing_force(
 
 
 def _explained(campaign: Campaign, null: Fit, fit: Fit) -> float:
-    """Share of what the base leaves beyond noise that a fit takes away; of nothing, nothing is explained."""
+    """Share of what the base leaves beyond noise that a fit explains; zero where the base leaves nothing."""
     left = unexplained(campaign, null) - NOISE_LEAVES
     rest = max(0.0, unexplained(campaign, fit) - NOISE_LEAVES)
     return max(0.0, 1 - rest / left) if left > 0 else 0.0

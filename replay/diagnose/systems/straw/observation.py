@@ -29,7 +29,7 @@ from straw.rig.run import Run
 Floats = NDArray[np.float64]
 
 #: What two runs of the same straw differ by beside the camera's noise: m, m, rad, s in the time of a snap, and s by
-#: which what rings after it is early or late; the last also leaves room for a law's form, which is never nature's.
+#: which the ringing after it is early or late; the last also allows for laws whose form is not exact.
 REPEATABILITY = (5e-6, 5e-6, 0.3e-3)
 REPEATABILITY_S = 1e-3
 SLACK_S = 2e-3
@@ -98,13 +98,14 @@ class Observation:
 
     @cached_property
     def envelope(self) -> Envelope:
-        """The tip's slow part and the envelope of its ringing, and how far off each part of them may be."""
+        """The tip's slow part and the envelope of its ringing, and the standard deviation of each part."""
         return envelope_of(self.time_s, self.tip, self.at_rest)
 
     def rest_of(self, straw: StrawParameters) -> None:
-        """Remember where a straw rests before the run, in both forms of the equations: others like it rest near there.
+        """Keep the rest state of a straw before the run, in both forms of the equations, as a start for similar straws.
 
-        Done once, before anything is played: which straw is played first would otherwise tell in the last digits.
+        Done once, before any simulation: otherwise results would depend, in their last digits, on which straw is
+        simulated first.
         """
         assert self.run.initial_deployed is not None
         for form in ("truncated", "full"):

@@ -15,7 +15,7 @@ BOARD_MM = 8.8
 #: Names of places, by what is marked.
 PLACES = {
     "frusta": "the frusta",
-    "flow": "the way of the water: line and channel",
+    "flow": "the line and the channel",
     "gauge": "the pressure gauge",
     "camera": "the camera and its clock",
     "tip": "the tip",

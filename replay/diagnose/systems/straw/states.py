@@ -156,7 +156,7 @@ STATES: tuple[State, ...] = (
         "instrument.gauge_wander_pa@{}", "", 100.0, lambda straw, o, p: p.time_s,
     ),
     State(
-        "clock over time", "t", "s", "late", "s", "a camera whose stamps are late by what depends on the time",
+        "clock over time", "t", "s", "late", "s", "a delay of the camera's time stamps that depends on the time",
         "instrument.clock_curve_s@{}", "", 5e-3, lambda straw, o, p: p.time_s,
     ),
 )  # fmt: skip

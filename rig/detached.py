@@ -10,7 +10,7 @@ import sys
 START = "import sys; sys.path[:] = {path!r}; from {module} import main; main()"
 
 
-def start_apart(module: str, *, answers: bool) -> subprocess.Popen[bytes]:
+def start_detached(module: str, *, answers: bool) -> subprocess.Popen[bytes]:
     """Run ``main`` of a module in its own session and process group (on Windows without console, and out of the job).
 
     Its stdin is a pipe, which the operating system closes when this process ends, however it ends. With ``answers`` its
@@ -27,13 +27,13 @@ def start_apart(module: str, *, answers: bool) -> subprocess.Popen[bytes]:
             creationflags=flags,  # Windows
         )
 
-    apart, freed = (
+    detached, freed = (
         sum(getattr(subprocess, name, 0) for name in names)
         for names in (("DETACHED_PROCESS", "CREATE_NEW_PROCESS_GROUP"), ("CREATE_BREAKAWAY_FROM_JOB",))
     )
     try:
-        return started(apart | freed)
+        return started(detached | freed)
     except OSError:
         if not freed:
             raise
-        return started(apart)  # the job does not allow its processes to leave it
+        return started(detached)  # the job does not allow its processes to leave it

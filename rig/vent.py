@@ -9,7 +9,8 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 
-from straw.rig.controller import Controller, make_controller
+from straw.rig.controller import Controller
+from straw.rig.drivers import make_controller
 from straw.rig.errors import LinkLostError, RigError
 from straw.rig.ports import Known, is_guarded
 from straw.rig.reading import Reading
@@ -20,7 +21,7 @@ AMBIENT_PA = 1e3  # gauge; within the offset of an uncalibrated regulator
 
 
 @dataclass(frozen=True)
-class LetOut:
+class Vented:
     """One instrument after the vent: whether it confirmed, its readings (Pa gauge by channel), the guardian that was
     ended.
 
@@ -41,7 +42,7 @@ class LetOut:
         return self.confirmed and not self.problem
 
 
-def let_out(known: Known) -> LetOut:
+def vent_known(known: Known) -> Vented:
     """Vent the instrument on a port. A run that is being driven through it is ended first, by way of its guardian."""
     ended = known.guardian_pid if is_guarded(known) else 0
     if ended:
@@ -51,7 +52,7 @@ def let_out(known: Known) -> LetOut:
         controller.open()  # which vents
     except RigError as error:
         is_there = not isinstance(error, LinkLostError)
-        return LetOut(known.port, known.controller, is_there, False, {}, ended, str(error))
+        return Vented(known.port, known.controller, is_there, False, {}, ended, str(error))
     problem, pressure_pa = "", {}
     try:
         pressure_pa = _settled(controller)
@@ -62,14 +63,14 @@ def let_out(known: Known) -> LetOut:
     finally:
         with suppress(RigError):  # it was confirmed already
             controller.close()
-    return LetOut(known.port, known.controller, True, True, pressure_pa, ended, problem)
+    return Vented(known.port, known.controller, True, True, pressure_pa, ended, problem)
 
 
 def look(known: Known) -> tuple[tuple[Reading, ...], dict[str, str]]:
     """The readings of every channel and the instrument's own description; nothing is set, vented or changed."""
     if is_guarded(known):
         raise RigError(
-            f"port {known.port} is held by guardian {known.guardian_pid}, which drives a run; look at its page or "
+            f"port {known.port} is held by guardian {known.guardian_pid}, which drives a run; see its page or "
             f"recording, or end it with: straw rig vent --port {known.port}"
         )
     with make_controller(known.controller, known.port, **known.settings).looking() as controller:

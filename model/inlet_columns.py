@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.model.bench import Bench, Columns, add
-from straw.model.channel import Channel, lost_to_table_moved, way_slopes
+from straw.model.channel import Channel, inlet_slopes, lost_to_table_moved
 from straw.model.compiled import called
 from straw.model.constants import Constants
 from straw.model.given import AREA, Given
@@ -19,13 +19,13 @@ Floats = NDArray[np.float64]
 
 
 @called
-def advance_way(
+def advance_inlet(
     c: Constants, given: Given, w: Channel, s: Stages, stage: int, hg: float, d: Columns, b: Bench, rows: Rows
 ) -> None:
     """Close the loop through the inlet: the pressure inside, also into the bench, and the states of the inlet."""
     P, n = len(d.inside_pa), c.cells
-    inside_pa, flow, known = s.inside_pa[stage], s.way_in[stage, 1], s.known_way_in[stage]
-    slopes = way_slopes(w, hg, inside_pa, flow)
+    inside_pa, flow, known = s.inside_pa[stage], s.inlet[stage, 1], s.known_inlet[stage]
+    slopes = inlet_slopes(w, hg, inside_pa, flow)
     per_pa = 0.0
     for i in range(n):
         for x in range(c.active):
@@ -38,21 +38,21 @@ def advance_way(
             plus(b.flow, c.S, b.sweeps.block[i, rows.v + x], b.flow)
             plus(b.flow, c.S * hg, b.found[i, x], b.flow)
     add(rate, given.scalars[AREA], b.flow[:P])
-    reservoir_pa, time_s = s.way_in[stage, 0], w.lag_s + hg
+    reservoir_pa, time_s = s.inlet[stage, 0], w.lag_s + hg
     for p in range(P):
-        way = given.way[:, p]
-        lag = way[3] * (known[0] - reservoir_pa - hg * w.line_pa_per_m3 * flow) - w.lag_s * hg * flow * way[4]
-        at_rest = slopes.reservoir * b.known_way_in[0, p] + slopes.external * b.external[p] + lag / time_s
-        drop = way[0] * flow * abs(flow) + way[1] * flow + way[2] * (flow - known[1]) / hg
-        drop += lost_to_table_moved(w, flow, given.way_tables[p])
-        at_rest += slopes.inertia * b.known_way_in[1, p] - drop
-        gas = slopes.gas_by_volume * way[5] + slopes.gas_by_exponent * way[6]
+        moved = given.inlet[:, p]
+        lag = moved[3] * (known[0] - reservoir_pa - hg * w.line_pa_per_m3 * flow) - w.lag_s * hg * flow * moved[4]
+        at_rest = slopes.reservoir * b.known_inlet[0, p] + slopes.external * b.external[p] + lag / time_s
+        drop = moved[0] * flow * abs(flow) + moved[1] * flow + moved[2] * (flow - known[1]) / hg
+        drop += lost_to_table_moved(w, flow, given.inlet_tables[p])
+        at_rest += slopes.inertia * b.known_inlet[1, p] - drop
+        gas = slopes.gas_by_volume * moved[5] + slopes.gas_by_exponent * moved[6]
         # inside = at_rest - resists Q,  Q = V' + (known gas - gas) / hg,  gas and V' in turn by the pressure inside
-        still = b.flow[p] + (b.known_way_in[2, p] - gas) / hg
+        still = b.flow[p] + (b.known_inlet[2, p] - gas) / hg
         inside = (at_rest - slopes.resists * still) / (1 + slopes.resists * (per_pa - slopes.gas / hg))
         d.inside_pa[p] = b.inside_pa[p] = inside
         passes = still + (per_pa - slopes.gas / hg) * inside
-        b.now_way_in[1, p] = passes
-        b.now_way_in[0, p] = slopes.reservoir * b.known_way_in[0, p] + slopes.external * b.external[p]
-        b.now_way_in[0, p] += lag / time_s - slopes.drain * passes
-        b.now_way_in[2, p] = gas + slopes.gas * inside
+        b.now_inlet[1, p] = passes
+        b.now_inlet[0, p] = slopes.reservoir * b.known_inlet[0, p] + slopes.external * b.external[p]
+        b.now_inlet[0, p] += lag / time_s - slopes.drain * passes
+        b.now_inlet[2, p] = gas + slopes.gas * inside

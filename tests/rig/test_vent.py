@@ -1,4 +1,4 @@
-"""Pressure can always be let out: straw rig vent, read and ports, whoever drove the instrument before."""
+"""Every instrument can be vented and read, whatever drove it before: straw rig vent, read and ports."""
 
 import json
 import os
