@@ -9,28 +9,32 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.fit import Contestant, Fit, evaluated, fitted
-from straw.replay.diagnose.hypothesis import Hypothesis
+from straw.replay.diagnose.fit import Contestant, Fit, clipped, cost_at, evaluated, fitted
+from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
 from straw.replay.diagnose.inquiry import Inquiry, Told
 from straw.replay.diagnose.judge import CALIBRATION, unexplained
-from straw.replay.diagnose.pairs import find_pairs, second_causes, seconds, telling
+from straw.replay.diagnose.pairs import find_pairs, nested, second_causes, seconds, telling
 from straw.replay.diagnose.propose.proposal import Proposal
 from straw.replay.diagnose.refine import explains, finish, refine
+from straw.replay.diagnose.saturated import subsets
 from straw.replay.diagnose.screen import Start, screen
 from straw.replay.diagnose.settings import (
+    COARSE_ROUNDS,
     FAR,
     FIRST_ROUNDS,
     FOLLOWED,
     ROUNDS,
     SHORTLIST,
+    STARTS,
 )
 from straw.replay.diagnose.starts import check_simulated, fit_from_priors
-from straw.replay.diagnose.tournament import fitted_contestant, tournament
+from straw.replay.diagnose.tournament import fitted_contestant, halved, tournament
 
 Floats = NDArray[np.float64]
 
@@ -97,14 +101,17 @@ def _large(
 ) -> None:
     """Causes fitted coarsely from their starts, the proposal's first ones before the others.
 
-    Where the base explains the coarse comparison to noise (reduced chi-square below one), no cause can show there.
+    Where the base explains the coarse comparison to noise, no cause can show there.
     """
     wide = telling(found)
     known = evaluated(wide, base.unknowns, base.u)
     if explains(known):
         return
+    steps("all causes at once", found)
+    _at_once(found, hypotheses, known, proposal)
     given = _starts(found.campaign, proposal)
-    groups = _in_turn(hypotheses, proposal)
+    far = unexplained(found.campaign, found.best) > FAR  # one in a poor minimum may still explain more
+    groups = _in_turn(hypotheses, proposal) if far else []
     for group in groups:
         steps("causes that are large", found)
         coarse = tournament(wide, known, group, given)
@@ -118,6 +125,33 @@ def _large(
         if group is not groups[-1] and found.best.cost < found.null.cost - FAR:
             steps("second causes", found)
             second_causes(found, [h.name for h in hypotheses])
+
+
+def _at_once(found: Inquiry, hypotheses: Sequence[Hypothesis], base: Fit, proposal: Proposal | None) -> None:
+    """The most promising single causes and pairs of a fit of all causes at once, fitted coarsely from there and from
+    the proposal's constants, then finished."""
+    wide = telling(found)
+    ranked = subsets(wide, base, hypotheses, _likely(found.campaign, proposal))
+    by_size = [[start for start in ranked if len(start.hypothesis.causes) == size] for size in (1, 2)]
+    begun = []
+    for start in (start for starts in by_size for start in starts[:FOLLOWED]):
+        unknowns = (*base.unknowns, *start.hypothesis.unknowns)
+        points = [start.u, *_proposed(unknowns, proposal, start.hypothesis)]
+        points = [clipped(unknowns, u) for u in points]
+        costs = [cost_at(unknowns, u, r) for u, r in zip(points, wide.residuals(unknowns, points), strict=True)]
+        best = np.argsort(costs, kind="stable")[:STARTS]
+        fits = [fitted_contestant(wide, replace(start, u=points[k]), COARSE_ROUNDS[0], base.unknowns) for k in best]
+        begun.append(min(fits, key=lambda c: c.cost))
+    refine(found, halved(wide, begun, len(begun)))
+    finish(found)
+    nested(found)
+
+
+def _proposed(unknowns: Sequence[Unknown], proposal: Proposal | None, hypothesis: Hypothesis) -> list[Floats]:
+    """The proposal's constants for causes, by the order of the unknowns."""
+    ways = proposal.start(hypothesis.causes) if proposal else ()
+    at = [{one.unknown.target: one.u for one in way} for way in ways]
+    return [np.array([way[one.target] for one in unknowns]) for way in at]
 
 
 class _Steps:
@@ -151,6 +185,16 @@ def _starts(campaign: Campaign, proposal: Proposal | None) -> list[Start]:
         for way in proposal.start(hypothesis):
             out.append(Start(campaign.hypothesis(hypothesis), np.array([s.u for s in way])))
     return out
+
+
+def _likely(campaign: Campaign, proposal: Proposal | None) -> list[Start]:
+    """A start of each cause that the proposal takes for more likely present than not."""
+    names = [name for name, score in proposal.scores.items() if score > 0.5] if proposal else []
+    return [
+        Start(campaign.hypothesis([name]), np.array([s.u for s in proposal.start([name])[0]]))
+        for name in names
+        if proposal
+    ]
 
 
 def _in_turn(hypotheses: Sequence[Hypothesis], proposal: Proposal | None) -> list[list[Hypothesis]]:

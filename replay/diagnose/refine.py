@@ -17,7 +17,15 @@ from straw.replay.diagnose.fit import Contestant, Fit, clipped, cost_at, fitted
 from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.judge import unexplained
 from straw.replay.diagnose.robust import weights
-from straw.replay.diagnose.settings import COARSE_ROUNDS, FIRST_ROUNDS, FOLLOWED, NOISE_LEAVES, ROUNDS, WIDENED
+from straw.replay.diagnose.settings import (
+    COARSE_ROUNDS,
+    EXPLAINED,
+    FIRST_ROUNDS,
+    FOLLOWED,
+    NOISE_LEAVES,
+    ROUNDS,
+    WIDENED,
+)
 from straw.replay.diagnose.starts import normal
 from straw.replay.diagnose.tournament import finished
 
@@ -35,15 +43,20 @@ def refined(campaign: Campaign, coarse: Fit, rounds: int, smooth: Floats | None 
     plain = fitted(campaign, coarse.unknowns, coarse.u, rounds=rounds if close else FIRST_ROUNDS, smooth=smooth)
     if campaign.stop() or (not close and follows(campaign, plain)) or unexplained(campaign, plain) <= NOISE_LEAVES:
         return plain
-    points = drawn(coarse, len(campaign.system.base), smooth)
-    residuals = campaign.residuals(coarse.unknowns, points)
-    costs = [cost_at(coarse.unknowns, u, r, smooth) for u, r in zip(points, residuals, strict=True)]
-    best = [points[k] for k in np.argsort(costs, kind="stable")[:FOLLOWED]]
-    ends = [fitted(campaign, coarse.unknowns, u, rounds=FIRST_ROUNDS, smooth=smooth) for u in best]
+    return min(plain, from_draws(campaign, coarse, rounds, smooth), key=lambda fit: fit.cost)
+
+
+def from_draws(campaign: Campaign, about: Fit, rounds: int, smooth: Floats | None = None) -> Fit:
+    """The best fit from draws about another, which may be of the coarse comparison."""
+    points = drawn(about, len(campaign.system.base), smooth)
+    residuals = campaign.residuals(about.unknowns, points)
+    costs = [cost_at(about.unknowns, u, r, smooth) for u, r in zip(points, residuals, strict=True)]
+    best = [points[k] for k in np.argsort(costs, kind="stable")[:FOLLOWED]] or [about.u]
+    ends = [fitted(campaign, about.unknowns, u, rounds=FIRST_ROUNDS, smooth=smooth) for u in best]
     end = min(ends, key=lambda fit: fit.cost)
     if rounds > FIRST_ROUNDS:
-        end = fitted(campaign, coarse.unknowns, end.u, rounds=rounds, smooth=smooth)
-    return min(plain, end, key=lambda fit: fit.cost)
+        end = fitted(campaign, about.unknowns, end.u, rounds=rounds, smooth=smooth)
+    return end
 
 
 def follows(campaign: Campaign, fit: Fit) -> bool:
@@ -53,8 +66,8 @@ def follows(campaign: Campaign, fit: Fit) -> bool:
 
 
 def explains(coarse: Fit) -> bool:
-    """Whether a fit explains the coarse comparison to its noise: reduced chi-square below one."""
-    return coarse.cost < len(coarse.residual)
+    """Whether a fit explains the coarse comparison to its noise."""
+    return coarse.cost < EXPLAINED * len(coarse.residual)
 
 
 def drawn(fit: Fit, known: int, smooth: Floats | None = None) -> list[Floats]:
@@ -75,11 +88,16 @@ def drawn(fit: Fit, known: int, smooth: Floats | None = None) -> list[Floats]:
 def refine(found: Inquiry, coarse: Sequence[Contestant]) -> None:
     """Coarse fits, the best first, continued to all samples. The best two are fitted coarsely to all runs before, as
     the most informative ones may leave others in a local minimum, and continued with draws, where the second costs no
-    more above the best than that leaves, beyond which hypotheses are not continued either (`reach`)."""
-    campaign = found.campaign
+    more above the best than that leaves, beyond which hypotheses are not continued either (`reach`). As long as none
+    explains the coarse comparison, they are fitted to it from draws as well: cells that snap in another order are a
+    minimum of their own."""
+    campaign, wide, explained = found.campaign, found.campaign.coarse(), False
     for k, one in enumerate(coarse):
         if k < 2 and one.cost < 2 * coarse[0].cost:
-            fit = fitted(campaign.coarse(), one.fit.unknowns, one.fit.u, rounds=COARSE_ROUNDS[-1])
+            fit = fitted(wide, one.fit.unknowns, one.fit.u, rounds=COARSE_ROUNDS[-1])
+            if not explained and not explains(fit) and not wide.stop():
+                fit = min(fit, from_draws(wide, fit, COARSE_ROUNDS[-1]), key=lambda fit: fit.cost)
+            explained = explained or explains(fit)
             found.keep(Contestant(one.hypothesis, refined(campaign, fit, FIRST_ROUNDS)))
         else:
             found.keep(finished(campaign, one, FIRST_ROUNDS))

@@ -50,6 +50,9 @@ ROBUST_SIGMAS = 5.0
 FIRST_ROUNDS, ROUNDS = 5, 20
 #: Evaluations in each round of the coarse tournament, and the share of the library kept after each but the last.
 COARSE_ROUNDS, HALVINGS = (3, 6, 15), (0.5, 0.25)
+#: Reduced chi-square below which a fit explains the coarse comparison. Its sigmas leave room for envelopes that differ:
+#: right hypotheses left 0.16 to 0.20, wrong ones, and right ones in a wrong minimum, 0.4 and more.
+EXPLAINED = 0.3
 #: Starts of a hypothesis that are followed in the coarse tournament.
 STARTS = 2
 #: Hypotheses tried before the others: the most promising to first order, and the first of the proposal's order, which

@@ -1,0 +1,106 @@
+"""All causes at once, and which one or two of them explain as much: best subsets of a saturated model.
+
+Where two causes act, forward selection fails: beside a wrong first one no second explains much. So the base and all
+causes are fitted together, with priors that shrink what is not needed, and every subset of one or two is rated by the
+quadratic expansion of the cost there with the other causes absent (Miller, Subset Selection in Regression, 2002).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.fit import Fit, clipped, cost_at, fitted
+from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
+from straw.replay.diagnose.robust import weights
+from straw.replay.diagnose.screen import Start
+from straw.replay.diagnose.settings import FAINT, LONGEST_STEP, ROUNDS
+
+Floats = NDArray[np.float64]
+
+#: Deviation of a strength's prior, u: the longest step, ten times what is well seen, is two of them.
+SHRUNK = LONGEST_STEP / 2
+
+
+@dataclass(frozen=True, eq=False)
+class Saturated:
+    """The base with all causes that have a strength; ``own`` are the indices of each cause's unknowns, ``absent`` (n,)
+    is u with no strength of any."""
+
+    unknowns: tuple[Unknown, ...]
+    base: int
+    causes: tuple[Hypothesis, ...]
+    own: tuple[tuple[int, ...], ...]
+    absent: Floats
+
+    def with_causes(self, starts: Sequence[Start]) -> Floats:
+        """u (n,) with the base's constants of the first of these starts and the causes of all, the others faint."""
+        u = np.where(self._strength, FAINT, self.absent)
+        names = [cause.name for cause in self.causes]
+        for start in starts:
+            if start is starts[0]:
+                u[: self.base] = start.u[: self.base]
+            if start.hypothesis.name in names:
+                u[list(self.own[names.index(start.hypothesis.name)])] = start.u[self.base :]
+        return clipped(self.unknowns, u)
+
+    @property
+    def _strength(self) -> NDArray[np.bool_]:
+        return np.array([one.kind == "strength" for one in self.unknowns])
+
+
+def saturated(known: Fit, hypotheses: Sequence[Hypothesis]) -> Saturated:
+    """A fit's unknowns and those of all these causes, each once, at the shape of its first start."""
+    unknowns, absent = list(known.unknowns), known.u.tolist()
+    causes, own = [], []
+    for cause in hypotheses:
+        targets = {one.target for one in cause.unknowns}
+        strength = [one.kind == "strength" for one in cause.unknowns]
+        if any(strength) and not targets & {one.target for one in unknowns}:
+            causes.append(cause)
+            own.append(tuple(range(len(unknowns), len(unknowns) + len(cause.unknowns))))
+            unknowns += [
+                replace(one, sd=min(one.sd, SHRUNK)) if strong else one
+                for one, strong in zip(cause.unknowns, strength, strict=True)
+            ]
+            absent += np.where(strength, 0.0, cause.starts[0]).tolist()
+    return Saturated(tuple(unknowns), len(known.u), tuple(causes), tuple(own), np.array(absent))
+
+
+def subsets(campaign: Campaign, known: Fit, hypotheses: Sequence[Hypothesis], likely: Sequence[Start]) -> list[Start]:
+    """Starts for every one and every two of the causes, the most promising first, from one fit of all at once.
+
+    The fit starts from ``known`` with nothing of any cause, or with the ``likely`` ones where that is nearer.
+    """
+    model = saturated(known, hypotheses)
+    if not model.causes:
+        return []
+    points = [model.with_causes([]), *([model.with_causes(likely)] if likely else [])]
+    residuals = campaign.residuals(model.unknowns, points)
+    costs = [cost_at(model.unknowns, u, r) for u, r in zip(points, residuals, strict=True)]
+    fit = fitted(campaign, model.unknowns, points[int(np.argmin(costs))], rounds=ROUNDS)
+    every = range(len(model.causes))
+    found = [_without_others(model, fit, some) for some in [*((k,) for k in every), *itertools.combinations(every, 2)]]
+    return sorted(found, key=lambda start: -start.gain)
+
+
+def _without_others(model: Saturated, fit: Fit, some: tuple[int, ...]) -> Start:
+    """The minimum of the quadratic expansion about a fit with ``some`` causes only; its gain is negative, as it is
+    relative to all of them."""
+    w, u = weights(fit.residual), fit.u
+    sd, mean = np.array([k.sd for k in model.unknowns]), np.array([k.mean for k in model.unknowns])
+    H = (fit.slopes * w[:, None]).T @ fit.slopes + np.diag(1 / sd**2)
+    g = fit.slopes.T @ (w * fit.residual) + (u - mean) / sd**2
+    free = [*range(model.base), *(k for cause in some for k in model.own[cause])]
+    held = np.setdiff1d(np.arange(len(u)), free)
+    step = np.zeros(len(u))
+    step[held] = model.absent[held] - u[held]
+    step[free] = -np.linalg.solve(H[np.ix_(free, free)], g[free] + H[np.ix_(free, held)] @ step[held])
+    first, *others = (model.causes[k] for k in some)
+    hypothesis = others[0].beside(first) if others else first
+    return Start(hypothesis, (u + step)[free], float(-2 * g @ step - step @ H @ step))
