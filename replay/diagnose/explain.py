@@ -1,8 +1,9 @@
 """Explains a campaign: the base model, every cause of the library, the best in pairs; proposed, then fitted exactly.
 
-Every hypothesis is treated alike. Its starts (the library's, the learned proposal's, and the rivals' constants) are
-evaluated in a coarse comparison of the most informative runs, profiled over the base's constants; the best are fitted
-there (`straw.replay.diagnose.tournament`), and the survivors to all samples of all runs.
+Single causes and pairs are selected by a fit of all causes at once (`straw.replay.diagnose.saturated`), in a coarse
+comparison of the most informative runs; the survivors are fitted to all samples of all runs. Where these leave much,
+every cause is fitted from its own starts (the library's, the learned proposal's and the rivals' constants), by
+successive halving (`straw.replay.diagnose.tournament`).
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from straw.replay.diagnose.fit import Contestant, Fit, clipped, cost_at, evaluat
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
 from straw.replay.diagnose.inquiry import Inquiry, Told
 from straw.replay.diagnose.judge import CALIBRATION, unexplained
-from straw.replay.diagnose.pairs import find_pairs, nested, second_causes, seconds, telling
+from straw.replay.diagnose.pairs import find_pairs, nested, seconds, telling
 from straw.replay.diagnose.propose.proposal import Proposal
 from straw.replay.diagnose.refine import explains, finish, refine
 from straw.replay.diagnose.saturated import subsets
@@ -83,7 +84,7 @@ def explain(
         _large(found, hypotheses, wide_known, proposal, steps)
     if found.goes_on:
         steps("pairs", found)
-        find_pairs(found, names, _starts(campaign, proposal))
+        find_pairs(found, names)
     elif not campaign.stop():
         steps("second causes that are small", found)
         seconds(found, names)
@@ -99,7 +100,8 @@ def explain(
 def _large(
     found: Inquiry, hypotheses: Sequence[Hypothesis], base: Fit, proposal: Proposal | None, steps: _Steps
 ) -> None:
-    """Causes fitted coarsely from their starts, the proposal's first ones before the others.
+    """All causes at once, the best ones and twos of them alone; if much is left, each cause from its own starts, the
+    proposal's first ones before the others.
 
     Where the base explains the coarse comparison to noise, no cause can show there.
     """
@@ -114,17 +116,10 @@ def _large(
     groups = _in_turn(hypotheses, proposal) if far else []
     for group in groups:
         steps("causes that are large", found)
-        coarse = tournament(wide, known, group, given)
-        if not found.goes_on:  # by a pair: only a single cause that explains as much may take its place
-            coarse = [one for one in coarse if explains(one.fit)]
-        refine(found, coarse)
+        refine(found, tournament(wide, known, group, given))
         finish(found)
         if not found.goes_on:
             return
-        # the truth is more often a second cause beside one that explains much than one the proposal puts behind others
-        if group is not groups[-1] and found.best.cost < found.null.cost - FAR:
-            steps("second causes", found)
-            second_causes(found, [h.name for h in hypotheses])
 
 
 def _at_once(found: Inquiry, hypotheses: Sequence[Hypothesis], base: Fit, proposal: Proposal | None) -> None:
@@ -176,15 +171,12 @@ def _base_start(proposal: Proposal | None) -> list[Floats]:
 
 
 def _starts(campaign: Campaign, proposal: Proposal | None) -> list[Start]:
-    """The proposal's hypotheses with its starts, in the order to be tried."""
-    out: list[Start] = []
-    names = [(name,) for name in proposal.scores] if proposal else []
-    pairs = [names for names, _ in proposal.hypotheses if len(names) == 2] if proposal else []
-    for hypothesis in (*names, *pairs[:FOLLOWED]):
-        assert proposal is not None
-        for way in proposal.start(hypothesis):
-            out.append(Start(campaign.hypothesis(hypothesis), np.array([s.u for s in way])))
-    return out
+    """The causes with the proposal's starts, in the order to be tried."""
+    return [
+        Start(campaign.hypothesis([name]), np.array([s.u for s in way]))
+        for name in (proposal.scores if proposal else ())
+        for way in (proposal.start([name]) if proposal else ())
+    ]
 
 
 def _likely(campaign: Campaign, proposal: Proposal | None) -> list[Start]:

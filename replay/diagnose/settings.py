@@ -48,8 +48,8 @@ ROBUST_SIGMAS = 5.0
 
 #: Evaluations of a first and of a last fit: Gauss-Newton on exact derivatives converges in 4 to 8 where it does.
 FIRST_ROUNDS, ROUNDS = 5, 20
-#: Evaluations in each round of the coarse tournament, and the share of the library kept after each but the last.
-COARSE_ROUNDS, HALVINGS = (3, 6, 15), (0.5, 0.25)
+#: Evaluations in each round of the coarse tournament, after each of which the better half is kept.
+COARSE_ROUNDS = (3, 6, 15)
 #: Reduced chi-square below which a fit explains the coarse comparison. Its sigmas leave room for envelopes that differ:
 #: right hypotheses left 0.16 to 0.20, wrong ones, and right ones in a wrong minimum, 0.4 and more.
 EXPLAINED = 0.3
@@ -59,9 +59,9 @@ STARTS = 2
 #: had the truth among the first eight in nine of ten held-out simulations
 #: (`python -m tests.benchmarks.proposing`).
 SHORTLIST = 8
-#: Entries followed of any list of the most promising: second causes, proposed pairs, finished hypotheses, rivals fitted
-#: from each other's constants, starts of the base, step lengths of a second cause. Fewer may miss the truth, more cost
-#: a fit each.
+#: Entries followed of any list of the most promising: single causes, pairs, second causes, finished hypotheses, rivals
+#: fitted from each other's constants, starts of the base, step lengths of a second cause. Fewer may miss the truth,
+#: more cost a fit each.
 FOLLOWED = 4
 #: Squared sigmas beyond noise above which a first-order expansion around a fit is not informative.
 FAR = 3000.0

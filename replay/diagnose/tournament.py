@@ -12,7 +12,7 @@ from straw.replay.diagnose.fit import Contestant, Fit, clipped, cost_at, fitted
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
 from straw.replay.diagnose.robust import weights
 from straw.replay.diagnose.screen import Start
-from straw.replay.diagnose.settings import COARSE_ROUNDS, HALVINGS, LONGEST_STEP, STARTS
+from straw.replay.diagnose.settings import COARSE_ROUNDS, LONGEST_STEP, STARTS
 
 Floats = NDArray[np.float64]
 
@@ -41,8 +41,8 @@ def tournament(
 def halved(wide: Campaign, begun: Sequence[Contestant], among: int) -> list[Contestant]:
     """Contestants fitted on in rounds, the worse half of ``among`` left out after each; the best first."""
     going = sorted(begun, key=lambda c: c.cost)
-    for rounds, share in zip(COARSE_ROUNDS[1:], HALVINGS, strict=True):
-        going = going[: max(3, round(share * among))]
+    for k, rounds in enumerate(COARSE_ROUNDS[1:], 1):
+        going = going[: max(3, round(among / 2**k))]
         going = sorted((one if wide.stop() else finished(wide, one, rounds) for one in going), key=lambda c: c.cost)
     return going
 
