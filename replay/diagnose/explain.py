@@ -19,7 +19,7 @@ from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Contestant, Fit, clipped, cost_at, evaluated, fitted
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
 from straw.replay.diagnose.inquiry import Inquiry, Told
-from straw.replay.diagnose.judge import CALIBRATION, unexplained
+from straw.replay.diagnose.judge import CALIBRATION, decisive, unexplained
 from straw.replay.diagnose.pairs import find_pairs, nested, seconds, telling
 from straw.replay.diagnose.propose.proposal import Proposal
 from straw.replay.diagnose.refine import explains, finish, refine
@@ -123,13 +123,19 @@ def _large(
 
 
 def _at_once(found: Inquiry, hypotheses: Sequence[Hypothesis], base: Fit, proposal: Proposal | None) -> None:
-    """The most promising single causes and pairs of a fit of all causes at once, fitted coarsely from there and from
-    the proposal's constants, then finished."""
+    """The most promising of a fit of all causes at once, single causes and pairs whose second cause promises something,
+    fitted coarsely from there and from the proposal's constants, then finished."""
     wide = telling(found)
     ranked = subsets(wide, base, hypotheses, _likely(found.campaign, proposal))
-    by_size = [[start for start in ranked if len(start.hypothesis.causes) == size] for size in (1, 2)]
+    alone = {start.hypothesis.name: start for start in ranked if len(start.hypothesis.causes) == 1}
+    pairs = [
+        start
+        for start in ranked
+        if len(start.hypothesis.causes) == 2
+        and start.gain > max(alone[cause].gain for cause in start.hypothesis.causes) + decisive()
+    ]
     begun = []
-    for start in (start for starts in by_size for start in starts[:FOLLOWED]):
+    for start in (*list(alone.values())[:FOLLOWED], *pairs[:FOLLOWED]):
         unknowns = (*base.unknowns, *start.hypothesis.unknowns)
         points = [start.u, *_proposed(unknowns, proposal, start.hypothesis)]
         points = [clipped(unknowns, u) for u in points]
