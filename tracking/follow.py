@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from straw.tracking.board import Board
 from straw.tracking.camera import Camera
-from straw.tracking.corners import LARGEST_RESIDUAL, Print, Sighting, find_boards
+from straw.tracking.corners import Print, Sighting, find_boards
 from straw.tracking.errors import TrackingError
 from straw.tracking.pose import Plane, apply, free_pose, world_from_tip
+from straw.tracking.sharpen import LARGEST_RESIDUAL
 
 Floats = NDArray[np.float64]
 Picture = NDArray[np.uint8]
