@@ -27,12 +27,11 @@ class Poser:
         self._usual = np.full(3, np.nan)  # a pose of the clip, where a start cannot be found otherwise
         self._scatter: Scatter | None = None
 
-    def learn(self, views: Views, keys: NDArray[np.intp]) -> None:
-        """Learn the clip's variances from some frames; ``keys``: see ``variance.learnt``."""
-        fits, vector, seen, *_ = self._fitted(views)
+    def learn(self, views: Views) -> None:
+        """Learn the clip's variances from some frames."""
+        fits, _, seen, *_ = self._fitted(views)
         fit = np.isfinite(fits.rms_px)
-        whole = fit[keys[:, None] + np.arange(-2, 3)].all(axis=1)
-        self._scatter = learnt(self.shape, seen, vector, keys[whole])
+        self._scatter = learnt(self.shape, seen)
         if fit.any():
             self._usual = fits.vector[fit][0]
         if self.settled.rest_frames:

@@ -96,12 +96,12 @@ def solved(work: Task, record: Record, gathered: Gathered, report: DecodeReport,
     exposure_s = timeline.telemetry.exposure_s or exposure_by_smear(frames, timeline.period_s)
     features = np.column_stack((middle, frames.sweep)).astype(np.float32)
     chosen = np.unique(np.concatenate((np.arange(min(REST_FRAMES, len(seen))), _spread(features))))
-    tell, keys = telling(seen, frames)
+    tell = telling(frames)
     views = _pick(record, work, seen[np.union1d(chosen, tell)], said == "")
     constants, others = (views.pick(np.flatnonzero(np.isin(views.frame, seen[which]))) for which in (chosen, tell))
     settled = settle(work.camera, board, work.rest_pose, constants, level=work.level, exposure_s=exposure_s)
     poser = Poser(work, settled, timeline.period_s, lag_of(frames), exposure_s)
-    poser.learn(others, np.searchsorted(tell, keys))
+    poser.learn(others)
     return _fit_all(work, record, report, poser, said, timeline)
 
 
