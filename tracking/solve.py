@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,8 @@ Flags = NDArray[np.bool_]
 NO_FIT = "the corners fit no pose in the plane of motion"
 #: Of a chunk: its first frame, its rows, what is seen in them, in which of the rows, and the poses there, if any.
 Posed = tuple[int, Rows, Views, NDArray[np.intp], tuple[Poses, Floats, Floats] | None]
+Viewer = Callable[[int, Rows], tuple[Views, NDArray[np.intp]]]
+_KEPT = 16  # chunks, of 3 MB each
 _SPREAD = 40  # frames for each quantity that the constants are found from
 
 
@@ -97,12 +100,13 @@ def solved(work: Task, record: Record, gathered: Gathered, report: DecodeReport,
     features = np.column_stack((middle, frames.sweep)).astype(np.float32)
     chosen = np.unique(np.concatenate((np.arange(min(REST_FRAMES, len(seen))), _spread(features))))
     tell = telling(frames)
-    views = _pick(record, work, seen[np.union1d(chosen, tell)], said == "")
+    viewed = _viewer(record, work.camera.lens, said == "")
+    views = _pick(record, viewed, seen[np.union1d(chosen, tell)])
     constants, others = (views.pick(np.flatnonzero(np.isin(views.frame, seen[which]))) for which in (chosen, tell))
     settled = settle(work.camera, board, work.rest_pose, constants, level=work.level, exposure_s=exposure_s)
     poser = Poser(work, settled, timeline.period_s, lag_of(frames), exposure_s)
     poser.learn(others)
-    return _fit_all(work, record, report, poser, said, timeline)
+    return _fit_all(work, record, viewed, report, poser, said, timeline)
 
 
 def _commonest(record: Record) -> str:
@@ -121,12 +125,27 @@ def _spread(features: NDArray[np.float32]) -> NDArray[np.intp]:
     return np.unique(np.concatenate(chosen))
 
 
-def _pick(record: Record, work: Task, frames: NDArray[np.int64], believed: Flags) -> Views:
+def _viewer(record: Record, lens: Lens, believed: Flags) -> Viewer:
+    """Return a function from a chunk to its views; the first chunks are kept in memory until asked for again."""
+    kept: dict[int, tuple[Views, NDArray[np.intp]]] = {}
+
+    def viewed(start: int, rows: Rows) -> tuple[Views, NDArray[np.intp]]:
+        found = kept.pop(start, None)
+        if found is None:
+            found = views_of(record, lens, start, rows, believed)
+            if len(kept) < _KEPT:
+                kept[start] = found
+        return found
+
+    return viewed
+
+
+def _pick(record: Record, viewed: Viewer, frames: NDArray[np.int64]) -> Views:
     """Return the views of some frames of the record."""
 
     def picked(chunk: tuple[int, Rows]) -> Views:
         start, rows = chunk
-        views, where = views_of(record, work.camera.lens, start, rows, believed)
+        views, where = viewed(start, rows)
         return views.pick(np.flatnonzero(np.isin(start + where, frames)))
 
     wanted = (chunk for chunk in record.chunks() if np.any((frames >= chunk[0]) & (frames < chunk[0] + len(chunk[1]))))
@@ -137,6 +156,7 @@ def _pick(record: Record, work: Task, frames: NDArray[np.int64], believed: Flags
 def _fit_all(
     work: Task,
     record: Record,
+    viewed: Viewer,
     report: DecodeReport,
     poser: Poser,
     said: NDArray[np.object_],
@@ -147,11 +167,11 @@ def _fit_all(
     state, sigma = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
     time_s, rms_px, corners = np.empty(n), np.full(n, np.nan), np.zeros(n, np.int64)
     total, square, count = np.zeros((3, corner_count, 2))
-    row, believed = work.camera.lens.height / 2, said == ""
+    row = work.camera.lens.height / 2
 
     def posed(chunk: tuple[int, Rows]) -> Posed:
         start, rows = chunk
-        views, where = views_of(record, work.camera.lens, start, rows, believed)
+        views, where = viewed(start, rows)
         return start, rows, views, where, poser.poses(views) if len(where) else None
 
     for start, rows, views, where, found in side_by_side(posed, record.chunks()):
