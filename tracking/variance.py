@@ -25,7 +25,7 @@ _MOST_ACROSS = 9  # corners along a side that components are estimated from
 #: of a stretch, so that the residuals do not show it. The codec moves an edge across itself and leaves it straight,
 #: which shears nothing; but what it does not code of a board that changes its distance or turns is a stretch. From the
 #: errors of clips 200 to 203 of tests.benchmarks.tracking_painted, by its option --shares.
-SHARES = (0.2, 0.03)
+SHARES = (0.2, 0.02)
 
 
 @dataclass(frozen=True)
