@@ -85,8 +85,8 @@ def without_lag(
     last picture, a change of size is not, so that lags by itself.
 
     How much of the lag there is in one frame depends on which blocks were worth coding since the last keyframe. No
-    distribution between none and all has a larger variance than a quarter. It shifts the board along its motion, also
-    when that has ended.
+    distribution between none and all has a larger variance than a quarter, for all corners alike however fast they
+    move, along their motion, also when that has ended.
     """
     J = np.where(poses.used[..., None, None], slopes, 0.0)
     normal = np.einsum("fncm,fncp->fmp", J, J) + 1e-9 * np.eye(3)  # a frame without a fit must stay solvable
@@ -96,9 +96,8 @@ def without_lag(
     share = size_px / (np.abs(size_px) + _SLOW_SIZE_PX)
     ahead_px, larger_px = (np.where(key, 0.0, lag_px * part) for part in (lag_share(speed_px), _SIZE * share))
     flow = np.einsum("fncm,fm->fnc", J, rate)
-    shift = flow.sum(axis=1)
-    shift /= np.maximum(np.sqrt((shift**2).sum(axis=-1, keepdims=True) / 2.0), 1e-12)  # rms of 1 px per coordinate
-    moved = np.linalg.solve(normal, np.einsum("fncm,fc->fm", J, shift)[..., None])[..., 0]
+    ahead = flow / np.maximum(np.sqrt((flow**2).sum(axis=-1, keepdims=True) / 2.0), 1e-12)  # rms of 1 per coordinate
+    moved = np.linalg.solve(normal, np.einsum("fncm,fnc->fm", J, ahead)[..., None])[..., 0]
     left = moved * np.where(key | (speed_px > MOTION_VECTOR_PX), 0.0, lag_px / 2)[:, None]
     right = poses.vector + along * ahead_px[:, None] + size * larger_px[:, None]
     return np.asarray(right), left[:, :, None] * left[:, None, :]
