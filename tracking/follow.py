@@ -133,7 +133,7 @@ class Follower:
             left, top = np.maximum(np.floor(low - reach), 0).astype(int)
             right, bottom = np.ceil(high + reach).astype(int)
             region, corner = np.ascontiguousarray(picture[top:bottom, left:right]), np.array((left, top))
-            again = self.again
+            again = int(self.again)  # none are due
         elif self.lost % SEARCH_EVERY == 0 or self.again:
             region, corner = picture, np.zeros(2)
             again = _AGAIN if self.lost % SEARCH_EVERY == 0 else self.again - 1
