@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from straw.tracking.compiled import compiled
+
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
@@ -23,11 +25,24 @@ def nearest(good: Flags, n: int, reach: int = 3) -> tuple[NDArray[np.intp], NDAr
 
 def polynomial(time_s: Floats, course: Floats, at_s: Floats, by: NDArray[np.intp]) -> tuple[Floats, Floats]:
     """Return the polynomial through the frames ``by`` (f, m) at ``at_s`` (f,), and the sum of its squared weights."""
-    times = time_s[by]
-    weights = np.ones(by.shape)
-    for k in range(by.shape[1]):
-        for m in range(by.shape[1]):
-            if m != k:
-                apart = times[:, k] - times[:, m]
-                weights[:, k] *= (at_s - times[:, m]) / np.where(apart == 0, 1.0, apart)
-    return np.einsum("fk,fkc->fc", weights, course[by]), (weights**2).sum(axis=1)
+    found, gain = np.zeros((len(by), course.shape[1])), np.zeros(len(by))
+    lagrange(*(np.ascontiguousarray(each) for each in (time_s, course, at_s, by)), found, gain)
+    return found, gain
+
+
+def _lagrange(time_s: Floats, course: Floats, at_s: Floats, by: NDArray[np.intp], found: Floats, gain: Floats) -> None:
+    """Add up what ``polynomial`` returns in ``found`` (f, c) and ``gain`` (f,), which are zeros."""
+    for f in range(len(by)):
+        for k in range(by.shape[1]):
+            own_s, weight = time_s[by[f, k]], 1.0
+            for m in range(by.shape[1]):
+                if m != k:
+                    apart = own_s - time_s[by[f, m]]
+                    weight *= (at_s[f] - time_s[by[f, m]]) / (apart if apart != 0 else 1.0)
+            gain[f] += weight * weight
+            for c in range(course.shape[1]):
+                found[f, c] += weight * course[by[f, k], c]
+
+
+# Assigned rather than decorated: numba has no types, and this keeps the function above checked.
+lagrange = compiled(_lagrange)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from straw.tracking.compiled import compiled
 from straw.tracking.planar import LEAST_SIGMA_PX, MEDIAN_OF_RAYLEIGH
 
 Floats = NDArray[np.float64]
@@ -67,8 +68,20 @@ def by_print(by: Floats, by_place: Floats) -> Floats:
 
     ``by`` (f, 2n, m) and ``by_place`` (f, n, 2, 2) are derivatives of the residuals, one of them weighted.
     """
-    own = np.einsum("fnci,fncj->finj", by.reshape(*by_place.shape[:3], -1), by_place)
-    return np.asarray(own.reshape(len(by), by.shape[-1], 2 * by_place.shape[1]))
+    found = np.empty((len(by), by.shape[-1], 2 * by_place.shape[1]))
+    own_corners(np.ascontiguousarray(by), np.ascontiguousarray(by_place), found)
+    return found
+
+
+def _own_corners(by: Floats, by_place: Floats, found: Floats) -> None:
+    """Fill ``found`` with what ``by_print`` returns."""
+    for f in range(len(by)):
+        for n in range(by_place.shape[1]):
+            u, v = by_place[f, n, 0], by_place[f, n, 1]
+            for i in range(by.shape[2]):
+                along, down = by[f, 2 * n, i], by[f, 2 * n + 1, i]
+                found[f, i, 2 * n] = along * u[0] + down * v[0]
+                found[f, i, 2 * n + 1] = along * u[1] + down * v[1]
 
 
 def blocks(blocks: Floats) -> Floats:
@@ -77,3 +90,7 @@ def blocks(blocks: Floats) -> Floats:
     found = np.zeros((n, 2, n, 2))
     found[np.arange(n), :, np.arange(n), :] = blocks
     return np.asarray(found.reshape(2 * n, 2 * n))
+
+
+# Assigned rather than decorated: numba has no types, and this keeps the function above checked.
+own_corners = compiled(_own_corners)

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from straw.tracking.calibrate_views import pictures, views_in
 from straw.tracking.chapters import copies
-from straw.tracking.corners import FEWEST_CORNERS
 from straw.tracking.errors import TrackingError
 from straw.tracking.lens import Lens
 from straw.tracking.lens_fit import Fit, View, fit_lens, held_out_px, lens_of
+from straw.tracking.sharpen import FEWEST_CORNERS
 
 Floats = NDArray[np.float64]
 Picture = NDArray[np.uint8]

@@ -10,11 +10,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.tracking.corners import FEWEST_CORNERS, find_boards
+from straw.tracking.corners import find_boards
 from straw.tracking.edges import measure_all
 from straw.tracking.errors import TrackingError
 from straw.tracking.lattice import chequered
 from straw.tracking.lens_fit import View
+from straw.tracking.sharpen import FEWEST_CORNERS
 from straw.tracking.video import VideoReader
 
 Floats = NDArray[np.float64]

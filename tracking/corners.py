@@ -13,23 +13,15 @@ from numpy.typing import NDArray
 
 from straw.tracking.board import Board
 from straw.tracking.edges import measure_all
-from straw.tracking.kernels import farthest, fit_homography, locate_all
+from straw.tracking.kernels import locate_all
 from straw.tracking.lens import Lens
 from straw.tracking.print_check import agreement, drift
+from straw.tracking.sharpen import FEWEST_CORNERS, REASONS, sharpened
 
 Floats = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 Flags = NDArray[np.bool_]
 
-FEWEST_CORNERS = 16  # of a board that is covered, glared out or cut off by the picture's edge
-LARGEST_RESIDUAL = 0.05  # of the pitch: 1 px at 20 px a square, ten times the effect of motion blur in our clips
-_CONVERGED_PX = 0.15  # a hundredth of that is left; at 0.2, corners as sharp as pixels stay 0.05 px off
-_UNSETTLED_PX = 0.5
-_STEPS = 6
-_OUTLIER, _OUTLIER_PX = 4.5, 0.1  # times the rms per coordinate, but at least that much: a corner that is not used
-_LEAST_CONTRAST = 15.0  # grey levels between the colours' medians; below it the print cannot be seen
-_LEAST_LEAD = 4.0  # dark squares by which the print must fit better where it is than one square aside
-_NEAR = 0.3  # of the pitch: a corner closer than this to a steady guess has not slipped by a square
 _COARSE = 0.3  # of the pitch: the half width of edges that sees corners from 0.4 pitches away
 _MOST_PIXELS = 950_000  # searched at a time: 720p whole, 1080p halved
 _MOST_BOARDS = 4  # searches in one picture, each 0.03 s at 960 x 540
@@ -63,9 +55,9 @@ class Print:
         n = len(self.points)
         i, j = np.indices(board.shape)
         self._parity = np.where((i + j) % 2 == 0, 1.0, -1.0).ravel()  # corners side by side have light and dark swapped
-        self._where, self._next = np.empty((n, 8)), np.empty((n, 8))
-        self._all = np.ones(n, np.bool_)
-        self._pixels, self._explained, self._used = np.empty((n, 2)), np.empty(n), np.empty(n, np.bool_)
+        # of a coarse guess: where corners are expected, and what is measured there
+        self._where, self._pixels = np.empty((n, 8)), np.empty((n, 2))
+        self._explained, self._used = np.empty(n), np.empty(n, np.bool_)
 
     def sharpen(
         self, picture: Picture, guess: Floats, widths: Floats | None, sign: float, *, steady: bool = False
@@ -76,50 +68,15 @@ class Print:
         bridged). ``sign``: of the contrast, 0 when unknown. ``steady``: the guess is less than a square from where the
         board just was, so corners near their guess cannot have slipped by a square; otherwise the print must show it.
         """
-        H, packed, where = guess.copy(), self.lens.packed, self._where
-        locate_all(H, packed, self.points, where)
-        if not math.isfinite(where.sum()):
-            return "the board leaves the picture"
-        start = where.copy()
-        if widths is None:
-            widths = np.full(2, 0.15 * self._approach(picture, H))
-        widths, used, rms, moved, pitch = widths.copy(), self._used, -1.0, np.inf, 0.0
-        for _ in range(_STEPS):
-            pitch = self._measure(picture, widths, 1)
-            if np.count_nonzero(used) < FEWEST_CORNERS:
-                return "too few corners to trust"
-            rms = self._fit(H)
-            if rms < 0:
-                return "the corners fit no board"
-            moved = float(farthest(self._next, where, used))
-            where[:] = self._next
-            if moved < _CONVERGED_PX:
-                break
-        if moved >= _UNSETTLED_PX or rms > LARGEST_RESIDUAL * pitch:
-            return "the corners fit no board"
-        if np.count_nonzero(used) < FEWEST_CORNERS:
-            return "too few corners to trust"
-        shift = farthest(where, start, self._all)
-        near = steady and shift < _NEAR * pitch
-        contrast, lead = self._compare(picture, H, used, slips=not near)
-        if abs(contrast) < _LEAST_CONTRAST:
-            return "too little contrast"
-        if contrast * sign < 0:
-            return "black and white are swapped"
-        if not near and lead < _LEAST_LEAD:
-            return "the board cannot be told from one a square aside"
-        shape = self.board.shape
-        grid = np.where(used[:, None], self._pixels, where[:, :2]).reshape(*shape, 2)
-        return Sighting(grid, used.reshape(shape).copy(), H, widths, pitch, contrast, rms)
-
-    def _measure(self, picture: Picture, widths: Floats, stride: int) -> float:
-        found = self._pixels, self._explained, self._used
-        return float(measure_all(picture, self._where, self._parity, widths, stride, *found))
-
-    def _compare(self, picture: Picture, H: Floats, used: Flags, *, slips: bool) -> tuple[float, float]:
-        """Return the print's contrast, and by how many squares it agrees better here than one square aside."""
-        contrast, score, slipped = agreement(picture, H, self.lens.packed, used.reshape(self.board.shape), slips)
-        return float(contrast), float(score - slipped)
+        H = guess.copy()
+        widths = np.full(2, 0.15 * self._approach(picture, H)) if widths is None else widths.copy()
+        n, shape, out = len(self.points), self.board.shape, np.empty(3)
+        grid, used = np.empty((n, 2)), np.empty(n, np.bool_)
+        given = self.lens.packed, self.points, self._parity, shape, widths, sign, steady
+        if why := sharpened(picture, H, *given, grid, used, out):
+            return REASONS[why]
+        pitch, contrast, rms = out.tolist()
+        return Sighting(grid.reshape(*shape, 2), used.reshape(shape), H, widths, pitch, contrast, rms)
 
     def shifted(self, picture: Picture, guess: Floats, sign: float) -> Floats:
         """Return the guessed homography moved by up to two squares to where the print correlates best."""
@@ -128,11 +85,17 @@ class Print:
         return moved_by(guess, shift)
 
     def _approach(self, picture: Picture, H: Floats) -> float:
-        """Move H (in place) by the median step of corners with wide edges, up to 0.4 squares; return the pitch."""
+        """Move H (in place) by the median step of corners with wide edges, up to 0.4 squares; return the pitch.
+
+        NaN where the lens does not show the whole board.
+        """
         locate_all(H, self.lens.packed, self.points, self._where)
+        if not np.isfinite(self._where.sum()):
+            return math.nan
         for _ in range(2):
             pitch = _smallest_pitch(self._where)
-            self._measure(picture, np.full(2, _COARSE * pitch), 2)
+            found = self._pixels, self._explained, self._used
+            measure_all(picture, self._where, self._parity, np.full(2, _COARSE * pitch), 2, *found)
             step = self._pixels - self._where[:, :2]
             seen = (self._explained > 0.3) & (np.hypot(*step.T) < 0.45 * pitch)
             if np.count_nonzero(seen) < FEWEST_CORNERS // 2:
@@ -141,21 +104,6 @@ class Print:
             H[:] = moved_by(H, np.linalg.solve(axes, np.median(step[seen], axis=0)))
             locate_all(H, self.lens.packed, self.points, self._where)
         return _smallest_pitch(self._where)
-
-    def _fit(self, H: Floats) -> float:
-        """Fit H to the used corners, once more without outliers where there are any; return the rms residual, px."""
-        used, packed = self._used, self.lens.packed
-        rms = float(fit_homography(self.points, self._pixels, used, packed, H, self._next))
-        if rms < 0:
-            return rms
-        limit_px = max(_OUTLIER * rms, _OUTLIER_PX)
-        if farthest(self._pixels, self._next, used) < limit_px:
-            return rms
-        fewer = used & (np.hypot(*(self._pixels - self._next[:, :2]).T) < limit_px)
-        if np.count_nonzero(fewer) < FEWEST_CORNERS:
-            return rms
-        used[:] = fewer
-        return float(fit_homography(self.points, self._pixels, used, packed, H, self._next))
 
     def lay(self, picture: Picture, grid: Floats, turn: int, sign: float) -> Sighting | str:
         """Lay the board on a right-handed grid (r, c, 2) of corners that may be a part of it; the best place wins.

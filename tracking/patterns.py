@@ -59,10 +59,11 @@ def _along(n: int, every: int) -> tuple[Floats, Floats]:
 
 
 def common_to(shape: tuple[int, int], H: Floats) -> Floats:
-    """Return H^T K H (2, f, m, m) for a board moved as a whole by 1 px rms: shifted, then stretched and sheared."""
+    """Return H^T K H (2, f, m, m) for boards changed as a whole by 1 px rms along x and 1 px rms along y.
+
+    First stretched: lines of corners move across themselves, in proportion to their place; then sheared.
+    """
     i, j = np.meshgrid(*(np.linspace(-1, 1, n) for n in shape), indexing="ij")
-    found = []
-    for base in (np.ones((1, *shape)), np.stack((i / i.std(), j / j.std()))):
-        moved = np.einsum("fijwm,bij->fmwb", H, base).reshape(len(H), H.shape[-1], -1)
-        found.append(moved @ moved.transpose(0, 2, 1))
-    return np.stack(found)
+    moved = np.einsum("fijwm,bij->bwfm", H, np.stack((i / i.std(), j / j.std())))
+    stretch, shear = moved[(0, 1), (0, 1)], moved[(1, 0), (0, 1)]
+    return np.stack([np.einsum("wfm,wfn->fmn", one, one) for one in (stretch, shear)])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from straw.tracking.errors import TrackingError
 from straw.tracking.noise import off_chord, without_lag
 from straw.tracking.pose import Poses, apply
 from straw.tracking.settle import Settled
@@ -17,27 +18,25 @@ Floats = NDArray[np.float64]
 
 
 class Poser:
-    """Of one video. First ``learn`` from some of its frames, then ``poses`` of all, in order of time."""
+    """Of one video. First ``learn`` from some of its frames, then ``poses`` of any, frames in order of time."""
 
     def __init__(self, work: Task, settled: Settled, period_s: float, lag_px: float, exposure_s: float) -> None:
         self.settled, self.period_s, self.lag_px, self.exposure_s = settled, period_s, lag_px, exposure_s
         self.shape, self._board_m = work.board.shape, work.board.corner_points_m()
         self._points_m = apply(settled.camera.tip_from_board, settled.points_m)
-        self._guess: Floats | None = None  # where the last fit ended
+        self._usual = np.full(3, np.nan)  # a pose of the clip, where a start cannot be found otherwise
         self._scatter: Scatter | None = None
 
-    def learn(self, views: Views, keys: NDArray[np.intp]) -> None:
-        """Learn the clip's variances from some frames; ``keys``: see ``variance.learnt``."""
-        fits, vector, seen, *_ = self._fitted(views)
+    def learn(self, views: Views) -> None:
+        """Learn the clip's variances from some frames."""
+        fits, _, seen, *_ = self._fitted(views)
         fit = np.isfinite(fits.rms_px)
-        whole = fit[keys[:, None] + np.arange(-2, 3)].all(axis=1)
-        self._scatter = learnt(self.shape, seen, vector, keys[whole])
-        self._guess = None
+        self._scatter = learnt(self.shape, seen)
+        if fit.any():
+            self._usual = fits.vector[fit][0]
         if self.settled.rest_frames:
-            self.settled.doubt_rest(
-                self._scatter, self._fitted(self.settled.bundle.views.pick(np.zeros(1, np.intp)))[2]
-            )
-            self._guess = None
+            rest = self.settled.bundle.views.pick(np.zeros(1, np.intp))
+            self.settled.doubt_rest(self._scatter, self._fitted(rest)[2])
 
     def poses(self, views: Views) -> tuple[Poses, Floats, Floats]:
         """Return the fits, the poses (f, 3) with the codec's lag put right, and their covariance (f, 3, 3)."""
@@ -48,11 +47,14 @@ class Poser:
     def _fitted(self, views: Views) -> tuple[Poses, Floats, Seen, Floats, Floats]:
         plane, line_s = self.settled.plane, self.settled.camera.line_s or 0.0
         begin = np.full((len(views.time_s), 3), np.nan)
-        begin[0] = free_start(views, self.settled.camera, self._board_m) if self._guess is None else self._guess
+        try:
+            begin[0] = free_start(views, self.settled.camera, self._board_m)
+        except TrackingError:
+            begin[0] = self._usual
+            if not np.isfinite(self._usual[0]):
+                raise
         rays = views.at_once(line_s, self.exposure_s)
         fits = plane.fit_rays(rays, views.px_per_ray, self._points_m, begin, views.used)
-        if np.isfinite(fits.rms_px).any():
-            self._guess = fits.vector[np.isfinite(fits.rms_px)][-1]
         rate = np.gradient(fits.vector, views.time_s, axis=0) if len(begin) > 1 else np.zeros((1, 3))
         slopes = plane.slopes(views.px_per_ray, self._points_m, fits.vector)
         eye_m = plane.world_from_camera[(0, 2), 3]

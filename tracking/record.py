@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import threading
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any
@@ -54,6 +55,7 @@ class Record:
         head = json.dumps(dict(identity), sort_keys=True).encode()
         self._head = hashlib.sha256(head + str(self.dtype).encode()).digest()
         self._waiting: list[Rows] = []
+        self._reading = threading.Lock()
         try:
             self._file: IO[bytes] = self._opened()
         except OSError as error:
@@ -103,12 +105,13 @@ class Record:
         self._waiting = []
 
     def rows(self, start: int, stop: int) -> Rows:
-        """Return rows ``start`` to ``stop`` (clipped to what there is)."""
-        self.flush()
+        """Return rows ``start`` to ``stop`` (clipped to what there is); threads may ask at the same time."""
         start, stop = max(start, 0), min(stop, self._count)
-        self._file.seek(len(self._head) + start * self.dtype.itemsize)
-        data = self._file.read(max(stop - start, 0) * self.dtype.itemsize)
-        self._file.seek(0, os.SEEK_END)
+        with self._reading:
+            self.flush()
+            self._file.seek(len(self._head) + start * self.dtype.itemsize)
+            data = self._file.read(max(stop - start, 0) * self.dtype.itemsize)
+            self._file.seek(0, os.SEEK_END)
         return np.frombuffer(data, self.dtype)
 
     def chunks(self) -> Iterator[tuple[int, Rows]]:

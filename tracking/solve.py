@@ -3,36 +3,39 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import closing
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from straw.tracking.chapters import Timeline
-from straw.tracking.corners import FEWEST_CORNERS, LARGEST_RESIDUAL
 from straw.tracking.course import Courses, course_of
 from straw.tracking.doubt import doubted
 from straw.tracking.errors import TrackingError
 from straw.tracking.follow import NOT_DUE
 from straw.tracking.lens import Lens
 from straw.tracking.noise import Frames, exposure_by_smear, lag_of
+from straw.tracking.pose import Poses
 from straw.tracking.poser import Poser
 from straw.tracking.record import CHUNK, Record, Rows
 from straw.tracking.settle import REST_FRAMES, settle
+from straw.tracking.sharpen import FEWEST_CORNERS, LARGEST_RESIDUAL
+from straw.tracking.side_by_side import side_by_side
 from straw.tracking.task import Task, Track
 from straw.tracking.trace import TipTrace
 from straw.tracking.variance import telling
-from straw.tracking.video import DecodeReport, ahead
+from straw.tracking.video import DecodeReport
 from straw.tracking.views import AROUND, Views, views_of
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 NO_FIT = "the corners fit no pose in the plane of motion"
-#: Of a chunk: its first frame, its rows, what is seen in them, and in which of the rows.
-Viewed = tuple[int, Rows, Views, NDArray[np.intp]]
+#: Of a chunk: its first frame, its rows, what is seen in them, in which of the rows, and the poses there, if any.
+Posed = tuple[int, Rows, Views, NDArray[np.intp], tuple[Poses, Floats, Floats] | None]
+Viewer = Callable[[int, Rows], tuple[Views, NDArray[np.intp]]]
+_KEPT = 16  # chunks, of 3 MB each
 _SPREAD = 40  # frames for each quantity that the constants are found from
 
 
@@ -96,14 +99,14 @@ def solved(work: Task, record: Record, gathered: Gathered, report: DecodeReport,
     exposure_s = timeline.telemetry.exposure_s or exposure_by_smear(frames, timeline.period_s)
     features = np.column_stack((middle, frames.sweep)).astype(np.float32)
     chosen = np.unique(np.concatenate((np.arange(min(REST_FRAMES, len(seen))), _spread(features))))
-    tell, keys = telling(seen, frames)
-    views = _pick(record, work, seen[np.union1d(chosen, tell)], said == "")
+    tell = telling(frames)
+    viewed = _viewer(record, work.camera.lens, said == "")
+    views = _pick(record, viewed, seen[np.union1d(chosen, tell)])
     constants, others = (views.pick(np.flatnonzero(np.isin(views.frame, seen[which]))) for which in (chosen, tell))
     settled = settle(work.camera, board, work.rest_pose, constants, level=work.level, exposure_s=exposure_s)
     poser = Poser(work, settled, timeline.period_s, lag_of(frames), exposure_s)
-    poser.learn(others, np.searchsorted(tell, keys))
-    with closing(ahead(_viewed(record, work.camera.lens, said == ""), 1)) as chunks:
-        return _fit_all(work, record, chunks, report, poser, said, timeline)
+    poser.learn(others)
+    return _fit_all(work, record, viewed, report, poser, said, timeline)
 
 
 def _commonest(record: Record) -> str:
@@ -122,27 +125,38 @@ def _spread(features: NDArray[np.float32]) -> NDArray[np.intp]:
     return np.unique(np.concatenate(chosen))
 
 
-def _pick(record: Record, work: Task, frames: NDArray[np.int64], believed: Flags) -> Views:
+def _viewer(record: Record, lens: Lens, believed: Flags) -> Viewer:
+    """Return a function from a chunk to its views; the first chunks are kept in memory until asked for again."""
+    kept: dict[int, tuple[Views, NDArray[np.intp]]] = {}
+
+    def viewed(start: int, rows: Rows) -> tuple[Views, NDArray[np.intp]]:
+        found = kept.pop(start, None)
+        if found is None:
+            found = views_of(record, lens, start, rows, believed)
+            if len(kept) < _KEPT:
+                kept[start] = found
+        return found
+
+    return viewed
+
+
+def _pick(record: Record, viewed: Viewer, frames: NDArray[np.int64]) -> Views:
     """Return the views of some frames of the record."""
-    parts = []
-    for start, rows in record.chunks():
-        if np.any((frames >= start) & (frames < start + len(rows))):
-            views, where = views_of(record, work.camera.lens, start, rows, believed)
-            parts.append(views.pick(np.flatnonzero(np.isin(start + where, frames))))
+
+    def picked(chunk: tuple[int, Rows]) -> Views:
+        start, rows = chunk
+        views, where = viewed(start, rows)
+        return views.pick(np.flatnonzero(np.isin(start + where, frames)))
+
+    wanted = (chunk for chunk in record.chunks() if np.any((frames >= chunk[0]) & (frames < chunk[0] + len(chunk[1]))))
+    parts = list(side_by_side(picked, wanted))
     return Views(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in Views.__annotations__})
-
-
-def _viewed(record: Record, lens: Lens, believed: Flags) -> Iterator[Viewed]:
-    """Yield what is seen in each chunk of the record."""
-    for start, rows in record.chunks():
-        views, where = views_of(record, lens, start, rows, believed)
-        yield start, rows, views, where
 
 
 def _fit_all(
     work: Task,
     record: Record,
-    chunks: Iterator[Viewed],
+    viewed: Viewer,
     report: DecodeReport,
     poser: Poser,
     said: NDArray[np.object_],
@@ -154,13 +168,19 @@ def _fit_all(
     time_s, rms_px, corners = np.empty(n), np.full(n, np.nan), np.zeros(n, np.int64)
     total, square, count = np.zeros((3, corner_count, 2))
     row = work.camera.lens.height / 2
-    for start, rows, views, where in chunks:
+
+    def posed(chunk: tuple[int, Rows]) -> Posed:
+        start, rows = chunk
+        views, where = viewed(start, rows)
+        return start, rows, views, where, poser.poses(views) if len(where) else None
+
+    for start, rows, views, where, found in side_by_side(posed, record.chunks()):
         passed = np.full(len(rows), np.nan)
         unseen = np.flatnonzero(~rows["seen"])
         said[start + unseen] = [text.decode() for text in rows["reason"][unseen].tolist()]
-        if len(where):
+        if found:
             at = start + where
-            fits, vector, spread = poser.poses(views)
+            fits, vector, spread = found
             number = fits.used.sum(axis=1)
             good = (fits.rms_px <= LARGEST_RESIDUAL * views.pitch_px) & (number >= FEWEST_CORNERS)
             said[at[~good]] = NO_FIT

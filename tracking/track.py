@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from straw.tracking.board import Board
 from straw.tracking.camera import Camera
@@ -47,7 +48,8 @@ def track(
     files = [video] if isinstance(video, str | os.PathLike) else list(video)
     work = Task(tuple(in_order(files)), camera, board, **task)
     part = work.fps, work.from_s, work.to_s
-    with Timeline(files, *part) as timeline, tempfile.TemporaryDirectory() as folder:
+    one_thread = threadpool_limits(limits=1, user_api="blas")  # matrices are small, and processors busy decoding
+    with one_thread, Timeline(files, *part) as timeline, tempfile.TemporaryDirectory() as folder:
         _check_rate(timeline, work.fps)
         _check_size(timeline, camera)
         kept = Record(record or Path(folder) / "record", work.identity(), board.shape)

@@ -20,13 +20,12 @@ Places = NDArray[np.intp]
 SLOW, FAST, FRESH = range(3)
 _PER_KIND = 60  # frames: 95 numbers each, of which a fifth are independent, give a variance to 4 %
 _FEWEST = 8
-_STEPS = 40  # keyframes, whose steps show the common error; as many as in ten seconds
 _MOST_ACROSS = 9  # corners along a side that components are estimated from
-_AROUND = np.array((-2, -1, 1, 2))
-_CUBIC = np.array((-1, 4, 4, -1)) / 6  # the cubic through them, in the middle
-# Prior where keyframes are few: of the corners' variance in slow frames 0.3 is a common shift of the board, 0.4 stretch
-# and shear, each as uncertain as after so many keyframes (from clips 100 to 105 of tracking_painted).
-_USUAL_SHARES, _USUAL_WEIGHT = (0.3, 0.4), 2.0
+#: Variance of the board's stretch and of its shear, in variances of one corner of the same frame. A pose takes up most
+#: of a stretch, so that the residuals do not show it. The codec moves an edge across itself and leaves it straight,
+#: which shears nothing; but what it does not code of a board that changes its distance or turns is a stretch. From the
+#: errors of clips 200 to 203, 300 to 302 and 400 to 403 of tests.benchmarks.tracking_painted, by its option --shares.
+SHARES = (0.12, 0.01)
 
 
 @dataclass(frozen=True)
@@ -67,23 +66,20 @@ def seen_of(shape: tuple[int, int], slopes: Floats, left: Floats, used: Flags, a
 
 @dataclass(frozen=True)
 class Scatter:
-    """Variances, px^2: ``parts`` (3 kinds of frame, 3 patterns), and ``common_px2`` (2,) of the additional error of a
-    slow board beyond them as a whole: in each number of its shift, and of its stretch and shear.
-    """
+    """Variances, px^2: ``parts`` (3 kinds of frame, 3 patterns)."""
 
     shape: tuple[int, int]
     parts: Floats
-    common_px2: Floats
 
     def covariance(self, seen: Seen) -> Floats:
         """Return the covariance (f, 3, 3) of poses, SI; a frame whose residual exceeds that of its kind is less
         certain."""
-        common = np.tensordot(self.common_px2, common_to(self.shape, seen.answer()), 1)
-        return np.asarray(self.of_corners(seen) + (seen.kind != FAST)[:, None, None] * common)
+        answer = seen.answer()
+        return np.asarray(self.of_corners(seen, answer) + _as_a_whole(self.shape, answer, seen))
 
-    def of_corners(self, seen: Seen) -> Floats:
-        """Return the same without the common error of a slow board."""
-        by_part = Patterns.of(self.shape).between(seen.answer())
+    def of_corners(self, seen: Seen, answer: Floats) -> Floats:
+        """Return the same but for what the board does as a whole; ``answer``: that of ``seen``."""
+        by_part = Patterns.of(self.shape).between(answer)
         return np.asarray(np.einsum("fc,cfij->fij", self._of_frames(seen, by_part), by_part))
 
     def _of_frames(self, seen: Seen, by_part: Floats) -> Floats:
@@ -101,9 +97,15 @@ class Scatter:
         """
         patterns = Patterns.of(self.shape)
         variance = self._of_frames(rest, patterns.between(rest.answer()))[0]
-        share = variance.sum() / self.parts[SLOW].sum()
-        own, common = patterns.between(answer[None]), common_to(self.shape, answer[None])
-        return np.asarray((np.tensordot(variance, own, 1) + np.tensordot(share * self.common_px2, common, 1))[0])
+        own = np.tensordot(variance, patterns.between(answer[None]), 1)[0]
+        return np.asarray(own + _as_a_whole(self.shape, answer[None], rest)[0])
+
+
+def _as_a_whole(shape: tuple[int, int], answer: Floats, seen: Seen) -> Floats:
+    """Return the covariance (f, c, c) of quantities with sensitivity (f, nx, ny, 2, c) to a board that is stretched and
+    sheared."""
+    corner_px2 = seen.square / np.maximum(2 * seen.used.sum(axis=1) - 3, 1)
+    return np.asarray(np.tensordot(SHARES, common_to(shape, answer), 1) * corner_px2[:, None, None])
 
 
 def kinds(key: Flags, speed_px: Floats) -> Places:
@@ -111,19 +113,12 @@ def kinds(key: Flags, speed_px: Floats) -> Places:
     return np.where(key, FRESH, np.where(np.nan_to_num(speed_px) > MOTION_VECTOR_PX, FAST, SLOW))
 
 
-def telling(numbers: NDArray[np.int64], frames: Frames) -> tuple[Places, Places]:
-    """Return which frames to learn from, and which of them are keyframes amid slow ones, two on either side.
-
-    ``numbers`` (f,): of the frames in the video.
-    """
+def telling(frames: Frames) -> Places:
+    """Return which frames to learn from."""
     kind = kinds(frames.key, frames.speed_px)
-    chosen = [_evenly(np.flatnonzero(kind == which), _PER_KIND) for which in (SLOW, FAST, FRESH)]
-    keys = np.flatnonzero(kind == FRESH)
-    keys = keys[(keys > 1) & (keys < len(numbers) - 2)]
-    near = keys[:, None] + _AROUND
-    calm = (numbers[near] - numbers[keys][:, None] == _AROUND).all(axis=1) & (kind[near] == SLOW).all(axis=1)
-    keys = _evenly(keys[calm & (frames.speed_px[keys] < MOTION_VECTOR_PX)], _STEPS)  # not where it is NaN
-    return np.unique(np.concatenate((*chosen, keys, (keys[:, None] + _AROUND).ravel()))), keys
+    return np.unique(
+        np.concatenate([_evenly(np.flatnonzero(kind == which), _PER_KIND) for which in (SLOW, FAST, FRESH)])
+    )
 
 
 def _evenly(places: Places, most: int) -> Places:
@@ -132,46 +127,14 @@ def _evenly(places: Places, most: int) -> Places:
     return places[np.linspace(0, len(places) - 1, most).astype(np.intp)]
 
 
-def learnt(shape: tuple[int, int], seen: Seen, vector: Floats, keys: Places) -> Scatter:
-    """Estimate a clip's variances; ``keys``: places of keyframes among the frames, each between two pairs of others.
+def learnt(shape: tuple[int, int], seen: Seen) -> Scatter:
+    """Estimate a clip's variances.
 
     Restricted to what a pose cannot absorb: the residuals' squares, and their sums along edges and over the board,
     are equated with their expectations, with the fit's own degrees of freedom (Rao's MINQUE, J. Am.
-    Stat. Assoc. 67 (1972) 112). The common error of the board is not in its residuals, but as a keyframe does not
-    lag with its neighbours, the step of the pose there shows it. How long errors last is seen in the residuals.
+    Stat. Assoc. 67 (1972) 112).
     """
-    parts, slow = _parts(shape, seen), seen.kind == SLOW
-    free = np.maximum(2 * seen.used.sum(axis=1) - 3, 1)
-    rms_px2 = float(np.median((seen.square / free)[slow])) if slow.any() else float(parts[SLOW].sum())
-    usual = Scatter(shape, parts, np.array(_USUAL_SHARES) * rms_px2)
-    return Scatter(shape, parts, _common(usual, seen, vector, keys)) if len(keys) else usual
-
-
-def _common(usual: Scatter, seen: Seen, vector: Floats, keys: Places) -> Floats:
-    """Return the variances (2,), px^2, by the steps of the pose at keyframes, weighted with the usual ones."""
-    near = keys[:, None] + _AROUND
-    step = vector[keys] - np.einsum("k,fkm->fm", _CUBIC, vector[near])
-
-    alike = _of_cubic(seen.left[near])
-
-    def of_step(each: Floats) -> Floats:
-        return np.asarray(each[..., keys, :, :] + alike * each[..., near, :, :].mean(axis=-3))
-
-    own, by_common = of_step(usual.of_corners(seen)), of_step(common_to(usual.shape, seen.answer()))
-    inverse = np.linalg.inv(own + np.tensordot(usual.common_px2, by_common, 1))
-    told = inverse @ by_common @ inverse
-    excess = np.einsum("fi,cfij,fj->c", step, told, step) - np.einsum("cfij,fji->c", told, own)
-    A = np.einsum("cfij,dfji->cd", told, by_common)
-    prior = _USUAL_WEIGHT / usual.common_px2**2
-    return _positive(A + np.diag(prior), excess + prior * usual.common_px2)
-
-
-def _of_cubic(left: Floats) -> float:
-    """Return the variance of the cubic by errors of variance 1, correlated as the residuals (k, 4, nx, ny, 2) are."""
-    flat = left.reshape(*left.shape[:2], -1)
-    together = np.einsum("kai,kbi->ab", flat, flat)
-    sigma = np.sqrt(np.maximum(np.diag(together), 1e-30))
-    return float(_CUBIC @ (together / sigma / sigma[:, None]) @ _CUBIC)
+    return Scatter(shape, _parts(shape, seen))
 
 
 def _parts(shape: tuple[int, int], seen: Seen) -> Floats:

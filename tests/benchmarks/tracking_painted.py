@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from straw.tracking import variance
 from straw.tracking.board import Board
 from straw.tracking.camera import Camera
 from straw.tracking.lens import Lens
@@ -145,12 +146,15 @@ def errors(found: Track, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 def main() -> int:
     """Print a line for each clip and each kind; 1 when a kind has more wrong frames than 1 in 10,000."""
     ask = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    ask.add_argument("--clips", type=int, default=2, help="of each kind, half of them misprinted")
+    ask.add_argument("--clips", type=int, default=2, help="of each kind and misprint")
+    ask.add_argument("--misprints", type=float, nargs="+", default=[0.0, 20.0], help="um")
     ask.add_argument("--first", type=int, default=100, help="seed of the first clip")
     ask.add_argument("--kinds", nargs="+", default=list(KINDS), choices=list(KINDS))
+    ask.add_argument("--shares", type=float, nargs=2, help="in place of straw.tracking.variance.SHARES")
     ask.add_argument("--keep", type=Path, help="folder to keep the painted clips in")
     write_option(ask)
     args = ask.parse_args()
+    variance.SHARES = tuple(args.shares or variance.SHARES)
     figures: dict[str, str] = {}
     print(
         f"{'':<44}{'frames':>7}{'valid':>7}{'> 6 s':>6}   {'error, um, um, mrad':<24}{'squared error / variance':<24}"
@@ -161,7 +165,7 @@ def main() -> int:
         folder = args.keep or Path(made)
         for name in args.kinds:
             by_clip: list[np.ndarray] = []
-            for misprint_m in (0.0, 2e-5):
+            for misprint_m in (1e-6 * each for each in args.misprints):
                 every = []
                 for seed in range(args.first, args.first + args.clips):
                     path = (

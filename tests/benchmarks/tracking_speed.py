@@ -46,6 +46,7 @@ def main() -> int:
     """Print both times by codec, in turn, so that other work on the machine hits both; 1 when a ratio is over 1.15."""
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("--seconds", type=float, default=8.0)
+    options.add_argument("--keep", type=Path, help="folder to keep the painted clips in")
     write_option(options)
     args = options.parse_args()
     seconds, figures = args.seconds, {}
@@ -53,11 +54,12 @@ def main() -> int:
     slow = False
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
-        warm = painted(folder / "warm.mp4", camera, snaps(1), 0.4)
+        clips = args.keep or folder
+        warm = painted(clips / "warm.mp4", camera, snaps(1), 0.4)
         track(warm, folder, camera)  # compiled code loads once
         for codec in PRESET:
             # "veryfast" codes as cameras do (CABAC, deblocking); "ultrafast" decodes three times faster than a GoPro's
-            path = painted(folder / f"{codec}.mp4", camera, snaps(30), seconds, codec=codec, preset=PRESET[codec])
+            path = painted(clips / f"{codec}.mp4", camera, snaps(30), seconds, codec=codec, preset=PRESET[codec])
             frames, megabits = round(seconds * 240_000 / 1001), path.stat().st_size * 8e-6 / seconds
             print(f"{codec} {megabits:.0f} Mbit/s, {frames} frames; a frame in ms (wall, CPU):")
             ratios = []

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from straw.replay.cli import main
-from straw.replay.diagnose.systems.straw.experiment import Rated
 from straw.replay.diagnose.settings import SIMULATED_EVERY_S
+from straw.replay.diagnose.systems.straw.experiment import Rated
 from straw.replay.diagnose.systems.straw.menu import allowed, drawn, menu, varied, written
 from straw.replay.diagnose.systems.straw.observation import REPEATABILITY_S
 from straw.replay.diagnose.systems.straw.separation import STIFF_SD, separation, snap_scatter

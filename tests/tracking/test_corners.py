@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from straw.tracking.board import Board
-from straw.tracking.corners import FEWEST_CORNERS, Print, Sighting, find_boards, moved_by
+from straw.tracking.corners import Print, Sighting, find_boards, moved_by
 from straw.tracking.edges import measure_all
 from straw.tracking.kernels import locate_all
 from straw.tracking.lens import Lens
+from straw.tracking.sharpen import FEWEST_CORNERS
 from straw.tracking.video import VideoReader
 
 FLAT = Lens("brown_conrady", 240, 240, 200.0, 200.0, 120.0, 120.0, (0.0, 0.0, 0.0, 0.0))

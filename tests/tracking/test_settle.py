@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from straw.tracking import variance
 from straw.tracking.board import Board
 from straw.tracking.camera import Camera
 from straw.tracking.errors import TrackingError
@@ -118,22 +119,23 @@ def test_a_board_that_does_not_move_tells_nothing_of_how_it_is_glued(setup, seen
     assert blind.line_sigma_s == pytest.approx(4e-6, rel=0.05)
 
 
-def test_what_corners_at_rest_err_alike_is_in_the_sigma_of_every_pose(setup, seen_by_opencv):
-    """A shift of the board by 0.01 px at rest is one of the world: 2.4 um at 0.24 mm a pixel, in every frame after."""
+def test_what_corners_at_rest_err_is_in_the_sigma_of_every_pose(setup, seen_by_opencv, monkeypatch):
+    """Their mean shift at rest is one of the world: 0.01 px in each of 49 corners are 0.34 um in every frame after."""
+    monkeypatch.setattr(variance, "SHARES", (0.0, 0.0))
     views = followed(seen_by_opencv, setup, folding(200), noise_px=0.005)
     settled = settle(Camera(setup.lens, line_s=0.0), Board(), REST, views)
     first = views.pick(np.array([0]))
     before = settled.covariance(first, np.array([REST]), np.zeros((1, 3)))
     slopes, left = (
         np.random.default_rng(0).normal(size=(1, 7, 7, 2, 3)),
-        np.full((1, 7, 7, 2), np.sqrt(1e-12 * 95 / 98)),
+        np.full((1, 7, 7, 2), np.sqrt(1e-4 * 95 / 98)),
     )
     rest = Seen(slopes, left, np.ones((1, 49), bool), np.array([SLOW]))  # leaves as much as any slow picture
-    settled.doubt_rest(Scatter((7, 7), np.tile((1e-12, 0.0, 0.0), (3, 1)), np.array((1e-4, 0.0))), rest)
+    settled.doubt_rest(Scatter((7, 7), np.tile((1e-4, 0.0, 0.0), (3, 1))), rest)
     grown = settled.covariance(first, np.array([REST]), np.zeros((1, 3))) - before
     px_per_m = seen_by_opencv(setup, *REST) - seen_by_opencv(setup, REST[0], REST[1] + 1e-3, REST[2])
     metre_per_px = 1e-3 / np.linalg.norm(px_per_m.mean(axis=0))
-    assert np.sqrt(grown[0, 1, 1]) == pytest.approx(0.01 * metre_per_px, rel=0.1)
+    assert 1 < np.sqrt(grown[0, 1, 1]) / (0.01 / 7 * metre_per_px) < 3  # and the camera is turned, too
 
 
 def test_a_video_that_starts_in_motion_is_refused(setup, seen_by_opencv):
