@@ -23,7 +23,7 @@ from straw.replay.gather import gather
 from straw.replay.investigate.ask import Ask
 from straw.replay.investigate.campaign import Folder
 from straw.replay.investigate.dry_run import planned
-from straw.replay.investigate.propose import openings, proposals
+from straw.replay.investigate.propose import extremes, openings, proposals
 from straw.replay.investigate.steps import Ahead, Found, Plan, Proposal, Ran
 from straw.replay.output import write_json, write_text
 from straw.replay.progress import progress_bar, say
@@ -92,9 +92,14 @@ class Bench:
             findings = conclude(found, brief=True, tolerance=self._tolerance())
         self._inquiry, self.model = found, findings.model
         self._keep(findings)
+        untried = findings.verdict == "complete" and bool(self.untried())
         return Found(
-            findings.verdict, tuple(findings.causes), dict(findings.judgement.probability), findings.says, sums
+            findings.verdict, tuple(findings.causes), dict(findings.judgement.probability), findings.says, sums, untried
         )
+
+    def untried(self) -> list[Proposal]:
+        """What must be run before nothing is missing."""
+        return extremes(self.straw.cells, self.limits, self._known)
 
     def unknown(self, found: Found) -> str:
         """As `straw diagnose` ends: a curve of what is missing, over the state it depends on, and a formula if any."""
@@ -134,6 +139,8 @@ class Bench:
         """The menu, free designs and repeats, judged by the hypotheses of the last diagnosis."""
         if found.verdict == "too_few":
             return openings(self.straw.cells, self.limits, self._known)
+        if found.untried:
+            return self.untried()
         assert self._inquiry is not None
         say("design the next experiment")
         self.told("design the next experiment", 0, 0)

@@ -18,6 +18,7 @@ from straw.replay.investigate.foresee import Foreseen, foreseen
 from straw.replay.investigate.steps import Proposal
 from straw.rig.limits import PressureLimits
 from straw.rig.protocol import PressureProtocol
+from straw.rig.protocol_toml import protocol_from_toml
 
 #: Largest number of hypotheses that judge an experiment: each simulates every candidate.
 MOST_HYPOTHESES = 4
@@ -25,6 +26,11 @@ MOST_HYPOTHESES = 4
 DRAWN, FOLLOWED, VARIATIONS = 12, 3, 4
 #: The first runs, one in each direction, when nothing is known.
 OPENINGS = ("deploy-30kPa", "deploy-26kPa", "fold-22kPa", "fold-16kPa")
+#: Runs of the menu at one level in each direction, the smallest first.
+LEVELS = {
+    "deploy": ("deploy-26kPa", "deploy-30kPa", "deploy-40kPa"),
+    "fold": ("fold-16kPa", "fold-22kPa", "fold-30kPa"),
+}
 
 
 def proposals(found: Inquiry, limits: PressureLimits, known: Sequence[str], certainty: float = 0.9) -> list[Proposal]:
@@ -75,10 +81,27 @@ def openings(cells: int, limits: PressureLimits, known: Sequence[str]) -> list[P
         texts = [written(c, limits) for c in mine]
         if not mine or any(text in known for text in texts):
             continue
-        why = f"{first}: nothing is known yet, so both directions come first"
-        minutes = (1.0 + sum(s for _, s in mine[0].holds)) / 60
-        out.append(Proposal(texts[0], mine[0].deployed, why, 0.0, 0.0, minutes, 0, opening=True))
+        out.append(_opening(mine[0], f"{first}: nothing is known yet, so both directions come first", limits))
     return out
+
+
+def extremes(cells: int, limits: PressureLimits, known: Sequence[str]) -> list[Proposal]:
+    """The menu's runs at the largest pressure and suction within the limits, unless a ``known`` one went as far: what
+    acts only there would not have been seen."""
+    reached = [float(p) for text in known for p in protocol_from_toml(text, "a run").pressure_pa]
+    out = []
+    for direction, most in (("deploy", "pressure"), ("fold", "suction")):
+        mine = [c for c in menu(cells) if allowed(c, limits) and c.name in LEVELS[direction]]
+        level_pa = 1e3 * mine[-1].holds[0][0] if mine else 0.0
+        if mine and not any(p / level_pa >= 1 for p in reached):
+            why = f"the largest {most} of the menu: what acts only there would not have been seen"
+            out.append(_opening(mine[-1], why, limits))
+    return out
+
+
+def _opening(choice: Choice, why: str, limits: PressureLimits) -> Proposal:
+    minutes = (1.0 + sum(s for _, s in choice.holds)) / 60
+    return Proposal(written(choice, limits), choice.deployed, why, 0.0, 0.0, minutes, 0, opening=True)
 
 
 def _rated(

@@ -10,13 +10,17 @@ from typing import Protocol
 
 @dataclass(frozen=True)
 class Found:
-    """Result of a diagnosis. ``recordings`` are the SHA-256 of its recordings, ``probability`` by hypothesis."""
+    """Result of a diagnosis. ``recordings`` are the SHA-256 of its recordings, ``probability`` by hypothesis.
+
+    ``untried``: nothing seems to be missing, but the largest pressures within the limits have not been run yet.
+    """
 
     verdict: str
     causes: tuple[str, ...] = ()
     probability: Mapping[str, float] | None = None
     says: str = ""
     recordings: tuple[str, ...] = ()
+    untried: bool = False
 
 
 @dataclass(frozen=True)
@@ -25,7 +29,8 @@ class Proposal:
 
     ``information_nats`` is expected over the hypotheses' probabilities; ``separation_sigma`` is that of the pair that
     it separates best; ``chances``: the probabilities that after 1, 2, ... runs of it an answer is certain enough.
-    ``run_before`` counts existing recordings of the same protocol; an ``opening`` is run because nothing is known yet.
+    ``run_before`` counts existing recordings of the same protocol; an ``opening`` is run whatever it is expected to
+    tell.
     """
 
     protocol: str

@@ -48,7 +48,7 @@ def reached(found: Found, certainty: float) -> Stop | None:
     if found.verdict == "within_tolerance":
         return Stop("within_tolerance", found.says)
     p = certainty_of(found)
-    if p < certainty:
+    if p < certainty or found.untried:
         return None
     return Stop("complete" if found.verdict == "complete" else "named", f"{found.says} (p = {p:.2f})")
 

@@ -43,6 +43,9 @@ class Chosen(Bench):
 class InTurn(Chosen):
     """The fixed campaign's runs in their order, diagnosed after each."""
 
+    def untried(self) -> list[Proposal]:
+        return []
+
     def propose(self, found: Found) -> Sequence[Proposal]:
         return [as_it_is(as_toml(plan)) for plan in PLANS[len(self._known) :][:1]]
 
@@ -62,6 +65,9 @@ class Random(Chosen):
     """Protocols by chance, of those that the loop weighs, after its own openings; diagnosed after each run."""
 
     seed = 0
+
+    def untried(self) -> list[Proposal]:
+        return []
 
     def propose(self, found: Found) -> Sequence[Proposal]:
         if found.verdict == "too_few":

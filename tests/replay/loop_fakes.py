@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +60,7 @@ class Fakes:
         runs = self.recordings()
         unsure = self.unsure[min(len(runs), len(self.unsure) - 1)]
         found = self.sure if len(runs) >= self.named_after else unsure
-        return Found(found.verdict, found.causes, found.probability, found.says, runs)
+        return replace(found, recordings=runs)
 
     def propose(self, found: Found) -> Sequence[Proposal]:
         self._dies("propose", False)

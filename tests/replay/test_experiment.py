@@ -13,7 +13,7 @@ from straw.replay.diagnose.systems.straw.experiment import Rated
 from straw.replay.diagnose.systems.straw.menu import allowed, drawn, menu, varied, written
 from straw.replay.diagnose.systems.straw.observation import REPEATABILITY_S
 from straw.replay.diagnose.systems.straw.separation import STIFF_SD, separation, snap_scatter
-from straw.replay.investigate.propose import openings
+from straw.replay.investigate.propose import extremes, openings
 from straw.rig.limits import PressureLimits
 from straw.rig.protocol_toml import protocol_from_toml
 
@@ -101,6 +101,18 @@ def test_before_anything_is_known_one_run_in_each_direction_comes_first_and_none
     again = openings(9, PressureLimits(-40e3, 60e3), [both[0].protocol])
     assert [one.why.split(":")[0] for one in again] == ["a first folding"]
     assert openings(9, PressureLimits(-5e3, 5e3), []) == []
+
+
+def test_before_nothing_is_missing_both_directions_are_run_as_far_as_the_limits_allow():
+    wide = PressureLimits(-40e3, 60e3)
+    far = extremes(9, wide, [])
+    assert ['name = "deploy-40kPa"' in far[0].protocol, 'name = "fold-30kPa"' in far[1].protocol] == [True, True]
+    assert all(one.opening for one in far)
+    assert [one.why for one in extremes(9, wide, [far[0].protocol])] == [far[1].why]
+    assert extremes(9, wide, [one.protocol for one in far]) == []
+    (only,) = extremes(9, NARROW, [openings(9, NARROW, [])[1].protocol])  # -18 kPa: -16 is the largest, and was run
+    assert 'name = "deploy-30kPa"' in only.protocol
+    assert extremes(9, PressureLimits(-5e3, 5e3), []) == []
 
 
 @pytest.mark.parametrize(

@@ -48,6 +48,14 @@ def test_with_nothing_missing_nothing_is_run(path: Path) -> None:
     assert (went(path, fakes).reason, fakes.ran) == ("complete", [])
 
 
+def test_nothing_missing_is_no_answer_before_the_largest_pressures_were_run(path: Path) -> None:
+    fakes = Fakes(named_after=0)
+    complete = {"complete": 0.95, "cohesion": 0.05}
+    fakes.sure = Found("complete", (), complete, "nothing is missing", untried=True)
+    stop = went(path, fakes, Budget(rounds=2))
+    assert (stop.reason, len(fakes.ran)) == ("budget", 2)
+
+
 def test_every_cause_that_is_named_has_to_be_certain() -> None:
     both = Found("missing_physics", ("cohesion", "clock_offset"), SURE)
     assert certainty_of(both) == pytest.approx(0.06)
