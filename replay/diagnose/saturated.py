@@ -25,8 +25,6 @@ Floats = NDArray[np.float64]
 
 #: Deviation of a strength's prior, u: the longest step, ten times what is well seen, is two of them.
 SHRUNK = LONGEST_STEP / 2
-#: A step that gains less than this share of the cost ends the fit: it ranks, and the ranks are far apart.
-SHARE = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +83,7 @@ def subsets(campaign: Campaign, known: Fit, hypotheses: Sequence[Hypothesis], li
     points = [model.with_causes([]), *([model.with_causes(likely)] if likely else [])]
     residuals = campaign.residuals(model.unknowns, points)
     costs = [cost_at(model.unknowns, u, r) for u, r in zip(points, residuals, strict=True)]
-    fit = fitted(campaign, model.unknowns, points[int(np.argmin(costs))], rounds=ROUNDS, share=SHARE)
+    fit = fitted(campaign, model.unknowns, points[int(np.argmin(costs))], rounds=ROUNDS)
     every = range(len(model.causes))
     found = [_without_others(model, fit, some) for some in [*((k,) for k in every), *itertools.combinations(every, 2)]]
     return sorted(found, key=lambda start: -start.gain)
