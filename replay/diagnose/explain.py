@@ -19,7 +19,7 @@ from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Contestant, Fit, clipped, cost_at, evaluated, fitted
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
 from straw.replay.diagnose.inquiry import Inquiry, Told
-from straw.replay.diagnose.judge import CALIBRATION, decisive, unexplained
+from straw.replay.diagnose.judge import CALIBRATION, unexplained
 from straw.replay.diagnose.pairs import find_pairs, nested, seconds, telling
 from straw.replay.diagnose.propose.proposal import Proposal
 from straw.replay.diagnose.refine import explains, finish, refine
@@ -35,7 +35,7 @@ from straw.replay.diagnose.settings import (
     STARTS,
 )
 from straw.replay.diagnose.starts import check_simulated, fit_from_priors
-from straw.replay.diagnose.tournament import fitted_contestant, halved, tournament
+from straw.replay.diagnose.tournament import fitted_contestant, halved, look, tournament
 
 Floats = NDArray[np.float64]
 
@@ -123,21 +123,17 @@ def _large(
 
 
 def _at_once(found: Inquiry, hypotheses: Sequence[Hypothesis], base: Fit, proposal: Proposal | None) -> None:
-    """The most promising of a fit of all causes at once, single causes and pairs whose second cause promises something,
-    fitted coarsely from there and from the proposal's constants, then finished."""
+    """The most promising single causes and pairs of a fit of all causes at once, fitted coarsely from there, from the
+    proposal's constants and, alone, from their own starts, then finished."""
     wide = telling(found)
     ranked = subsets(wide, base, hypotheses, _likely(found.campaign, proposal))
-    alone = {start.hypothesis.name: start for start in ranked if len(start.hypothesis.causes) == 1}
-    pairs = [
-        start
-        for start in ranked
-        if len(start.hypothesis.causes) == 2
-        and start.gain > max(alone[cause].gain for cause in start.hypothesis.causes) + decisive()
-    ]
+    by_size = [[start for start in ranked if len(start.hypothesis.causes) == size] for size in (1, 2)]
     begun = []
-    for start in (*list(alone.values())[:FOLLOWED], *pairs[:FOLLOWED]):
+    for start in (start for starts in by_size for start in starts[:FOLLOWED]):
         unknowns = (*base.unknowns, *start.hypothesis.unknowns)
         points = [start.u, *_proposed(unknowns, proposal, start.hypothesis)]
+        if len(start.hypothesis.causes) == 1:
+            points += [one.u for one in look(wide, base, start.hypothesis)[:STARTS]]
         points = [clipped(unknowns, u) for u in points]
         costs = [cost_at(unknowns, u, r) for u, r in zip(points, wide.residuals(unknowns, points), strict=True)]
         best = np.argsort(costs, kind="stable")[:STARTS]
