@@ -110,7 +110,7 @@ def _large(
     if explains(known):
         return
     steps("all causes at once", found)
-    _at_once(found, hypotheses, known, proposal)
+    _at_once(found, wide, known, hypotheses, proposal)
     given = _starts(found.campaign, proposal)
     far = unexplained(found.campaign, found.best) > FAR  # one in a poor minimum may still explain more
     groups = _in_turn(hypotheses, proposal) if far else []
@@ -122,19 +122,19 @@ def _large(
             return
 
 
-def _at_once(found: Inquiry, hypotheses: Sequence[Hypothesis], base: Fit, proposal: Proposal | None) -> None:
+def _at_once(
+    found: Inquiry, wide: Campaign, base: Fit, hypotheses: Sequence[Hypothesis], proposal: Proposal | None
+) -> None:
     """The most promising single causes and pairs of a fit of all causes at once, fitted coarsely from there, from the
     proposal's constants and, alone, from their own starts, then finished."""
-    wide = telling(found)
     ranked = subsets(wide, base, hypotheses, _likely(found.campaign, proposal))
     by_size = [[start for start in ranked if len(start.hypothesis.causes) == size] for size in (1, 2)]
     begun = []
     for start in (start for starts in by_size for start in starts[:FOLLOWED]):
         unknowns = (*base.unknowns, *start.hypothesis.unknowns)
-        points = [start.u, *_proposed(unknowns, proposal, start.hypothesis)]
-        if len(start.hypothesis.causes) == 1:
-            points += [one.u for one in look(wide, base, start.hypothesis)[:STARTS]]
-        points = [clipped(unknowns, u) for u in points]
+        own = look(wide, base, start.hypothesis)[:STARTS]  # none of a pair
+        given = [start.u, *_proposed(unknowns, proposal, start.hypothesis), *(one.u for one in own)]
+        points = [clipped(unknowns, u) for u in given]
         costs = [cost_at(unknowns, u, r) for u, r in zip(points, wide.residuals(unknowns, points), strict=True)]
         best = np.argsort(costs, kind="stable")[:STARTS]
         fits = [fitted_contestant(wide, replace(start, u=points[k]), COARSE_ROUNDS[0], base.unknowns) for k in best]
@@ -174,20 +174,23 @@ def _base_start(proposal: Proposal | None) -> list[Floats]:
 
 def _starts(campaign: Campaign, proposal: Proposal | None) -> list[Start]:
     """The causes with the proposal's starts, in the order to be tried."""
+    if proposal is None:
+        return []
     return [
         Start(campaign.hypothesis([name]), np.array([s.u for s in way]))
-        for name in (proposal.scores if proposal else ())
-        for way in (proposal.start([name]) if proposal else ())
+        for name in proposal.scores
+        for way in proposal.start([name])
     ]
 
 
 def _likely(campaign: Campaign, proposal: Proposal | None) -> list[Start]:
     """A start of each cause that the proposal takes for more likely present than not."""
-    names = [name for name, score in proposal.scores.items() if score > 0.5] if proposal else []
+    if proposal is None:
+        return []
     return [
         Start(campaign.hypothesis([name]), np.array([s.u for s in proposal.start([name])[0]]))
-        for name in names
-        if proposal
+        for name, score in proposal.scores.items()
+        if score > 0.5
     ]
 
 

@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
-from straw.replay.diagnose.robust import robust_cost
+from straw.replay.diagnose.robust import robust_cost, weights
 from straw.replay.diagnose.settings import ROBUST_SIGMAS
 
 Floats = NDArray[np.float64]
@@ -65,6 +65,12 @@ def cost_at(unknowns: Sequence[Unknown], u: Floats, residual: Floats, smooth: Fl
     """Robust misfit at u plus the priors' cost, ``smooth`` (k, unknowns) included (see `fitted`)."""
     rough = 0.0 if smooth is None else float(np.sum((smooth @ u) ** 2))
     return robust_cost(residual) + prior_cost(unknowns, u) + rough
+
+
+def normal_equations(unknowns: Sequence[Unknown], u: Floats, residual: Floats, slopes: Floats) -> tuple[Floats, Floats]:
+    """Gauss-Newton Hessian (n, n) and gradient (n,) of half the cost at u, with residual (m,) and Jacobian (m, n)."""
+    w, sd, mean = weights(residual), np.array([k.sd for k in unknowns]), np.array([k.mean for k in unknowns])
+    return (slopes * w[:, None]).T @ slopes + np.diag(1 / sd**2), slopes.T @ (w * residual) + (u - mean) / sd**2
 
 
 def clipped(unknowns: Sequence[Unknown], u: Floats) -> Floats:

@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.fit import Fit, clipped, cost_at, fitted
+from straw.replay.diagnose.fit import Fit, clipped, cost_at, fitted, normal_equations
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
-from straw.replay.diagnose.robust import weights
 from straw.replay.diagnose.screen import Start
 from straw.replay.diagnose.settings import FAINT, LONGEST_STEP, ROUNDS
 
@@ -84,18 +83,18 @@ def subsets(campaign: Campaign, known: Fit, hypotheses: Sequence[Hypothesis], li
     residuals = campaign.residuals(model.unknowns, points)
     costs = [cost_at(model.unknowns, u, r) for u, r in zip(points, residuals, strict=True)]
     fit = fitted(campaign, model.unknowns, points[int(np.argmin(costs))], rounds=ROUNDS)
+    H, g = normal_equations(fit.unknowns, fit.u, fit.residual, fit.slopes)
     every = range(len(model.causes))
-    found = [_without_others(model, fit, some) for some in [*((k,) for k in every), *itertools.combinations(every, 2)]]
+    found = [
+        _without_others(model, fit.u, H, g, some)
+        for some in [*((k,) for k in every), *itertools.combinations(every, 2)]
+    ]
     return sorted(found, key=lambda start: -start.gain)
 
 
-def _without_others(model: Saturated, fit: Fit, some: tuple[int, ...]) -> Start:
-    """The minimum of the quadratic expansion about a fit with ``some`` causes only; its gain is negative, as it is
+def _without_others(model: Saturated, u: Floats, H: Floats, g: Floats, some: tuple[int, ...]) -> Start:
+    """The minimum of the quadratic expansion about u with ``some`` causes only; its gain is negative, as it is
     relative to all of them."""
-    w, u = weights(fit.residual), fit.u
-    sd, mean = np.array([k.sd for k in model.unknowns]), np.array([k.mean for k in model.unknowns])
-    H = (fit.slopes * w[:, None]).T @ fit.slopes + np.diag(1 / sd**2)
-    g = fit.slopes.T @ (w * fit.residual) + (u - mean) / sd**2
     free = [*range(model.base), *(k for cause in some for k in model.own[cause])]
     held = np.setdiff1d(np.arange(len(u)), free)
     step = np.zeros(len(u))

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.fit import Fit, clipped, evaluated
+from straw.replay.diagnose.fit import Fit, clipped, evaluated, normal_equations
 from straw.replay.diagnose.hypothesis import Hypothesis
-from straw.replay.diagnose.robust import weights
 from straw.replay.diagnose.settings import FAINT, LONGEST_STEP
 
 Floats = NDArray[np.float64]
@@ -72,13 +71,10 @@ def _shapes(h: Hypothesis) -> list[Floats]:
 
 def _added(known: Fit, h: Hypothesis, shape: Floats, columns: Floats) -> tuple[Floats, float]:
     """u with the hypothesis added by linear least squares, and its gain; strengths keep their sign."""
-    w = np.sqrt(weights(known.residual))
     n = len(known.u)
     unknowns = (*known.unknowns, *h.unknowns)
     at = np.concatenate([known.u, shape])
-    sd, mean = np.array([k.sd for k in unknowns]), np.array([k.mean for k in unknowns])
-    J = np.hstack([known.slopes, columns]) * w[:, None]
-    H, g = J.T @ J + np.diag(1 / sd**2), J.T @ (w * known.residual) + (at - mean) / sd**2
+    H, g = normal_equations(unknowns, at, known.residual, np.hstack([known.slopes, columns]))
     free = [*range(n), *(n + k for k, u in enumerate(h.unknowns) if u.kind == "strength")]
     step = np.zeros(len(at))
     for _ in h.unknowns:

@@ -51,7 +51,8 @@ FIRST_ROUNDS, ROUNDS = 5, 20
 #: Evaluations in each round of the coarse tournament, after each of which the better half is kept.
 COARSE_ROUNDS = (3, 6, 15)
 #: Reduced chi-square below which a fit explains the coarse comparison. Its sigmas leave room for envelopes that differ:
-#: right hypotheses left 0.16 to 0.20, wrong ones, and right ones in a wrong minimum, 0.4 and more.
+#: on developing pairs and on `../shared/recordings` right hypotheses left 0.13 to 0.21 (16 fits), wrong ones, laws of
+#: another form and wrong minima 0.31 and more.
 EXPLAINED = 0.3
 #: Starts of a hypothesis that are followed in the coarse tournament.
 STARTS = 2

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.fit import Contestant, Fit, clipped, cost_at, fitted
+from straw.replay.diagnose.fit import Contestant, Fit, clipped, cost_at, fitted, normal_equations
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
-from straw.replay.diagnose.robust import weights
 from straw.replay.diagnose.screen import Start
 from straw.replay.diagnose.settings import COARSE_ROUNDS, LONGEST_STEP, STARTS
 
@@ -65,10 +64,9 @@ def look(wide: Campaign, known: Fit, h: Hypothesis) -> list[Start]:
 
 def _room(known: Fit, unknowns: Sequence[Unknown], u: Floats, residual: Floats) -> Floats:
     """The point after a Gauss-Newton step of the known unknowns, with the new ones held."""
-    n, w = len(known.u), weights(residual)
-    sd, mean = np.array([k.sd for k in known.unknowns]), np.array([k.mean for k in known.unknowns])
-    H = (known.slopes * w[:, None]).T @ known.slopes + np.diag(1 / sd**2)
-    step = -np.linalg.solve(H, known.slopes.T @ (w * residual) + (u[:n] - mean) / sd**2)
+    n = len(known.u)
+    H, g = normal_equations(known.unknowns, u[:n], residual, known.slopes)
+    step = -np.linalg.solve(H, g)
     step *= min(1.0, LONGEST_STEP / max(float(np.max(np.abs(step))), 1e-12))
     return clipped(unknowns, np.concatenate([u[:n] + step, u[n:]]))
 

@@ -98,7 +98,7 @@ class Bench:
         )
 
     def untried(self) -> list[Proposal]:
-        """What must be run before nothing is missing."""
+        """Runs that are still to be made before a complete model is an answer."""
         return extremes(self.straw.cells, self.limits, self._known)
 
     def unknown(self, found: Found) -> str:

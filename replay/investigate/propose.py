@@ -26,11 +26,6 @@ MOST_HYPOTHESES = 4
 DRAWN, FOLLOWED, VARIATIONS = 12, 3, 4
 #: The first runs, one in each direction, when nothing is known.
 OPENINGS = ("deploy-30kPa", "deploy-26kPa", "fold-22kPa", "fold-16kPa")
-#: Runs of the menu at one level in each direction, the smallest first.
-LEVELS = {
-    "deploy": ("deploy-26kPa", "deploy-30kPa", "deploy-40kPa"),
-    "fold": ("fold-16kPa", "fold-22kPa", "fold-30kPa"),
-}
 
 
 def proposals(found: Inquiry, limits: PressureLimits, known: Sequence[str], certainty: float = 0.9) -> list[Proposal]:
@@ -90,12 +85,12 @@ def extremes(cells: int, limits: PressureLimits, known: Sequence[str]) -> list[P
     acts only there would not have been seen."""
     reached = [float(p) for text in known for p in protocol_from_toml(text, "a run").pressure_pa]
     out = []
-    for direction, most in (("deploy", "pressure"), ("fold", "suction")):
-        mine = [c for c in menu(cells) if allowed(c, limits) and c.name in LEVELS[direction]]
-        level_pa = 1e3 * mine[-1].holds[0][0] if mine else 0.0
-        if mine and not any(p / level_pa >= 1 for p in reached):
+    for sign, most in ((1, "pressure"), (-1, "suction")):
+        held = [c for c in menu(cells) if allowed(c, limits) and len(c.holds) == 1 and sign * c.holds[0][0] > 0]
+        farthest = max(held, key=lambda c: sign * c.holds[0][0], default=None)
+        if farthest and all(sign * p < sign * 1e3 * farthest.holds[0][0] for p in reached):
             why = f"the largest {most} of the menu: what acts only there would not have been seen"
-            out.append(_opening(mine[-1], why, limits))
+            out.append(_opening(farthest, why, limits))
     return out
 
 

@@ -40,11 +40,15 @@ class Chosen(Bench):
         return ""
 
 
-class InTurn(Chosen):
-    """The fixed campaign's runs in their order, diagnosed after each."""
+class Given(Chosen):
+    """Runs that somebody else chooses, so that none is asked for before a complete model is an answer."""
 
     def untried(self) -> list[Proposal]:
         return []
+
+
+class InTurn(Given):
+    """The fixed campaign's runs in their order, diagnosed after each."""
 
     def propose(self, found: Found) -> Sequence[Proposal]:
         return [as_it_is(as_toml(plan)) for plan in PLANS[len(self._known) :][:1]]
@@ -61,13 +65,10 @@ class Fixed(InTurn):
         return super().diagnose()
 
 
-class Random(Chosen):
+class Random(Given):
     """Protocols by chance, of those that the loop weighs, after its own openings; diagnosed after each run."""
 
     seed = 0
-
-    def untried(self) -> list[Proposal]:
-        return []
 
     def propose(self, found: Found) -> Sequence[Proposal]:
         if found.verdict == "too_few":
