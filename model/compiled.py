@@ -32,6 +32,9 @@ _CACHE = cache_folder([*sorted(Path(__file__).parent.rglob("*.py")), *plugged.so
 #: Whether this machine has compiled this model already; the first time takes about half a minute.
 COMPILED_BEFORE = _CACHE.exists()  # asked here, as numba makes the folder when the first function is declared
 setattr(numba.config, "CACHE_DIR", str(_CACHE))  # noqa: B010  (numba makes its settings at run time)
+# LLVM's first level of optimisation: runs are as fast as with numba's third, and compiling takes 0.7 of the time
+if "NUMBA_OPT" not in os.environ:
+    setattr(numba.config, "OPT", type(getattr(numba.config, "OPT"))(1))  # noqa: B009, B010
 
 #: Compile a function of the model: ``@compiled`` instead of ``@njit``. Division by zero gives inf as in NumPy.
 compiled = numba.njit(cache=True, nogil=True, error_model="numpy")

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Contestant, Fit, clipped, cost_at, evaluated, fitted
-from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
+from straw.replay.diagnose.hypothesis import Hypothesis
 from straw.replay.diagnose.inquiry import Inquiry, Told
 from straw.replay.diagnose.judge import CALIBRATION, unexplained
 from straw.replay.diagnose.pairs import find_pairs, nested, seconds, telling
@@ -125,30 +125,38 @@ def _large(
 def _at_once(
     found: Inquiry, wide: Campaign, base: Fit, hypotheses: Sequence[Hypothesis], proposal: Proposal | None
 ) -> None:
-    """The most promising single causes and pairs of a fit of all causes at once, fitted coarsely from there, from the
-    proposal's constants and, alone, from their own starts, then finished."""
+    """The most promising single causes of a fit of all causes at once, and pairs where no single one explains the
+    coarse comparison, fitted coarsely from there, from the proposal's constants and, as long as none explains it, from
+    their own starts, then finished."""
     ranked = subsets(wide, base, hypotheses, _likely(found.campaign, proposal))
-    by_size = [[start for start in ranked if len(start.hypothesis.causes) == size] for size in (1, 2)]
-    begun = []
-    for start in (start for starts in by_size for start in starts[:FOLLOWED]):
-        unknowns = (*base.unknowns, *start.hypothesis.unknowns)
-        own = look(wide, base, start.hypothesis)[:STARTS]  # none of a pair
-        given = [start.u, *_proposed(unknowns, proposal, start.hypothesis), *(one.u for one in own)]
-        points = [clipped(unknowns, u) for u in given]
-        costs = [cost_at(unknowns, u, r) for u, r in zip(points, wide.residuals(unknowns, points), strict=True)]
-        best = np.argsort(costs, kind="stable")[:STARTS]
-        fits = [fitted_contestant(wide, replace(start, u=points[k]), COARSE_ROUNDS[0], base.unknowns) for k in best]
-        begun.append(min(fits, key=lambda c: c.cost))
+    begun: list[Contestant] = []
+    for size in (1, 2):
+        if any(explains(one.fit) for one in begun):
+            break
+        for start in [start for start in ranked if len(start.hypothesis.causes) == size][:FOLLOWED]:
+            own = [] if any(explains(one.fit) for one in begun) else look(wide, base, start.hypothesis)[:STARTS]
+            begun.append(_begun(wide, base, start, [*own, *_proposed(base, start.hypothesis, proposal)]))
     refine(found, halved(wide, begun, len(begun)))
     finish(found)
     nested(found)
 
 
-def _proposed(unknowns: Sequence[Unknown], proposal: Proposal | None, hypothesis: Hypothesis) -> list[Floats]:
+def _begun(wide: Campaign, base: Fit, first: Start, others: Sequence[Start]) -> Contestant:
+    """A hypothesis fitted for a few rounds from the best of its starts."""
+    unknowns = (*base.unknowns, *first.hypothesis.unknowns)
+    points = [clipped(unknowns, start.u) for start in (first, *others)]
+    costs = [cost_at(unknowns, u, r) for u, r in zip(points, wide.residuals(unknowns, points), strict=True)]
+    best = np.argsort(costs, kind="stable")[:STARTS]
+    fits = [fitted_contestant(wide, replace(first, u=points[k]), COARSE_ROUNDS[0], base.unknowns) for k in best]
+    return min(fits, key=lambda c: c.cost)
+
+
+def _proposed(base: Fit, hypothesis: Hypothesis, proposal: Proposal | None) -> list[Start]:
     """The proposal's constants for causes, by the order of the unknowns."""
+    unknowns = (*base.unknowns, *hypothesis.unknowns)
     ways = proposal.start(hypothesis.causes) if proposal else ()
     at = [{one.unknown.target: one.u for one in way} for way in ways]
-    return [np.array([way[one.target] for one in unknowns]) for way in at]
+    return [Start(hypothesis, np.array([way[one.target] for one in unknowns])) for way in at]
 
 
 class _Steps:
