@@ -110,10 +110,10 @@ def _large(
     if explains(known):
         return
     steps("all causes at once", found)
-    _at_once(found, wide, known, hypotheses, proposal)
+    tried = _at_once(found, wide, known, hypotheses, proposal)
     given = _starts(found.campaign, proposal)
     far = unexplained(found.campaign, found.best) > FAR  # one in a poor minimum may still explain more
-    groups = _in_turn(hypotheses, proposal) if far else []
+    groups = _in_turn([h for h in hypotheses if h.name not in tried], proposal) if far else []
     for group in groups:
         steps("causes that are large", found)
         refine(found, tournament(wide, known, group, given))
@@ -124,21 +124,25 @@ def _large(
 
 def _at_once(
     found: Inquiry, wide: Campaign, base: Fit, hypotheses: Sequence[Hypothesis], proposal: Proposal | None
-) -> None:
+) -> set[str]:
     """The most promising single causes of a fit of all causes at once, and pairs where no single one explains the
     coarse comparison, fitted coarsely from there, from the proposal's constants and, as long as none explains it, from
-    their own starts, then finished."""
+    their own starts, then finished. Returns the names of those that were fitted from all of these."""
     ranked = subsets(wide, base, hypotheses, _likely(found.campaign, proposal))
     begun: list[Contestant] = []
-    for size in (1, 2):
-        if any(explains(one.fit) for one in begun):
+    tried: set[str] = set()
+    by_size = [[start for start in ranked if len(start.hypothesis.causes) == size] for size in (1, 2)]
+    for start in (start for starts in by_size for start in starts[:FOLLOWED]):
+        explained = any(explains(one.fit) for one in begun)
+        if explained and len(start.hypothesis.causes) > 1:
             break
-        for start in [start for start in ranked if len(start.hypothesis.causes) == size][:FOLLOWED]:
-            own = [] if any(explains(one.fit) for one in begun) else look(wide, base, start.hypothesis)[:STARTS]
-            begun.append(_begun(wide, base, start, [*own, *_proposed(base, start.hypothesis, proposal)]))
+        own = [] if explained else look(wide, base, start.hypothesis)[:STARTS]  # none of a pair
+        tried |= set() if explained else {start.hypothesis.name}
+        begun.append(_begun(wide, base, start, [*own, *_proposed(base, start.hypothesis, proposal)]))
     refine(found, halved(wide, begun, len(begun)))
     finish(found)
     nested(found)
+    return tried
 
 
 def _begun(wide: Campaign, base: Fit, first: Start, others: Sequence[Start]) -> Contestant:
@@ -204,10 +208,10 @@ def _likely(campaign: Campaign, proposal: Proposal | None) -> list[Start]:
 
 def _in_turn(hypotheses: Sequence[Hypothesis], proposal: Proposal | None) -> list[list[Hypothesis]]:
     """The hypotheses that the proposal puts first, and the others."""
-    if proposal is None or not proposal.familiar:
-        return [list(hypotheses)]
-    first = list(proposal.scores)[:SHORTLIST]
-    groups = [[h for h in hypotheses if (h.name in first) is one] for one in (True, False)]
+    groups = [list(hypotheses)]
+    if proposal is not None and proposal.familiar:
+        first = list(proposal.scores)[:SHORTLIST]
+        groups = [[h for h in hypotheses if (h.name in first) is one] for one in (True, False)]
     return [group for group in groups if group]
 
 
