@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -10,9 +11,12 @@ import pytest
 from straw.model.parameters import StrawParameters
 from straw.replay.diagnose.robust import robust_cost
 from straw.replay.diagnose.settings import MISSING_EVENT_SIGMAS
+from straw.replay.diagnose.system import Level
+from straw.replay.diagnose.systems.straw.library import hypothesis
 from straw.replay.diagnose.systems.straw.matching import matched, without_odd
 from straw.replay.diagnose.systems.straw.misfit import coarse_misfit, misfit
 from straw.replay.diagnose.systems.straw.observation import observe
+from straw.replay.diagnose.systems.straw.system import StrawSystem
 from tests.apparatus.campaign import NONE, campaign
 
 BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)
@@ -75,3 +79,13 @@ def test_a_straw_with_other_snaps_differs_in_all_that_follows(fold):
     weak = BASE.with_term("frustum_spread", E_relative=np.array([-0.2, *[0.0] * 8]))
     right, wrong = (robust_cost(misfit(fold, straw, (), np.empty(0)).vector) for straw in (BASE, weak))
     assert wrong > 3 * right
+
+
+@pytest.mark.parametrize("clock", [{"clock_offset": 60.0}, {"clock_offset": -60.0}, {"clock_drift": -1.5}])
+def test_a_clock_that_is_off_by_more_than_the_run_is_long_cannot_be_followed(fold, clock):
+    ((name, value),) = clock.items()
+    (unknown,) = hypothesis([name], BASE.cells).unknowns
+    system = StrawSystem(BASE)
+    for level, derivatives in itertools.product(Level, (False, True)):
+        at = np.array([unknown.at(value / unknown.scale)])
+        assert system.misfit(fold, (unknown,), at, level=level, derivatives=derivatives) is None

@@ -12,6 +12,7 @@ from scipy.ndimage import gaussian_filter1d
 from straw.model.derivative import Derivatives, differentiate
 from straw.model.direction import Direction
 from straw.model.drive import Table
+from straw.model.errors import ModelError
 from straw.model.parameters import StrawParameters
 from straw.model.simulate import Prediction
 from straw.model.simulate import run as simulate
@@ -109,8 +110,10 @@ def _until_it_snaps(
     shown_s = table.start_s + table.step_s * np.arange(len(table.pressure_pa), dtype=np.float64)
     pressure = table._replace(pressure_pa=instrument.true_pressure(table.pressure_pa, shown_s))
     tolerance_m = min(tolerance_m, *(FINER_M.get(term, tolerance_m) for term in ("", *changed.terms)))
-    ends = instrument.true_time(np.array([observed.start_s, observed.end_s]))
-    start, end = float(min(ends[0], observed.start_s)), float(ends[1])
+    first, end = (float(t) for t in instrument.true_time(np.array([observed.start_s, observed.end_s])))
+    start, long_s = min(first, observed.start_s), observed.end_s - observed.start_s
+    if not (0 < end - first <= 2 * long_s and abs(end - observed.end_s) < long_s):
+        raise ModelError(f"run {observed.name}: the clock is off by more than the run is long")
     near, most = observed.rests.get(changed.form), most_steps_per_s(tolerance_m)
     moving, directions = _directions(straw, changed, unknowns, at, table, shown_s) if derivatives else ([], [])
     for extra_s in (0.0, EXTRA_TIME_S):
