@@ -73,7 +73,7 @@ def sampled(pressure: Callable[[Floats], Floats], time_s: Floats) -> Table:
     start, end = float(time_s[0]), float(time_s[-1])
     points = int(np.ceil((end - start) / PRESSURE_GRID_S)) + 1
     grid = np.linspace(start, end, points)
-    pressure_pa = np.asarray(np.broadcast_to(pressure(grid), grid.shape), dtype=np.float64)
+    pressure_pa = np.require(np.broadcast_to(pressure(grid), grid.shape), np.float64, ("C", "W"))  # see `run`
     if not np.all(np.isfinite(pressure_pa)):
         when = grid[np.flatnonzero(~np.isfinite(pressure_pa))[0]]
         raise ModelError(f"simulate: the pressure is not a number at {when:.4g} s; fill the gap or cut the run there")
