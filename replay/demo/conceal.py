@@ -35,22 +35,59 @@ SPREAD = 1.25
 
 
 @dataclass(frozen=True)
+class Unlisted:
+    """A law that the library does not hold: a table of the term, and where it acts in the contract's words."""
+
+    says: str
+    term: str
+    at: str  # names of the table's points and values, with braces for the number
+    value: str
+    where: tuple[float, ...]
+    values: tuple[float, ...]  # SI, times the drawn strength
+    place: str
+    state: str
+
+
+#: Laws that the library does not hold.
+UNLISTED = {
+    "taut_cable": Unlisted(
+        says="a cable at the tip that is taut where the tip is far out, F_X = -s (X/L - 0.8) 5 N beyond X/L = 0.8",
+        term="missing_tip_force",
+        at="x_{}",
+        value="along_x_{}_n",
+        where=(where := (0.1, 0.3, 0.5, 0.7, 0.8, 0.9, 1.0, 1.1)),
+        values=tuple(-5.0 * max(x - 0.8, 0.0) for x in where),
+        place="tip_force",
+        state="tip_x",
+    ),
+}
+#: Share of seeds that draw one of these.
+UNLISTED_SHARE = 0.25
+
+
+@dataclass(frozen=True)
 class Concealed:
-    """An effect's name in the contract, or ``complete`` for none, and its constants, SI."""
+    """An effect's name in the contract, ``complete`` for none, or a name of `UNLISTED`, and its constants, SI."""
 
     cause: str
     constants: dict[str, float]
 
     def straw(self, base: StrawParameters) -> StrawParameters:
         """The twin's straw."""
+        if (law := UNLISTED.get(self.cause)) is not None:
+            table = {law.at.format(n): x for n, x in enumerate(law.where, 1)}
+            table |= {law.value.format(n): y for n, y in enumerate(law.values, 1)}
+            return base.with_term(law.term, amount=self.constants["strength"], **table)
         return base.with_term(self.cause, **self.constants) if self.cause in TERMS else base
 
     @property
     def instrument(self) -> Instrument:
         """The twin's clock, camera and gauge."""
-        return Instrument() if self.cause in TERMS else Instrument.of(self.constants)
+        return Instrument() if self.cause in (*TERMS, *UNLISTED) else Instrument.of(self.constants)
 
     def __str__(self) -> str:
+        if (law := UNLISTED.get(self.cause)) is not None:
+            return f"{law.says} with s = {self.constants['strength']:.4g}, which the library does not hold"
         sizes = ", ".join(f"{name} = {value:.4g}" for name, value in self.constants.items())
         return f"{self.cause.replace('_', ' ')} ({sizes})" if sizes else "nothing"
 
@@ -63,6 +100,9 @@ def draw(seed: int) -> Concealed:
     if constants:
         strength = next(iter(constants))
         constants[strength] *= float(SPREAD ** rng.uniform(-1, 1))
+    if rng.random() > 1 - UNLISTED_SHARE:
+        cause = list(UNLISTED)[int(rng.integers(len(UNLISTED)))]
+        constants = {"strength": float(SPREAD ** rng.uniform(-1, 1))}
     return Concealed(cause, constants)
 
 
@@ -84,9 +124,13 @@ class Seal:
 
 
 def named(concealed: Concealed, findings: Findings) -> bool:
-    """Whether the diagnosis names this cause and no other, or "complete" where nothing was concealed."""
+    """Whether the diagnosis names this cause and no other, "complete" where nothing was concealed, or the place and
+    state of a law that the library does not hold."""
     if concealed.cause == NOTHING:
         return findings.verdict == "complete"
+    if (law := UNLISTED.get(concealed.cause)) is not None:
+        found = findings.discovered
+        return found is not None and found["place"] == law.place and law.state in found["states"]
     return findings.verdict in ("missing_physics", "measurement_fault") and findings.causes == [concealed.cause]
 
 
@@ -109,7 +153,9 @@ def story(concealed: Concealed, seal: Seal, told: str, findings: Findings) -> st
     """The outcome for people."""
     agrees = "as sealed above" if seal.sha256 == told else f"but its SHA-256 is {seal.sha256}, NOT the one above"
     found = figures.told(findings.parameters.get(concealed.cause, {}))
-    if named(concealed, findings):
+    if named(concealed, findings) and findings.discovered:
+        verdict = f"the diagnosis found it, as {findings.discovered['formula']}"
+    elif named(concealed, findings):
         verdict = "the diagnosis named it" + (f" and found {', '.join(found)}" if found else "")
     else:
         between = f", {' or '.join(findings.causes)}" if findings.causes else ""

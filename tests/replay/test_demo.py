@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 
 from straw.model.parameters import StrawParameters
+from straw.model.simulate import simulate
 from straw.replay.cli import main
 from straw.replay.commands import diagnose_system
 from straw.replay.commands.demo import figures
 from straw.replay.compare import CHANNELS
 from straw.replay.demo.campaign import PLANS, FaultyGauge, protocol_of
-from straw.replay.demo.conceal import DRAWER, NOTHING, Concealed, Seal, draw, named, opened, story
+from straw.replay.demo.conceal import DRAWER, NOTHING, UNLISTED, Concealed, Seal, draw, named, opened, story
 from straw.replay.diagnose.systems.straw.instrument import Instrument
 from straw.replay.diagnose.systems.straw.library import causes
 from straw.replay.errors import ReplayError
@@ -25,16 +26,20 @@ from straw.replay.errors import ReplayError
 BASE = StrawParameters()
 
 
-def said(verdict: str, *found: str) -> Any:
+def said(verdict: str, *found: str, discovered: dict[str, Any] | None = None) -> Any:
     """Findings, as far as the demo looks at them."""
     return SimpleNamespace(
-        verdict=verdict, causes=list(found), parameters={}, judgement=SimpleNamespace(probability={"complete": 1.0})
+        verdict=verdict,
+        causes=list(found),
+        parameters={},
+        judgement=SimpleNamespace(probability={"complete": 1.0}),
+        discovered=discovered,
     )
 
 
 def test_a_seed_always_draws_the_same_effect_and_every_effect_has_its_seed() -> None:
     assert draw(5) == draw(5)
-    assert {draw(seed).cause for seed in range(1, 200)} == set(DRAWER)
+    assert {draw(seed).cause for seed in range(1, 200)} == {*DRAWER, *UNLISTED}
 
 
 @pytest.mark.parametrize("cause", DRAWER)
@@ -43,6 +48,31 @@ def test_what_may_be_concealed_changes_straw_or_instrument_and_is_in_the_contrac
     changed = bool(concealed.straw(BASE).terms) + (concealed.instrument != Instrument())
     assert changed == (cause != NOTHING)
     assert cause in {*causes(9), NOTHING}
+
+
+@pytest.mark.parametrize("cause", UNLISTED)
+def test_a_law_outside_the_library_moves_the_straw_and_is_no_cause_of_it(cause: str) -> None:
+    protocol = protocol_of(PLANS[1])
+    time_s = np.linspace(-protocol.zero_s, protocol.duration_s - protocol.zero_s, 200)
+    base, changed = (
+        simulate(straw, protocol, time_s, protocol.initial_deployed)
+        for straw in (BASE, Concealed(cause, {"strength": 1.0}).straw(BASE))
+    )
+    assert np.max(np.abs(changed.x_m - base.x_m)) > 0.5e-3  # some fifty times the camera's noise
+    assert Concealed(cause, {"strength": 1.0}).instrument == Instrument()
+    assert cause not in causes(9)
+
+
+@pytest.mark.parametrize("cause", UNLISTED)
+def test_a_law_outside_the_library_counts_as_found_where_it_acts_and_over_its_state(cause: str) -> None:
+    law, concealed = UNLISTED[cause], Concealed(cause, {"strength": 1.0})
+    found = {"place": law.place, "states": [law.state], "formula": "F(x) = 1 N"}
+    assert named(concealed, said("unknown_physics", "unknown", discovered=found))
+    told = story(concealed, Seal("{}"), Seal("{}").sha256, said("unknown_physics", discovered=found))
+    assert "which the library does not hold" in told
+    assert "the diagnosis found it, as F(x) = 1 N" in told
+    assert not named(concealed, said("unknown_physics", discovered={**found, "place": "elsewhere"}))
+    assert not named(concealed, said("missing_physics", "cohesion"))
 
 
 def test_a_seal_is_the_sha256_of_what_is_opened_and_two_of_the_same_effect_differ() -> None:
