@@ -13,11 +13,12 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 MOTION_VECTOR_PX = 0.25  # unit of motion vectors in H.264 and HEVC (8.4.2.2 and 8.5.3.3 there)
+_WHOLE_PX = 1.0  # unit of the motion vectors that encoders in a hurry search
 _SMEARED_PX = 1.5  # a frame: edges that move this fast are certainly widened
 _FEWEST_SMEARED = 4
 _MOST_EXPOSURE = 1.0  # of the frame's period
 # Of 48 clips painted at 60 Mbit/s, as tests.benchmarks.tracking_sigmas draws them, H.264 by two ways of coding:
-_USUAL_LAG_PX = 0.012
+USUAL_LAG_PX = 0.012
 _USUAL_WEIGHT = 4.0  # weight of the usual value, in keyframes
 _SLOW_PX, _FAST_PX = 0.015, 0.3  # a frame: the lag grows with the motion until motion compensation sets in
 # The lag of the board's size in the picture, in lags of its position; it saturates by itself, whatever the shift.
@@ -72,7 +73,7 @@ def lag_of(frames: Frames) -> float:
         return 0.0
     # medians: where the motion is not well described by a quintic, jumps are a hundred times larger
     ahead_px = float(np.median((frames.jump_px[keys] - np.median(frames.jump_px[others])) / share[keys]))
-    return (max(ahead_px, 0.0) * count + _USUAL_LAG_PX * _USUAL_WEIGHT) / (count + _USUAL_WEIGHT)
+    return (max(ahead_px, 0.0) * count + USUAL_LAG_PX * _USUAL_WEIGHT) / (count + _USUAL_WEIGHT)
 
 
 def without_lag(
@@ -86,7 +87,8 @@ def without_lag(
 
     How much of the lag there is in one frame depends on which blocks were worth coding since the last keyframe. No
     distribution between none and all has a larger variance than a quarter, for all corners alike however fast they
-    move, along their motion, also when that has ended.
+    move, along their motion, also when that has ended. From half a pixel on, motion vectors of whole pixels follow,
+    which is what the fastest encoders make do with.
     """
     J = np.where(poses.used[..., None, None], slopes, 0.0)
     normal = np.einsum("fncm,fncp->fmp", J, J) + 1e-9 * np.eye(3)  # a frame without a fit must stay solvable
@@ -98,7 +100,7 @@ def without_lag(
     flow = np.einsum("fncm,fm->fnc", J, rate)
     ahead = flow / np.maximum(np.sqrt((flow**2).sum(axis=-1, keepdims=True) / 2.0), 1e-12)  # rms of 1 per coordinate
     moved = np.linalg.solve(normal, np.einsum("fncm,fnc->fm", J, ahead)[..., None])[..., 0]
-    left = moved * np.where(key | (speed_px > MOTION_VECTOR_PX), 0.0, lag_px / 2)[:, None]
+    left = moved * np.where(key | (speed_px > _WHOLE_PX / 2), 0.0, lag_px / 2)[:, None]
     right = poses.vector + along * ahead_px[:, None] + size * larger_px[:, None]
     return np.asarray(right), left[:, :, None] * left[:, None, :]
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.tracking.errors import TrackingError
-from straw.tracking.noise import off_chord, without_lag
+from straw.tracking.noise import USUAL_LAG_PX, off_chord, without_lag
 from straw.tracking.pose import Poses, apply
 from straw.tracking.settle import Settled
 from straw.tracking.start import free_start
@@ -31,7 +31,8 @@ class Poser:
         """Learn the clip's variances from some frames."""
         fits, _, seen, *_ = self._fitted(views)
         fit = np.isfinite(fits.rms_px)
-        self._scatter = learnt(self.shape, seen)
+        lag_px = self.lag_px or USUAL_LAG_PX * (not views.key.all())  # where no keyframe tells it
+        self._scatter = learnt(self.shape, seen, lag_px)
         if fit.any():
             self._usual = fits.vector[fit][0]
         if self.settled.rest_frames:
