@@ -13,7 +13,9 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 MOTION_VECTOR_PX = 0.25  # unit of motion vectors in H.264 and HEVC (8.4.2.2 and 8.5.3.3 there)
-_WHOLE_PX = 1.0  # unit of the motion vectors that encoders in a hurry search
+FOLLOWED_PX = (
+    0.5  # a frame: from here on even motion vectors of whole pixels follow, all that encoders in a hurry search
+)
 _SMEARED_PX = 1.5  # a frame: edges that move this fast are certainly widened
 _FEWEST_SMEARED = 4
 _MOST_EXPOSURE = 1.0  # of the frame's period
@@ -87,8 +89,7 @@ def without_lag(
 
     How much of the lag there is in one frame depends on which blocks were worth coding since the last keyframe. No
     distribution between none and all has a larger variance than a quarter, for all corners alike however fast they
-    move, along their motion, also when that has ended. From half a pixel on, motion vectors of whole pixels follow,
-    which is what the fastest encoders make do with.
+    move, along their motion, also when that has ended.
     """
     J = np.where(poses.used[..., None, None], slopes, 0.0)
     normal = np.einsum("fncm,fncp->fmp", J, J) + 1e-9 * np.eye(3)  # a frame without a fit must stay solvable
@@ -100,7 +101,7 @@ def without_lag(
     flow = np.einsum("fncm,fm->fnc", J, rate)
     ahead = flow / np.maximum(np.sqrt((flow**2).sum(axis=-1, keepdims=True) / 2.0), 1e-12)  # rms of 1 per coordinate
     moved = np.linalg.solve(normal, np.einsum("fncm,fnc->fm", J, ahead)[..., None])[..., 0]
-    left = moved * np.where(key | (speed_px > _WHOLE_PX / 2), 0.0, lag_px / 2)[:, None]
+    left = moved * np.where(key | (speed_px > FOLLOWED_PX), 0.0, lag_px / 2)[:, None]
     right = poses.vector + along * ahead_px[:, None] + size * larger_px[:, None]
     return np.asarray(right), left[:, :, None] * left[:, None, :]
 
@@ -121,6 +122,18 @@ def off_chord(poses: Poses, slopes: Floats, chord_px: Floats, slow: Flags) -> tu
     right = np.einsum("fncm,fnc->fm", J, chord_px * (hidden * slow)[:, None, None])
     half = np.linalg.solve(normal, right[..., None])[..., 0] / 2
     return -half, half[:, :, None] * half[:, None, :]
+
+
+def hurried(poses: Poses, slopes: Floats, late_s: Floats, doubt: Floats) -> Floats:
+    """Return the covariance (f, 3, 3) that the rolling shutter adds where a motion is too short to know its rate.
+
+    ``late_s`` (f, n): how long after the board's middle corners were exposed; ``doubt`` (f,): by how much, px/s, the
+    rate changes with the number of frames it is computed from.
+    """
+    J = np.where(poses.used[..., None, None], slopes, 0.0)
+    normal = np.einsum("fncm,fncp->fmp", J, J) + 1e-9 * np.eye(3)
+    moved = np.linalg.solve(normal, np.einsum("fncm,fn->fmc", J, late_s * doubt[:, None]))
+    return np.asarray(moved @ moved.transpose(0, 2, 1))
 
 
 def _by_size(poses: Poses, J: Floats, normal: Floats, rate: Floats, eye_m: Floats) -> tuple[Floats, Floats]:

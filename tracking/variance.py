@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from straw.tracking.noise import MOTION_VECTOR_PX, Frames
+from straw.tracking.noise import FOLLOWED_PX, Frames
 from straw.tracking.patterns import Patterns
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Places = NDArray[np.intp]
 
-#: Slower than the unit of motion vectors a frame, the codec treats the board as still, so that it lags. A keyframe
-#: cannot lag.
+#: As long as motion vectors do not follow it, the codec treats the board as still, so that it lags. A keyframe cannot
+#: lag.
 SLOW, FAST, FRESH = range(3)
 _PER_KIND = 60  # frames: 95 numbers each, of which a fifth are independent, give a variance to 4 %
 _FEWEST = 8
@@ -24,7 +24,7 @@ _MOST_ACROSS = 9  # corners along a side that components are estimated from
 #: How many times larger the codec's distortion of a predicted frame is in a pose's own directions than in the others,
 #: for each kind of frame. What the codec leaves out of a motion looks like a motion, so that no residual shows it; a
 #: residual above that of keyframes shows how much the codec distorts. Where motion vectors follow, little is left out.
-MOTION_LIKE = np.array((6.0, 2.0, 1.0))
+MOTION_LIKE = np.array((5.0, 2.0, 1.0))
 #: Variance of a shift of the whole board, in squared lags of the codec: what was coded wrong in one frame is copied
 #: into the next ones, also while the board rests, and differs where the board lies otherwise among the codec's blocks.
 #: Both from the errors of painted clips; tests/benchmarks/README.md names them.
@@ -121,7 +121,7 @@ class Scatter:
 
 def kinds(key: Flags, speed_px: Floats) -> Places:
     """Return which kind of frame each is; a frame of unknown speed counts as slow, the less certain kind."""
-    return np.where(key, FRESH, np.where(np.nan_to_num(speed_px) > MOTION_VECTOR_PX, FAST, SLOW))
+    return np.where(key, FRESH, np.where(np.nan_to_num(speed_px) > FOLLOWED_PX, FAST, SLOW))
 
 
 def telling(frames: Frames) -> Places:

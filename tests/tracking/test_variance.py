@@ -80,7 +80,7 @@ def test_a_frame_that_leaves_more_than_its_kind_is_known_less_well(setup, seen_b
 
 
 def test_kinds_of_frames():
-    speed = np.array((0.1, 0.3, 0.1, np.nan))
+    speed = np.array((0.1, 0.6, 0.1, np.nan))
     np.testing.assert_array_equal(kinds(np.array((False, False, True, False)), speed), (SLOW, FAST, FRESH, SLOW))
 
 
