@@ -24,7 +24,7 @@ _MOST_ACROSS = 9  # corners along a side that components are estimated from
 #: How many times larger the codec's distortion of a predicted frame is in a pose's own directions than in the others,
 #: for each kind of frame. What the codec leaves out of a motion looks like a motion, so that no residual shows it; a
 #: residual above that of keyframes shows how much the codec distorts. Where motion vectors follow, little is left out.
-MOTION_LIKE = np.array((5.0, 2.0, 1.0))
+MOTION_LIKE = np.array((3.5, 1.7, 1.0))
 #: Variance of a shift of the whole board, in squared lags of the codec: what was coded wrong in one frame is copied
 #: into the next ones, also while the board rests, and differs where the board lies otherwise among the codec's blocks.
 #: Both from the errors of painted clips; tests/benchmarks/README.md names them.
@@ -83,11 +83,15 @@ class Scatter:
     shift_px2: float = 0.0
 
     def covariance(self, seen: Seen) -> Floats:
-        """Return the covariance (f, 3, 3) of poses, SI; a frame whose residual exceeds that of its kind is less
-        certain."""
-        answer = seen.answer()
-        predicted = 1 - np.minimum(self.fresh_px2 / np.maximum(seen.corner_px2, 1e-12), 1.0)
-        gain = 1 + (MOTION_LIKE[seen.kind] - 1) * predicted
+        """Return the covariance (f, 3, 3) of poses, SI, of frames in order of time.
+
+        A frame whose residual exceeds that of its kind is less certain; so is one beside it, as a picture that is
+        merely copied has none of its own.
+        """
+        answer, own = seen.answer(), np.maximum(seen.corner_px2, 1e-12)
+        beside = np.concatenate((own[:1], own, own[-1:]))
+        most = np.maximum(own, np.maximum(beside[:-2], beside[2:]))
+        gain = 1 + (MOTION_LIKE[seen.kind] - 1) * np.maximum(most - self.fresh_px2, 0) / own
         return np.asarray(gain[:, None, None] * self.of_corners(seen, answer) + self._of_shift(answer))
 
     def of_corners(self, seen: Seen, answer: Floats) -> Floats:
