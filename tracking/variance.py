@@ -22,12 +22,14 @@ _PER_KIND = 60  # frames: 95 numbers each, of which a fifth are independent, giv
 _FEWEST = 8
 _MOST_ACROSS = 9  # corners along a side that components are estimated from
 #: How many times larger the codec's distortion of a predicted frame is in a pose's own directions than in the others,
-#: for each kind of frame. What the codec leaves out of a motion looks like a motion, so that no residual shows it; a
+#: for each kind of frame: what the codec leaves out of a motion looks like a motion, so that no residual shows it. A
 #: residual above that of keyframes shows how much the codec distorts. Where motion vectors follow, little is left out.
-MOTION_LIKE = np.array((3.5, 1.7, 1.0))
+MOTION_LIKE = np.array((5.0, 2.0, 1.0))
+#: More than these squared lags of the codec do not look like a motion: coarsely coded noise is a residual, too.
+MOST_LAGS = 2.0
 #: Variance of a shift of the whole board, in squared lags of the codec: what was coded wrong in one frame is copied
 #: into the next ones, also while the board rests, and differs where the board lies otherwise among the codec's blocks.
-#: Both from the errors of painted clips; tests/benchmarks/README.md names them.
+#: The three are from the errors of painted clips; tests/benchmarks/README.md names them.
 SHIFT = 0.08
 
 
@@ -74,13 +76,15 @@ def seen_of(shape: tuple[int, int], slopes: Floats, left: Floats, used: Flags, a
 
 @dataclass(frozen=True)
 class Scatter:
-    """Variances, px^2: ``parts`` (3 kinds of frame, 3 patterns), ``fresh_px2`` of a corner in keyframes, ``shift_px2``
-    of the whole board."""
+    """Variances, px^2: ``parts`` (3 kinds of frame, 3 patterns), ``fresh_px2`` of a corner in keyframes.
+
+    ``lag_px``: by how much predicted pictures are behind (see ``noise``).
+    """
 
     shape: tuple[int, int]
     parts: Floats
     fresh_px2: float = 0.0
-    shift_px2: float = 0.0
+    lag_px: float = 0.0
 
     def covariance(self, seen: Seen) -> Floats:
         """Return the covariance (f, 3, 3) of poses, SI, of frames in order of time.
@@ -91,7 +95,9 @@ class Scatter:
         answer, own = seen.answer(), np.maximum(seen.corner_px2, 1e-12)
         beside = np.concatenate((own[:1], own, own[-1:]))
         most = np.maximum(own, np.maximum(beside[:-2], beside[2:]))
-        gain = 1 + (MOTION_LIKE[seen.kind] - 1) * np.maximum(most - self.fresh_px2, 0) / own
+        excess = np.maximum(most - self.fresh_px2, 0)
+        excess = excess / (1 + excess / np.maximum(MOST_LAGS * self.lag_px**2, 1e-12))
+        gain = 1 + (MOTION_LIKE[seen.kind] - 1) * excess / own
         return np.asarray(gain[:, None, None] * self.of_corners(seen, answer) + self._of_shift(answer))
 
     def of_corners(self, seen: Seen, answer: Floats) -> Floats:
@@ -120,7 +126,7 @@ class Scatter:
     def _of_shift(self, answer: Floats) -> Floats:
         """Return the covariance (f, c, c) of quantities with sensitivity (f, nx, ny, 2, c) to a board's shift."""
         whole = answer.sum(axis=(1, 2))
-        return np.asarray(self.shift_px2 * (whole.transpose(0, 2, 1) @ whole))
+        return np.asarray(SHIFT * self.lag_px**2 * (whole.transpose(0, 2, 1) @ whole))
 
 
 def kinds(key: Flags, speed_px: Floats) -> Places:
@@ -149,7 +155,7 @@ def learnt(shape: tuple[int, int], seen: Seen, lag_px: float = 0.0) -> Scatter:
     with their expectations, with the fit's own degrees of freedom (Rao's MINQUE, J. Am. Stat. Assoc. 67 (1972) 112).
     """
     fresh = seen.corner_px2[seen.kind == FRESH]
-    return Scatter(shape, _parts(shape, seen), float(np.median(fresh)) if len(fresh) else 0.0, SHIFT * lag_px**2)
+    return Scatter(shape, _parts(shape, seen), float(np.median(fresh)) if len(fresh) else 0.0, lag_px)
 
 
 def _parts(shape: tuple[int, int], seen: Seen) -> Floats:

@@ -67,7 +67,9 @@ def test_poses_err_as_is_claimed_where_the_codec_distorts_what_looks_like_a_moti
     for which in (SLOW, FRESH):
         square = (error[kind == which] ** 2).mean(axis=0) / claimed[kind == which].mean(axis=0)
         few = np.count_nonzero(kind == which)
-        np.testing.assert_allclose(square, 1.0, atol=3 * np.sqrt(2 / few))  # so many draws tell a variance to this
+        # so many draws tell a variance to this; the largest residual of three frames and the bound by the lag change
+        # it by a tenth, one up, the other down
+        np.testing.assert_allclose(square, 1.0, atol=3 * np.sqrt(2 / few))
 
 
 def test_a_frame_that_leaves_more_than_its_kind_is_known_less_well(setup, seen_by_opencv):
@@ -77,6 +79,14 @@ def test_a_frame_that_leaves_more_than_its_kind_is_known_less_well(setup, seen_b
     scatter = learnt(SHAPE, seen)
     sigma = np.sqrt(scatter.covariance(seen)[:, 1, 1])
     assert sigma[100] == pytest.approx(5 * np.median(sigma), rel=0.35)  # 95 numbers: 7 %, their median 5 %
+
+
+def test_a_picture_that_is_merely_copied_is_as_uncertain_as_those_beside_it(setup, seen_by_opencv):
+    errors = drawn(np.random.default_rng(9), (0.01, 0.0, 0.0))
+    errors[100] *= 0.1
+    _, seen, _ = clip(setup, seen_by_opencv, errors, np.full(COUNT, SLOW))
+    sigma = np.sqrt(learnt(SHAPE, seen, 0.02).covariance(seen)[:, 1, 1])
+    assert sigma[100] > 0.8 * np.median(sigma)
 
 
 def test_kinds_of_frames():
