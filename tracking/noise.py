@@ -13,11 +13,14 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 MOTION_VECTOR_PX = 0.25  # unit of motion vectors in H.264 and HEVC (8.4.2.2 and 8.5.3.3 there)
+FOLLOWED_PX = (
+    0.5  # a frame: from here on even motion vectors of whole pixels follow, all that encoders in a hurry search
+)
 _SMEARED_PX = 1.5  # a frame: edges that move this fast are certainly widened
 _FEWEST_SMEARED = 4
 _MOST_EXPOSURE = 1.0  # of the frame's period
 # Of 48 clips painted at 60 Mbit/s, as tests.benchmarks.tracking_sigmas draws them, H.264 by two ways of coding:
-_USUAL_LAG_PX = 0.012
+USUAL_LAG_PX = 0.012
 _USUAL_WEIGHT = 4.0  # weight of the usual value, in keyframes
 _SLOW_PX, _FAST_PX = 0.015, 0.3  # a frame: the lag grows with the motion until motion compensation sets in
 # The lag of the board's size in the picture, in lags of its position; it saturates by itself, whatever the shift.
@@ -72,7 +75,7 @@ def lag_of(frames: Frames) -> float:
         return 0.0
     # medians: where the motion is not well described by a quintic, jumps are a hundred times larger
     ahead_px = float(np.median((frames.jump_px[keys] - np.median(frames.jump_px[others])) / share[keys]))
-    return (max(ahead_px, 0.0) * count + _USUAL_LAG_PX * _USUAL_WEIGHT) / (count + _USUAL_WEIGHT)
+    return (max(ahead_px, 0.0) * count + USUAL_LAG_PX * _USUAL_WEIGHT) / (count + _USUAL_WEIGHT)
 
 
 def without_lag(
@@ -98,7 +101,7 @@ def without_lag(
     flow = np.einsum("fncm,fm->fnc", J, rate)
     ahead = flow / np.maximum(np.sqrt((flow**2).sum(axis=-1, keepdims=True) / 2.0), 1e-12)  # rms of 1 per coordinate
     moved = np.linalg.solve(normal, np.einsum("fncm,fnc->fm", J, ahead)[..., None])[..., 0]
-    left = moved * np.where(key | (speed_px > MOTION_VECTOR_PX), 0.0, lag_px / 2)[:, None]
+    left = moved * np.where(key | (speed_px > FOLLOWED_PX), 0.0, lag_px / 2)[:, None]
     right = poses.vector + along * ahead_px[:, None] + size * larger_px[:, None]
     return np.asarray(right), left[:, :, None] * left[:, None, :]
 
@@ -119,6 +122,18 @@ def off_chord(poses: Poses, slopes: Floats, chord_px: Floats, slow: Flags) -> tu
     right = np.einsum("fncm,fnc->fm", J, chord_px * (hidden * slow)[:, None, None])
     half = np.linalg.solve(normal, right[..., None])[..., 0] / 2
     return -half, half[:, :, None] * half[:, None, :]
+
+
+def hurried(poses: Poses, slopes: Floats, late_s: Floats, doubt: Floats) -> Floats:
+    """Return the covariance (f, 3, 3) that the rolling shutter adds where a motion is too short to know its rate.
+
+    ``late_s`` (f, n): how long after the board's middle corners were exposed; ``doubt`` (f,): by how much, px/s, the
+    rate changes with the number of frames it is computed from.
+    """
+    J = np.where(poses.used[..., None, None], slopes, 0.0)
+    normal = np.einsum("fncm,fncp->fmp", J, J) + 1e-9 * np.eye(3)
+    moved = np.linalg.solve(normal, np.einsum("fncm,fn->fmc", J, late_s * doubt[:, None]))
+    return np.asarray(moved @ moved.transpose(0, 2, 1))
 
 
 def _by_size(poses: Poses, J: Floats, normal: Floats, rate: Floats, eye_m: Floats) -> tuple[Floats, Floats]:

@@ -12,10 +12,12 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Patterns:
-    """Three kinds of error of 1 px: white; shared along an edge of the board; shared over the board.
+    """Three kinds of error of 1 px: white; shared along an edge of the board; shared along a line across the edges.
 
-    What is shared fades to 1 / e over the board's length. Each is a product of covariances along x and along y (3, 2,
-    n, n), first for errors along x, which edges that run along y share, then for errors along y.
+    An edge that is drawn beside its place errs across itself, alike all along. A board that turns in the picture moves
+    each line of corners along itself, as much as that is off the middle, and a part of it is left out. What is shared
+    fades to 1 / e over the board's length. Each is a product of covariances along x and along y (3, 2, n, n), first for
+    errors along x, which edges that run along y share, then for errors along y.
     """
 
     along_x: Floats
@@ -26,8 +28,8 @@ class Patterns:
         """Return the patterns of a board of so many corners, of which only some are looked at."""
         (own_x, far_x), (own_y, far_y) = (_along(n, every) for n in shape)
         return cls(
-            np.array(((own_x, own_x), (own_x, far_x), (far_x, far_x))),
-            np.array(((own_y, own_y), (far_y, own_y), (far_y, far_y))),
+            np.array(((own_x, own_x), (own_x, far_x), (far_x, own_x))),
+            np.array(((own_y, own_y), (far_y, own_y), (own_y, far_y))),
         )
 
     def between(self, H: Floats) -> Floats:
@@ -56,14 +58,3 @@ class Patterns:
 def _along(n: int, every: int) -> tuple[Floats, Floats]:
     place = np.arange(n)[::every] / max(n - 1, 1)
     return np.eye(len(place)), np.exp(-np.abs(place[:, None] - place))
-
-
-def common_to(shape: tuple[int, int], H: Floats) -> Floats:
-    """Return H^T K H (2, f, m, m) for boards changed as a whole by 1 px rms along x and 1 px rms along y.
-
-    First stretched: lines of corners move across themselves, in proportion to their place; then sheared.
-    """
-    i, j = np.meshgrid(*(np.linspace(-1, 1, n) for n in shape), indexing="ij")
-    moved = np.einsum("fijwm,bij->bwfm", H, np.stack((i / i.std(), j / j.std())))
-    stretch, shear = moved[(0, 1), (0, 1)], moved[(1, 0), (0, 1)]
-    return np.stack([np.einsum("wfm,wfn->fmn", one, one) for one in (stretch, shear)])

@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.tracking.errors import TrackingError
-from straw.tracking.noise import off_chord, without_lag
+from straw.tracking.noise import MOTION_VECTOR_PX, USUAL_LAG_PX, hurried, off_chord, without_lag
 from straw.tracking.pose import Poses, apply
 from straw.tracking.settle import Settled
 from straw.tracking.start import free_start
 from straw.tracking.task import Task
-from straw.tracking.variance import FAST, Scatter, Seen, kinds, learnt, seen_of
+from straw.tracking.variance import Scatter, Seen, kinds, learnt, seen_of
 from straw.tracking.views import Views
 
 Floats = NDArray[np.float64]
@@ -31,7 +31,8 @@ class Poser:
         """Learn the clip's variances from some frames."""
         fits, _, seen, *_ = self._fitted(views)
         fit = np.isfinite(fits.rms_px)
-        self._scatter = learnt(self.shape, seen)
+        lag_px = self.lag_px or USUAL_LAG_PX * (not views.key.all())  # where no keyframe tells it
+        self._scatter = learnt(self.shape, seen, lag_px)
         if fit.any():
             self._usual = fits.vector[fit][0]
         if self.settled.rest_frames:
@@ -60,6 +61,8 @@ class Poser:
         eye_m = plane.world_from_camera[(0, 2), 3]
         vector, lag = without_lag(fits, slopes, rate * self.period_s, views.key, self.lag_px, eye_m)
         kind = kinds(views.key, views.speed_px)
-        toward, chord = off_chord(fits, slopes, views.chord_px, kind != FAST)
+        still = np.nan_to_num(views.speed_px) <= MOTION_VECTOR_PX
+        toward, chord = off_chord(fits, slopes, views.chord_px, still)
         seen = seen_of(self.shape, slopes, fits.residual_px, fits.used, views.across, kind)
-        return fits, vector + toward, seen, rate, chord + lag
+        late = hurried(fits, slopes, line_s * views.rows, views.doubt)
+        return fits, vector + toward, seen, rate, chord + lag + late

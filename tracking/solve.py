@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -26,6 +25,7 @@ from straw.tracking.task import Task, Track
 from straw.tracking.trace import TipTrace
 from straw.tracking.variance import telling
 from straw.tracking.video import DecodeReport
+from straw.tracking.viewer import KEPT, Viewed, Viewer, pick, viewer
 from straw.tracking.views import AROUND, Views, views_of
 
 Floats = NDArray[np.float64]
@@ -34,8 +34,6 @@ Flags = NDArray[np.bool_]
 NO_FIT = "the corners fit no pose in the plane of motion"
 #: Of a chunk: its first frame, its rows, what is seen in them, in which of the rows, and the poses there, if any.
 Posed = tuple[int, Rows, Views, NDArray[np.intp], tuple[Poses, Floats, Floats] | None]
-Viewer = Callable[[int, Rows], tuple[Views, NDArray[np.intp]]]
-_KEPT = 16  # chunks, of 3 MB each
 _SPREAD = 40  # frames for each quantity that the constants are found from
 
 
@@ -45,12 +43,15 @@ class Gathered:
     def __init__(self, record: Record, lens: Lens) -> None:
         self._record, self._lens, self._done, self._lost = record, lens, 0, False
         self._kept: list[tuple[NDArray[Any], ...]] = []
+        self.views: dict[int, Viewed] = {}  # of the first chunks, by their first frame
 
     def take(self, *, last: bool = False) -> None:
         """Take in the chunks of the record that are complete; with ``last`` all of them."""
         while self._done < len(self._record) - (0 if last else CHUNK + AROUND):
             start, rows = self._done, self._record.rows(self._done, self._done + CHUNK)
             views, where = views_of(self._record, self._lens, start, rows)
+            if len(self.views) < KEPT:
+                self.views[start] = views, where
             size = np.sqrt(views.rays.var(axis=1).sum(axis=1))
             middle = np.column_stack((views.rays.mean(axis=1) * self._lens.fx, size * self._lens.fx))
             quality = (views.widths, views.sweep, views.key, views.jump_px, views.speed_px, rows["rms_px"][where])
@@ -100,8 +101,8 @@ def solved(work: Task, record: Record, gathered: Gathered, report: DecodeReport,
     features = np.column_stack((middle, frames.sweep)).astype(np.float32)
     chosen = np.unique(np.concatenate((np.arange(min(REST_FRAMES, len(seen))), _spread(features))))
     tell = telling(frames)
-    viewed = _viewer(record, work.camera.lens, said == "")
-    views = _pick(record, viewed, seen[np.union1d(chosen, tell)])
+    viewed = viewer(record, work.camera.lens, said == "", gathered.views)
+    views = pick(record, viewed, seen[np.union1d(chosen, tell)])
     constants, others = (views.pick(np.flatnonzero(np.isin(views.frame, seen[which]))) for which in (chosen, tell))
     settled = settle(work.camera, board, work.rest_pose, constants, level=work.level, exposure_s=exposure_s)
     poser = Poser(work, settled, timeline.period_s, lag_of(frames), exposure_s)
@@ -123,34 +124,6 @@ def _spread(features: NDArray[np.float32]) -> NDArray[np.intp]:
         wanted = np.linspace(values[order[0]], values[order[-1]], _SPREAD)
         chosen.append(order[np.minimum(np.searchsorted(values[order], wanted), len(order) - 1)])
     return np.unique(np.concatenate(chosen))
-
-
-def _viewer(record: Record, lens: Lens, believed: Flags) -> Viewer:
-    """Return a function from a chunk to its views; the first chunks are kept in memory until asked for again."""
-    kept: dict[int, tuple[Views, NDArray[np.intp]]] = {}
-
-    def viewed(start: int, rows: Rows) -> tuple[Views, NDArray[np.intp]]:
-        found = kept.pop(start, None)
-        if found is None:
-            found = views_of(record, lens, start, rows, believed)
-            if len(kept) < _KEPT:
-                kept[start] = found
-        return found
-
-    return viewed
-
-
-def _pick(record: Record, viewed: Viewer, frames: NDArray[np.int64]) -> Views:
-    """Return the views of some frames of the record."""
-
-    def picked(chunk: tuple[int, Rows]) -> Views:
-        start, rows = chunk
-        views, where = viewed(start, rows)
-        return views.pick(np.flatnonzero(np.isin(start + where, frames)))
-
-    wanted = (chunk for chunk in record.chunks() if np.any((frames >= chunk[0]) & (frames < chunk[0] + len(chunk[1]))))
-    parts = list(side_by_side(picked, wanted))
-    return Views(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in Views.__annotations__})
 
 
 def _fit_all(

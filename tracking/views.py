@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -82,6 +83,11 @@ class Views:
     def pick(self, which: NDArray[np.intp]) -> Views:
         """Return some of the frames."""
         return Views(**{name: getattr(self, name)[which] for name in self.__dataclass_fields__})
+
+
+def joined(parts: Sequence[Views]) -> Views:
+    """Return the frames of several views in one."""
+    return Views(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in Views.__annotations__})
 
 
 def views_of(

@@ -150,11 +150,12 @@ def main() -> int:
     ask.add_argument("--misprints", type=float, nargs="+", default=[0.0, 20.0], help="um")
     ask.add_argument("--first", type=int, default=100, help="seed of the first clip")
     ask.add_argument("--kinds", nargs="+", default=list(KINDS), choices=list(KINDS))
-    ask.add_argument("--shares", type=float, nargs=2, help="in place of straw.tracking.variance.SHARES")
+    ask.add_argument("--like", type=float, nargs=2, help="slow and fast, of straw.tracking.variance.MOTION_LIKE")
+    ask.add_argument("--shift", type=float, default=variance.SHIFT, help="in place of straw.tracking.variance.SHIFT")
     ask.add_argument("--keep", type=Path, help="folder to keep the painted clips in")
     write_option(ask)
     args = ask.parse_args()
-    variance.SHARES = tuple(args.shares or variance.SHARES)
+    variance.SHIFT, variance.MOTION_LIKE[:2] = args.shift, args.like or variance.MOTION_LIKE[:2]
     figures: dict[str, str] = {}
     print(
         f"{'':<44}{'frames':>7}{'valid':>7}{'> 6 s':>6}   {'error, um, um, mrad':<24}{'squared error / variance':<24}"

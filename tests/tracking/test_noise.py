@@ -9,7 +9,7 @@ import pytest
 
 from straw.tracking.board import Board
 from straw.tracking.camera import Camera
-from straw.tracking.noise import Frames, exposure_by_smear, lag_of, lag_share, off_chord, without_lag
+from straw.tracking.noise import Frames, exposure_by_smear, hurried, lag_of, lag_share, off_chord, without_lag
 from straw.tracking.pose import Plane, apply, world_from_tip
 from straw.tracking.synthetic import camera_looking_at, paint_video
 from straw.tracking.track import track
@@ -96,6 +96,21 @@ def test_poses_err_by_what_is_claimed_where_the_codec_keeps_or_drops_the_change_
     squared = ((found - truth)[:, 1] ** 2).mean() / left[:, 1, 1].mean()
     assert squared == pytest.approx(4 * np.mean((lag_share(speed_px) - dropped) ** 2), rel=0.1)
     assert 0.9 < squared < 1.4
+
+
+def test_poses_err_by_what_is_claimed_where_rows_are_brought_to_one_moment_at_a_wrong_rate(setup, seen_by_opencv):
+    """A rate that is wrong by 40 px/s in each direction by chance; rows 4 us apart."""
+    rng, count, pose = np.random.default_rng(3), 300, (0.0221, 0.0, 1.53)
+    pixels = np.tile(seen_by_opencv(setup, *pose), (count, 1, 1))
+    late_s = 4e-6 * (pixels[..., 1] - pixels[..., 1].mean(axis=1, keepdims=True))
+    pixels = pixels + late_s[..., None] * rng.normal(0, 40.0, (count, 1, 2))
+    rays, slopes = setup.lens.rays_with_slopes(pixels.reshape(-1, 2))
+    points, slopes = apply(setup.tip_from_board, Board().corner_points_m()), slopes.reshape(count, 49, 2, 2)
+    plane, truth = Plane(setup.lens, setup.world_from_camera), np.tile(pose, (count, 1))
+    fits = plane.fit_rays(rays.reshape(count, 49, 2), slopes, points, truth, np.ones((count, 49), bool))
+    claimed = hurried(fits, plane.slopes(slopes, points, fits.vector), late_s, np.full(count, 40.0))
+    squared = ((fits.vector - truth) ** 2).mean(axis=0) / np.diagonal(claimed, axis1=1, axis2=2).mean(axis=0)
+    np.testing.assert_allclose(squared, 1.0, atol=3 * np.sqrt(2 / count))  # so many draws tell a variance to this
 
 
 def test_a_size_that_lags_is_put_right_however_the_board_shifts(hero6):

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from straw.tracking import variance
 from straw.tracking.board import Board
 from straw.tracking.camera import Camera
 from straw.tracking.errors import TrackingError
@@ -119,9 +118,8 @@ def test_a_board_that_does_not_move_tells_nothing_of_how_it_is_glued(setup, seen
     assert blind.line_sigma_s == pytest.approx(4e-6, rel=0.05)
 
 
-def test_what_corners_at_rest_err_is_in_the_sigma_of_every_pose(setup, seen_by_opencv, monkeypatch):
+def test_what_corners_at_rest_err_is_in_the_sigma_of_every_pose(setup, seen_by_opencv):
     """Their mean shift at rest is one of the world: 0.01 px in each of 49 corners are 0.34 um in every frame after."""
-    monkeypatch.setattr(variance, "SHARES", (0.0, 0.0))
     views = followed(seen_by_opencv, setup, folding(200), noise_px=0.005)
     settled = settle(Camera(setup.lens, line_s=0.0), Board(), REST, views)
     first = views.pick(np.array([0]))

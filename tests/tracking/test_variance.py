@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from straw.tracking.board import Board
-from straw.tracking.patterns import Patterns, common_to
+from straw.tracking.patterns import Patterns
 from straw.tracking.pose import Plane, apply
-from straw.tracking.variance import FAST, FRESH, SLOW, Scatter, Seen, kinds, learnt, seen_of
+from straw.tracking.variance import FAST, FRESH, MOTION_LIKE, SHIFT, SLOW, Scatter, Seen, kinds, learnt, seen_of
 
 REST = (0.0221, 0.0, 1.53)
 SHAPE = (7, 7)
@@ -29,12 +29,13 @@ def clip(setup, seen_by_opencv, errors, kind):
 
 
 def drawn(rng, parts_px, count=COUNT):
-    """Errors (f, 49, 2) along u and v of which the patterns have these sizes: white, along edges, over the board."""
+    """Errors (f, 49, 2) along u and v of which the patterns have these sizes: white, along edges, across edges."""
     i, j = (index.ravel() / 6 for index in np.indices(SHAPE))
     near_i, near_j = (np.exp(-np.abs(a[:, None] - a)) for a in (i, j))
-    white, line, sheet = np.square(parts_px)
-    across_x = white * np.eye(49) + line * (i[:, None] == i) * near_j + sheet * near_i * near_j
-    across_y = white * np.eye(49) + line * (j[:, None] == j) * near_i + sheet * near_i * near_j
+    white, edge, line = np.square(parts_px)
+    same_i, same_j = i[:, None] == i, j[:, None] == j
+    across_x = white * np.eye(49) + edge * same_i * near_j + line * near_i * same_j
+    across_y = white * np.eye(49) + edge * near_i * same_j + line * same_i * near_j
     along_x, along_y = (rng.normal(size=(count, 49)) @ np.linalg.cholesky(K).T for K in (across_x, across_y))
     return np.stack((along_y, along_x), axis=-1)
 
@@ -51,16 +52,24 @@ def test_poses_err_by_what_is_claimed_however_the_corners_err_together(setup, se
         assert np.all((error**2).mean(axis=0) > 3 * alone.mean(axis=0)[[0, 1, 2]])
 
 
-def test_poses_of_boards_that_are_stretched_and_sheared_err_as_their_pattern_says(setup, seen_by_opencv):
-    rng = np.random.default_rng(5)
-    place = np.indices(SHAPE).reshape(2, -1) - 3
-    x, y = place / place.std(axis=1, keepdims=True)
-    for which, (by_x, by_y) in enumerate(((x, y), (y, x))):
-        size = rng.normal(0, 0.005, (2, COUNT, 1))
-        errors = np.stack((size[1] * by_y, size[0] * by_x), axis=-1)
-        _, seen, error = clip(setup, seen_by_opencv, errors, np.full(COUNT, FAST))
-        claimed = 0.005**2 * np.diagonal(common_to(SHAPE, seen.answer())[which], axis1=1, axis2=2)
-        np.testing.assert_allclose((error**2).mean(axis=0) / claimed.mean(axis=0), 1.0, atol=0.25)  # 300 draws: 8 %
+def test_poses_err_as_is_claimed_where_the_codec_distorts_what_looks_like_a_motion(setup, seen_by_opencv):
+    """White errors of keyframes and of slow frames, which besides are a motion of the board by chance and a shift."""
+    rng, kind = np.random.default_rng(5), np.array((FRESH, *[SLOW] * 9) * (COUNT // 10))
+    slow, lag_px = (kind == SLOW)[:, None, None], 0.02
+    errors = rng.normal(0, 0.006, (COUNT, 49, 2)) + slow * rng.normal(0, 0.008, (COUNT, 49, 2))
+    _, seen, _ = clip(setup, seen_by_opencv, errors, kind)
+    motion = np.sqrt((MOTION_LIKE[SLOW] - 1) * 0.008**2) * np.linalg.cholesky(np.linalg.inv(seen.normal()))
+    by_pose = (seen.slopes.reshape(COUNT, 98, 3) @ motion @ rng.normal(size=(COUNT, 3, 1))).reshape(COUNT, 49, 2)
+    along = by_pose[..., ::-1] * slow  # errors along x and y of the board are along v and u of the picture
+    shift = rng.normal(0, np.sqrt(SHIFT) * lag_px, (COUNT, 1, 2))
+    _, seen, error = clip(setup, seen_by_opencv, errors + along + shift, kind)
+    claimed = np.diagonal(learnt(SHAPE, seen, lag_px).covariance(seen), axis1=1, axis2=2)
+    for which in (SLOW, FRESH):
+        square = (error[kind == which] ** 2).mean(axis=0) / claimed[kind == which].mean(axis=0)
+        few = np.count_nonzero(kind == which)
+        # so many draws tell a variance to this; the largest residual of three frames and the bound by the lag change
+        # it by a tenth, one up, the other down
+        np.testing.assert_allclose(square, 1.0, atol=3 * np.sqrt(2 / few))
 
 
 def test_a_frame_that_leaves_more_than_its_kind_is_known_less_well(setup, seen_by_opencv):
@@ -72,8 +81,16 @@ def test_a_frame_that_leaves_more_than_its_kind_is_known_less_well(setup, seen_b
     assert sigma[100] == pytest.approx(5 * np.median(sigma), rel=0.35)  # 95 numbers: 7 %, their median 5 %
 
 
+def test_a_picture_that_is_merely_copied_is_as_uncertain_as_those_beside_it(setup, seen_by_opencv):
+    errors = drawn(np.random.default_rng(9), (0.01, 0.0, 0.0))
+    errors[100] *= 0.1
+    _, seen, _ = clip(setup, seen_by_opencv, errors, np.full(COUNT, SLOW))
+    sigma = np.sqrt(learnt(SHAPE, seen, 0.02).covariance(seen)[:, 1, 1])
+    assert sigma[100] > 0.8 * np.median(sigma)
+
+
 def test_kinds_of_frames():
-    speed = np.array((0.1, 0.3, 0.1, np.nan))
+    speed = np.array((0.1, 0.6, 0.1, np.nan))
     np.testing.assert_array_equal(kinds(np.array((False, False, True, False)), speed), (SLOW, FAST, FRESH, SLOW))
 
 
