@@ -20,8 +20,8 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The longest file first, which compiles the derivatives; beside it what does not need them, or both workers would
-    compile the same at once; then the demo, for which the other worker would have to wait at the end."""
+    """The longest file first, which compiles the derivatives; beside it what does not need them, or several workers
+    would compile the same at once; then the demo, for which the others would have to wait at the end."""
 
     def turn(item: pytest.Item) -> int:
         turns = {"test_concealed.py": 0, "test_readme.py": 3, "test_derivative.py": 4}
