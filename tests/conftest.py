@@ -20,11 +20,12 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The longest file first, which compiles the derivatives; beside it what does not need them, or several workers
-    would compile the same at once; then the demo, for which the others would have to wait at the end."""
+    """The longest file first, which compiles the model; beside it what does not need it, or several workers would
+    compile the same at once; then the demo, for which the others would have to wait at the end."""
 
     def turn(item: pytest.Item) -> int:
-        turns = {"test_concealed.py": 0, "test_readme.py": 3, "test_derivative.py": 4}
+        turns = {"test_concealed.py": 0, "test_plant_and_twin.py": 2, "test_plugged.py": 2}
+        turns |= {"test_readme.py": 3, "test_derivative.py": 4}
         rooms = {"rig": 1, "tracking": 1, "model": 2}
         return turns.get(item.path.name, rooms.get(item.path.parent.name, 4))
 
