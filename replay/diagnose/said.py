@@ -38,8 +38,10 @@ def says(
     *,
     refuted: Refuted | None = None,
     experiment: bool = False,
+    modelled: str = "",
 ) -> str:
-    """The verdict in one sentence; ``experiment``: whether one is proposed that would tell more."""
+    """The verdict in one sentence; ``experiment``: whether one is proposed that would tell more; ``modelled``: the
+    missing law that was found from the runs, as a noun."""
     runs = len(found.campaign.observations)
     named = " and ".join(words(c) for c in causes)
     if not found.whole:
@@ -49,6 +51,11 @@ def says(
         return f"Nothing is missing: the base model, its constants refitted, explains all {runs} runs to repeatability."
     if verdict == "within_tolerance":
         return f"Complete within the tolerance: the refitted base model is good enough for these {runs} runs."
+    if verdict == "unknown_physics" and modelled:
+        return (
+            f"Something is missing that no hypothesis in the library explains in these {runs} runs; it looks like "
+            f"{modelled}, and so modelled, runs it was not fitted to are predicted better."
+        )
     if verdict == "unknown_physics":
         return f"Something is missing that no hypothesis in the library explains in these {runs} runs; none is named."
     if verdict == "ambiguous":

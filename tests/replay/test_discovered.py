@@ -1,6 +1,7 @@
 """A discovered curve as the contract has it, and as a law file."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from straw.model.law_file import laws_in
 from straw.model.term import Frustum
 from straw.replay.diagnose.formula import Formula
+from straw.replay.diagnose.said import says
 from straw.replay.diagnose.systems.straw.dictionary import atoms
 from straw.replay.diagnose.systems.straw.discovered import PLACES, discovered
 from straw.replay.diagnose.systems.straw.states import STATES
@@ -58,3 +60,10 @@ def test_a_place_that_takes_no_law_of_ones_own_has_the_curve_alone():
     assert told["law"] == ""
     assert told["cells"] == []
     assert len(told["curve"]) == 8
+
+
+def test_the_verdict_says_what_was_found_from_the_runs_where_it_predicts_others_better():
+    inquiry: Any = SimpleNamespace(whole=True, campaign=SimpleNamespace(observations=[0, 1, 2, 3]))
+    told = says("unknown_physics", ["unknown"], {"unknown": 0.9}, inquiry, modelled="a force on the tip")
+    assert "no hypothesis in the library explains in these 4 runs; it looks like a force on the tip" in told
+    assert says("unknown_physics", ["unknown"], {"unknown": 0.9}, inquiry).endswith("none is named.")

@@ -87,6 +87,11 @@ class Missing:
         return self.laws[0].formula is not None
 
     @property
+    def noun(self) -> str:
+        """What it is, without numbers."""
+        return " and ".join(law.state.says for law in self.laws)
+
+    @property
     def says(self) -> str:
         """In one sentence."""
         takes = f"{100 * self.explains:.0f} % of what the base model leaves unexplained"
