@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import tempfile
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -19,17 +21,40 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+def turn(item: pytest.Item) -> int:
+    """The longest file first, which compiles the model; beside it what does not need it; then the demo, for which the
+    others would have to wait at the end."""
+    turns = {"test_concealed.py": 0, "test_plant_and_twin.py": 2, "test_plugged.py": 2}
+    turns |= {"test_readme.py": 3, "test_derivative.py": 4}
+    rooms = {"rig": 1, "tracking": 1, "model": 2}
+    return turns.get(item.path.name, rooms.get(item.path.parent.name, 4))
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The longest file first, which compiles the model; beside it what does not need it, or several workers would
-    compile the same at once; then the demo, for which the others would have to wait at the end."""
-
-    def turn(item: pytest.Item) -> int:
-        turns = {"test_concealed.py": 0, "test_plant_and_twin.py": 2, "test_plugged.py": 2}
-        turns |= {"test_readme.py": 3, "test_derivative.py": 4}
-        rooms = {"rig": 1, "tracking": 1, "model": 2}
-        return turns.get(item.path.name, rooms.get(item.path.parent.name, 4))
-
+    """By `turn`."""
     items.sort(key=turn)
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """In a run of all tests, wait before the first that needs derivatives until they are compiled."""
+    every = item.session.items
+    if turn(item) in (0, 4) and turn(every[0]) == 0 and turn(every[-1]) == 4 and "PYTEST_XDIST_WORKER" in os.environ:
+        compile_once()
+
+
+@cache
+def compile_once() -> None:
+    """Compile the model, or wait for the worker that does: several would each compile all of it for minutes."""
+    if sys.platform == "win32":
+        return  # no such lock there
+    import fcntl
+
+    from straw.model import warm_up
+
+    with (Path(tempfile.gettempdir()) / f"straw-tests-{os.getppid()}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        warm_up.main()
+    Path(lock.name).unlink(missing_ok=True)
 
 
 @pytest.fixture(scope="session")
