@@ -13,9 +13,7 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 MOTION_VECTOR_PX = 0.25  # unit of motion vectors in H.264 and HEVC (8.4.2.2 and 8.5.3.3 there)
-FOLLOWED_PX = (
-    0.5  # a frame: from here on even motion vectors of whole pixels follow, all that encoders in a hurry search
-)
+FOLLOWED_PX = 0.5  # a frame: from here on a motion vector of whole pixels, all that fast presets search, is not zero
 _SMEARED_PX = 1.5  # a frame: edges that move this fast are certainly widened
 _FEWEST_SMEARED = 4
 _MOST_EXPOSURE = 1.0  # of the frame's period
@@ -91,8 +89,7 @@ def without_lag(
     distribution between none and all has a larger variance than a quarter, for all corners alike however fast they
     move, along their motion, also when that has ended.
     """
-    J = np.where(poses.used[..., None, None], slopes, 0.0)
-    normal = np.einsum("fncm,fncp->fmp", J, J) + 1e-9 * np.eye(3)  # a frame without a fit must stay solvable
+    J, normal = _normal(poses, slopes)
     speed_px = np.sqrt(np.einsum("fi,fij,fj->f", rate, normal, rate) / (2.0 * poses.used.sum(axis=1)))
     along = rate / np.maximum(speed_px, 1e-9)[:, None]
     size, size_px = _by_size(poses, J, normal, rate, eye_m)
@@ -113,27 +110,30 @@ def off_chord(poses: Poses, slopes: Floats, chord_px: Floats, slow: Flags) -> tu
     the difference is worth coding. The share of such blocks is unknown: half of the full effect is corrected, and no
     distribution between none and all has a larger variance than a quarter. More than a motion vector's unit is coded.
     """
-    J = np.where(poses.used[..., None, None], slopes, 0.0)
+    J, normal = _normal(poses, slopes)
     square = np.where(poses.used[..., None], chord_px**2, 0.0).sum(axis=(1, 2)) / np.maximum(
         2 * poses.used.sum(axis=1), 1
     )
     hidden = np.minimum(1.0, MOTION_VECTOR_PX / np.sqrt(np.maximum(square, 1e-12)))
-    normal = np.einsum("fncm,fncp->fmp", J, J) + 1e-9 * np.eye(3)
     right = np.einsum("fncm,fnc->fm", J, chord_px * (hidden * slow)[:, None, None])
     half = np.linalg.solve(normal, right[..., None])[..., 0] / 2
     return -half, half[:, :, None] * half[:, None, :]
 
 
-def hurried(poses: Poses, slopes: Floats, late_s: Floats, doubt: Floats) -> Floats:
-    """Return the covariance (f, 3, 3) that the rolling shutter adds where a motion is too short to know its rate.
+def of_rate(poses: Poses, slopes: Floats, late_s: Floats, sigma_px_s: Floats) -> Floats:
+    """Return the covariance (f, 3, 3) that a wrong rate adds where the rolling shutter's rows are brought to one time.
 
-    ``late_s`` (f, n): how long after the board's middle corners were exposed; ``doubt`` (f,): by how much, px/s, the
-    rate changes with the number of frames it is computed from.
+    ``late_s`` (f, n): how long after the board's middle corners were exposed; ``sigma_px_s`` (f,): error of the rate.
     """
-    J = np.where(poses.used[..., None, None], slopes, 0.0)
-    normal = np.einsum("fncm,fncp->fmp", J, J) + 1e-9 * np.eye(3)
-    moved = np.linalg.solve(normal, np.einsum("fncm,fn->fmc", J, late_s * doubt[:, None]))
+    J, normal = _normal(poses, slopes)
+    moved = np.linalg.solve(normal, np.einsum("fncm,fn->fmc", J, late_s * sigma_px_s[:, None]))
     return np.asarray(moved @ moved.transpose(0, 2, 1))
+
+
+def _normal(poses: Poses, slopes: Floats) -> tuple[Floats, Floats]:
+    """Return the slopes (f, n, 2, 3) of the corners used, and J^T J (f, 3, 3), solvable also without a fit."""
+    J = np.where(poses.used[..., None, None], slopes, 0.0)
+    return J, np.einsum("fncm,fncp->fmp", J, J) + 1e-9 * np.eye(3)
 
 
 def _by_size(poses: Poses, J: Floats, normal: Floats, rate: Floats, eye_m: Floats) -> tuple[Floats, Floats]:

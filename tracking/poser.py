@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.tracking.errors import TrackingError
-from straw.tracking.noise import MOTION_VECTOR_PX, USUAL_LAG_PX, hurried, off_chord, without_lag
+from straw.tracking.noise import MOTION_VECTOR_PX, USUAL_LAG_PX, of_rate, off_chord, without_lag
 from straw.tracking.pose import Poses, apply
 from straw.tracking.settle import Settled
 from straw.tracking.start import free_start
@@ -64,5 +64,5 @@ class Poser:
         still = np.nan_to_num(views.speed_px) <= MOTION_VECTOR_PX
         toward, chord = off_chord(fits, slopes, views.chord_px, still)
         seen = seen_of(self.shape, slopes, fits.residual_px, fits.used, views.across, kind)
-        late = hurried(fits, slopes, line_s * views.rows, views.doubt)
-        return fits, vector + toward, seen, rate, chord + lag + late
+        rolling = of_rate(fits, slopes, line_s * views.rows, views.doubt)
+        return fits, vector + toward, seen, rate, chord + lag + rolling

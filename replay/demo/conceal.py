@@ -17,79 +17,55 @@ from straw.replay.diagnose.findings import Findings
 from straw.replay.diagnose.systems.straw.instrument import Instrument
 
 NOTHING = "complete"
-#: Effects that may be concealed, each of a well visible size: terms of the straw and faults of the instrument, SI. The
-#: drawn strength, the first constant of each, is this times a factor of up to SPREAD either way.
+#: A cable at the tip, taut beyond ``taut_beyond`` X/L, pulls with ``stiffness_n`` for each further X/L (L: the straw's
+#: unloaded length): a law that the library does not hold, but of a form that its curves of a missing force can take.
+CABLE = "taut_cable"
+#: Effects that may be concealed, each of a well visible size: terms of the straw, faults of the instrument and the
+#: cable, SI. The drawn strength, the first constant of each, is this times a factor of up to SPREAD either way.
 DRAWER: dict[str, dict[str, float]] = {
     "cohesion": {"force_n": 5.0, "range_m": 0.3e-3, "weakening": 0.3},
     "poiseuille_loss": {"resistance_pa_s_per_m3": 2e9},
     "clock_offset": {"clock_offset_s": 40e-3},
     NOTHING: {},
-    "squeeze_film": {"folded_n_s_per_m": 400.0, "gap_m": 0.2e-3},
     "viscoelasticity": {"k1_n_per_m": 1000.0, "tau_s": 0.3},
+    "squeeze_film": {"folded_n_s_per_m": 400.0, "gap_m": 0.2e-3},
     "camera_roll": {"camera_roll_rad": 8e-3},
     "dry_friction": {"force_n": 0.6},
     "gauge_offset": {"gauge_offset_pa": 2000.0},
+    CABLE: {"stiffness_n": 5.0, "taut_beyond": 0.8},
     "crease_stiffness": {"zeta_n_per_m": 400.0, "phi_n_m_per_rad": 40e-3},
 }
 SPREAD = 1.25
 
 
 @dataclass(frozen=True)
-class Unlisted:
-    """A law that the library does not hold: a table of the term, and where it acts in the contract's words."""
-
-    says: str
-    term: str
-    at: str  # names of the table's points and values, with braces for the number
-    value: str
-    where: tuple[float, ...]
-    values: tuple[float, ...]  # SI, times the drawn strength
-    place: str
-    state: str
-
-
-#: Laws that the library does not hold.
-UNLISTED = {
-    "taut_cable": Unlisted(
-        says="a cable at the tip that is taut where the tip is far out, F_X = -s (X/L - 0.8) 5 N beyond X/L = 0.8",
-        term="missing_tip_force",
-        at="x_{}",
-        value="along_x_{}_n",
-        where=(where := (0.1, 0.3, 0.5, 0.7, 0.8, 0.9, 1.0, 1.1)),
-        values=tuple(-5.0 * max(x - 0.8, 0.0) for x in where),
-        place="tip_force",
-        state="tip_x",
-    ),
-}
-#: Share of seeds that draw one of these.
-UNLISTED_SHARE = 0.25
-
-
-@dataclass(frozen=True)
 class Concealed:
-    """An effect's name in the contract, ``complete`` for none, or a name of `UNLISTED`, and its constants, SI."""
+    """An effect of `DRAWER`, and its constants, SI."""
 
     cause: str
     constants: dict[str, float]
 
     def straw(self, base: StrawParameters) -> StrawParameters:
         """The twin's straw."""
-        if (law := UNLISTED.get(self.cause)) is not None:
-            table = {law.at.format(n): x for n, x in enumerate(law.where, 1)}
-            table |= {law.value.format(n): y for n, y in enumerate(law.values, 1)}
-            return base.with_term(law.term, amount=self.constants["strength"], **table)
+        if self.cause == CABLE:
+            return base.with_term("missing_tip_force", **_cable(**self.constants))
         return base.with_term(self.cause, **self.constants) if self.cause in TERMS else base
 
     @property
     def instrument(self) -> Instrument:
         """The twin's clock, camera and gauge."""
-        return Instrument() if self.cause in (*TERMS, *UNLISTED) else Instrument.of(self.constants)
+        return Instrument() if self.cause in (*TERMS, CABLE) else Instrument.of(self.constants)
 
     def __str__(self) -> str:
-        if (law := UNLISTED.get(self.cause)) is not None:
-            return f"{law.says} with s = {self.constants['strength']:.4g}, which the library does not hold"
         sizes = ", ".join(f"{name} = {value:.4g}" for name, value in self.constants.items())
         return f"{self.cause.replace('_', ' ')} ({sizes})" if sizes else "nothing"
+
+
+def _cable(stiffness_n: float, taut_beyond: float) -> dict[str, float]:
+    """The term's table of F_X over X/L: zero up to where the cable is taut, then a straight line."""
+    at = [taut_beyond * share for share in (0.2, 0.4, 0.6, 0.8, 1.0)] + [taut_beyond + more for more in (0.1, 0.2, 0.3)]
+    force = {f"along_x_{n}_n": -stiffness_n * max(x - taut_beyond, 0.0) for n, x in enumerate(at, 1)}
+    return {"amount": 1.0, **{f"x_{n}": x for n, x in enumerate(at, 1)}, **force}
 
 
 def draw(seed: int) -> Concealed:
@@ -100,9 +76,6 @@ def draw(seed: int) -> Concealed:
     if constants:
         strength = next(iter(constants))
         constants[strength] *= float(SPREAD ** rng.uniform(-1, 1))
-    if rng.random() > 1 - UNLISTED_SHARE:
-        cause = list(UNLISTED)[int(rng.integers(len(UNLISTED)))]
-        constants = {"strength": float(SPREAD ** rng.uniform(-1, 1))}
     return Concealed(cause, constants)
 
 
@@ -124,13 +97,13 @@ class Seal:
 
 
 def named(concealed: Concealed, findings: Findings) -> bool:
-    """Whether the diagnosis names this cause and no other, "complete" where nothing was concealed, or the place and
-    state of a law that the library does not hold."""
+    """Whether the diagnosis names this cause and no other, "complete" where nothing was concealed, or the cable's place
+    and state."""
     if concealed.cause == NOTHING:
         return findings.verdict == "complete"
-    if (law := UNLISTED.get(concealed.cause)) is not None:
+    if concealed.cause == CABLE:
         found = findings.discovered
-        return found is not None and found["place"] == law.place and law.state in found["states"]
+        return found is not None and (found["place"], found["states"]) == ("tip_force", ["tip_x"])
     return findings.verdict in ("missing_physics", "measurement_fault") and findings.causes == [concealed.cause]
 
 
@@ -153,6 +126,8 @@ def story(concealed: Concealed, seal: Seal, told: str, findings: Findings) -> st
     """The outcome for people."""
     agrees = "as sealed above" if seal.sha256 == told else f"but its SHA-256 is {seal.sha256}, NOT the one above"
     found = figures.told(findings.parameters.get(concealed.cause, {}))
+    if concealed.cause == CABLE:
+        agrees += ", which the library does not hold"
     if named(concealed, findings) and findings.discovered:
         verdict = f"the diagnosis found it, as {findings.discovered['formula']}"
     elif named(concealed, findings):

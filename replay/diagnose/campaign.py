@@ -15,6 +15,10 @@ from straw.replay.diagnose.system import Level, Misfit, Recording, System
 
 Floats = NDArray[np.float64]
 
+#: Derivatives, sigmas per u, above which a motion is too unstable for them to tell anything: in double precision the
+#: normal equations, of their squares, no longer hold the priors, which are of order 1.
+STEEPEST = 1 / np.sqrt(np.finfo(np.float64).eps)
+
 
 class Campaign:
     """Recordings of one system, whose residuals are computed by an executor's workers."""
@@ -63,12 +67,13 @@ class Campaign:
         return [self._stacked(row) for row in rows]
 
     def linearised(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[tuple[Floats, Floats]]:
-        """Residuals (m,) and Jacobian (m, unknowns) at each point u."""
+        """Residuals (m,) and Jacobian (m, unknowns) at each point u; zero derivatives of runs that cannot be simulated
+        or whose derivatives exceed `STEEPEST`."""
         out = []
         for row in self._worked_out(unknowns, points, self.level, True):
             jacobian = np.concatenate(
                 [
-                    np.zeros((self.size(o), len(unknowns))) if one is None else one.jacobian
+                    np.zeros((self.size(o), len(unknowns))) if one is None or _unstable(one) else one.jacobian
                     for o, one in zip(self.observations, row, strict=True)
                 ]
             )
@@ -137,6 +142,10 @@ class Campaign:
                 ]
             )
         )
+
+
+def _unstable(one: Misfit) -> bool:
+    return bool(np.abs(one.jacobian).max(initial=0.0) > STEEPEST)
 
 
 def _one(

@@ -2,7 +2,7 @@
 
 Single causes and pairs are selected by a fit of all causes at once (`straw.replay.diagnose.saturated`), in a coarse
 comparison of the most informative runs; the survivors are fitted to all samples of all runs. Where these leave much,
-every cause is fitted from its own starts (the library's, the learned proposal's and the rivals' constants), by
+every other cause is fitted from its own starts (the library's, the learned proposal's and the rivals' constants), by
 successive halving (`straw.replay.diagnose.tournament`).
 """
 
@@ -136,9 +136,11 @@ def _at_once(
         explained = any(explains(one.fit) for one in begun)
         if explained and len(start.hypothesis.causes) > 1:
             break
-        own = [] if explained else look(wide, base, start.hypothesis)[:STARTS]  # none of a pair
-        tried |= set() if explained else {start.hypothesis.name}
-        begun.append(_begun(wide, base, start, [*own, *_proposed(base, start.hypothesis, proposal)]))
+        others = _proposed(base, start.hypothesis, proposal)
+        if not explained:
+            others += look(wide, base, start.hypothesis)[:STARTS]  # none of a pair
+            tried.add(start.hypothesis.name)
+        begun.append(_begun(wide, base, start, others))
     refine(found, halved(wide, begun, len(begun)))
     finish(found)
     nested(found)

@@ -54,7 +54,7 @@ def says(
     if verdict == "unknown_physics" and modelled:
         return (
             f"Something is missing that no hypothesis in the library explains in these {runs} runs; it looks like "
-            f"{modelled}, and so modelled, runs it was not fitted to are predicted better."
+            f"{modelled}, which makes the prediction of runs held out better."
         )
     if verdict == "unknown_physics":
         return f"Something is missing that no hypothesis in the library explains in these {runs} runs; none is named."

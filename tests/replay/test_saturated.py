@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -90,3 +91,19 @@ def test_a_cause_without_a_strength_or_with_an_unknown_of_another_is_left_out():
     form = Hypothesis(("form",), (Unknown("form", 1.0, kind="linear"),), ((1.0,),))
     first, again = Linear().hypothesis(["first"]), Hypothesis(("again",), (Unknown("first", 1.0),), ((1.0,),))
     assert [one.name for one in saturated(known, [form, first, again]).causes] == ["first"]
+
+
+def test_a_run_whose_derivatives_have_blown_up_does_not_keep_the_others_from_telling():
+    class Unstable(Linear):
+        def misfit(self, recording, unknowns, u, *, level=None, derivatives=False):
+            one = super().misfit(recording, unknowns, u, level=level, derivatives=derivatives)
+            return replace(one, jacobian=1e70 * one.jacobian**2) if recording.name == "unstable" else one
+
+    system, y = Unstable(), 2 * LEVEL + 2 * FIRST + 2 * SECOND + RNG.normal(size=SAMPLES)
+    runs = [SimpleNamespace(name=name, y=y) for name in ("run", "unstable")]
+    with ThreadPoolExecutor(1) as pool:
+        campaign = Campaign(runs, system, pool)
+        known = evaluated(campaign, system.base, np.zeros(1))
+        found = subsets(campaign, known, [system.hypothesis([name]) for name in system.causes], [])
+    pairs = [start for start in found if len(start.hypothesis.causes) == 2]
+    assert set(pairs[0].hypothesis.causes) == {"first", "second"}

@@ -9,7 +9,7 @@ import pytest
 
 from straw.tracking.board import Board
 from straw.tracking.camera import Camera
-from straw.tracking.noise import Frames, exposure_by_smear, hurried, lag_of, lag_share, off_chord, without_lag
+from straw.tracking.noise import Frames, exposure_by_smear, lag_of, lag_share, of_rate, off_chord, without_lag
 from straw.tracking.pose import Plane, apply, world_from_tip
 from straw.tracking.synthetic import camera_looking_at, paint_video
 from straw.tracking.track import track
@@ -108,7 +108,7 @@ def test_poses_err_by_what_is_claimed_where_rows_are_brought_to_one_moment_at_a_
     points, slopes = apply(setup.tip_from_board, Board().corner_points_m()), slopes.reshape(count, 49, 2, 2)
     plane, truth = Plane(setup.lens, setup.world_from_camera), np.tile(pose, (count, 1))
     fits = plane.fit_rays(rays.reshape(count, 49, 2), slopes, points, truth, np.ones((count, 49), bool))
-    claimed = hurried(fits, plane.slopes(slopes, points, fits.vector), late_s, np.full(count, 40.0))
+    claimed = of_rate(fits, plane.slopes(slopes, points, fits.vector), late_s, np.full(count, 40.0))
     squared = ((fits.vector - truth) ** 2).mean(axis=0) / np.diagonal(claimed, axis1=1, axis2=2).mean(axis=0)
     np.testing.assert_allclose(squared, 1.0, atol=3 * np.sqrt(2 / count))  # so many draws tell a variance to this
 

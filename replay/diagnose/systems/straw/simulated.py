@@ -111,9 +111,10 @@ def _until_it_snaps(
     pressure = table._replace(pressure_pa=instrument.true_pressure(table.pressure_pa, shown_s))
     tolerance_m = min(tolerance_m, *(FINER_M.get(term, tolerance_m) for term in ("", *changed.terms)))
     first, end = (float(t) for t in instrument.true_time(np.array([observed.start_s, observed.end_s])))
-    start, long_s = min(first, observed.start_s), observed.end_s - observed.start_s
-    if not (0 < end - first <= 2 * long_s and abs(end - observed.end_s) < long_s):
+    off_s = max(abs(first - observed.start_s), abs(end - observed.end_s))
+    if first >= end or off_s >= observed.end_s - observed.start_s:
         raise ModelError(f"run {observed.name}: the clock is off by more than the run is long")
+    start = min(first, observed.start_s)
     near, most = observed.rests.get(changed.form), most_steps_per_s(tolerance_m)
     moving, directions = _directions(straw, changed, unknowns, at, table, shown_s) if derivatives else ([], [])
     for extra_s in (0.0, EXTRA_TIME_S):
