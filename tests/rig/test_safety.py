@@ -54,7 +54,10 @@ class Script:
             cwd=Path(__file__).parents[2],
         )
         assert self.process.stdout is not None
-        self.guardian_pid = int(self.process.stdout.readline().split()[2])
+        said = self.process.stdout.readline()
+        if not said:
+            pytest.fail(f"the script ended: {self.process.communicate()[1]}")
+        self.guardian_pid = int(said.split()[2])
 
     def vent_after(self, end: Callable[[], object], limit_s: float = 5.0) -> float:
         """Seconds from calling ``end`` to the vent's arrival on the wire."""
