@@ -12,7 +12,7 @@ import platform
 import re
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -48,6 +48,12 @@ def publish(group: str, figures: Mapping[str, str], write: bool, readme: Path = 
     print(f"{readme}: {len(figures)} figures of {group} rewritten")
 
 
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table as a figure, on lines of its own."""
+    lines = (f"| {' | '.join(words)} |" for words in (head, ["---"] * len(head), *rows))
+    return "\n".join(["", *lines, ""])
+
+
 def missed(text: str, good: bool) -> str:
     """A figure, bold where it misses its target."""
     return text if good else f"**{text}**"
@@ -55,17 +61,17 @@ def missed(text: str, good: bool) -> str:
 
 def _with_run(text: str, group: str) -> str:
     """The text with the row of a group's run in the table of runs, in alphabetical order."""
-    table = next((m for m in MARKED.finditer(text) if (m["group"], m["name"]) == RUNS), None)
-    if table is None:
+    held = next((m for m in MARKED.finditer(text) if (m["group"], m["name"]) == RUNS), None)
+    if held is None:
         sys.exit(f"no table of runs: add <!-- {'.'.join(RUNS)} --> and <!-- / -->; nothing was written")
-    head, rule, *rows = table["text"].strip().splitlines()
+    head, rule, *rows = held["text"].strip().splitlines()
     rows = [row for row in rows if not row.startswith(f"| {group} |")]
     words = [word for word in sys.argv[1:] if word != "--write"]
     command = " ".join(["python -m", f"tests.benchmarks.{Path(sys.argv[0]).stem}", *words])
     today = datetime.now(UTC).date().isoformat()
     rows.append(f"| {group} | `{command}` | {today} | {_version()} | {_machine()} |")
     table_text = "\n".join([head, rule, *sorted(rows)])
-    return f"{text[: table.start('text')]}\n{table_text}\n{text[table.end('text') :]}"
+    return f"{text[: held.start('text')]}\n{table_text}\n{text[held.end('text') :]}"
 
 
 def _version() -> str:

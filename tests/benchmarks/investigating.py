@@ -19,7 +19,8 @@ from typing import get_args
 
 from straw.replay.options import workers_options
 from tests.apparatus.cases import Split, deck, opened, seal
-from tests.benchmarks.investigating_score import score
+from tests.benchmarks.figures import publish, write_option
+from tests.benchmarks.investigating_score import figures, score
 from tests.benchmarks.investigating_ways import WAYS, investigated
 from tests.benchmarks.rows import kept, worked_out
 
@@ -37,6 +38,7 @@ def main() -> None:
     ask.add_argument("--out", type=Path, help="one line of JSON per case and way (default: a name by split and seed)")
     ask.add_argument("--score", action="store_true", help="investigate nothing more")
     workers_options(ask, "processes")
+    write_option(ask)
     args = ask.parse_args()
     path = args.out or Path(f"investigating-{args.split}-{args.seed}.jsonl")
     every = deck(args.split, args.seed)
@@ -55,6 +57,7 @@ def main() -> None:
         print(f"{row['name']} {row['way']}: {row['reason']}, {row['rounds']} rounds, {row['cpu_s']:.0f} s", flush=True)
     assert len(opened(every, sealed)) == len(every)
     print(score(cases, told, args.ways))
+    publish("investigating", figures(cases, told, args.ways), args.write)
 
 
 if __name__ == "__main__":

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from tests.apparatus.cases import Case
+from tests.benchmarks.figures import table
 
 Row = Mapping[str, Any]
 Rows = Mapping[tuple[str, str], Row]
 
 #: What an end amounts to, best first. Nothing named where something is concealed is a miss: it may be too small to see.
 ENDS = ("right", "undecided", "missed", "wrong name")
+SPENT = ("rounds", "minutes", "snaps")
 HEAD = f"{'way':<8} {'cases':>5} {'right':>6} {'undecided':>10} {'missed':>7} {'wrong name':>11}"
 
 
@@ -32,10 +35,8 @@ def score(cases: Sequence[Case], told: Rows, ways: Sequence[str]) -> str:
     """A report in lines: each case, each way, and the loop against every other way on the cases that both did."""
     lines = [f"{HEAD}   rounds, minutes, snaps (median; of those that are right: rounds)   CPU/s"]
     lines += [_way(way, [(c, told[c.name, way]) for c in cases if (c.name, way) in told]) for way in ways]
-    for other in ways:
-        both = [c for c in cases if {(c.name, "loop"), (c.name, other)} <= set(told)]
-        if other != "loop" and both:
-            lines.append(_against(other, [(c, told[c.name, "loop"], told[c.name, other]) for c in both]))
+    compared = {other: against(other, cases, told) for other in ways if other != "loop"}
+    lines += [_against(other, one) for other, one in compared.items() if one.both]
     lines.append("")
     for case in cases:
         rows = [(way, told[case.name, way]) for way in ways if (case.name, way) in told]
@@ -45,31 +46,74 @@ def score(cases: Sequence[Case], told: Rows, ways: Sequence[str]) -> str:
     return "\n".join(lines)
 
 
-def _way(way: str, done: Sequence[tuple[Case, Row]]) -> str:
+def figures(cases: Sequence[Case], told: Rows, ways: Sequence[str]) -> dict[str, str]:
+    """Tables for the README: what each way came to, and the loop's costs over each other way's."""
+    done = {way: [(c, told[c.name, way]) for c in cases if (c.name, way) in told] for way in ways}
+    head = ["way", "cases", *ENDS, "runs", "minutes", "snaps", "CPU, s"]
+    each = [[way, str(len(rows)), *map(str, _ends(rows)), *_medians(rows)] for way, rows in done.items() if rows]
+    over = [
+        [f"loop over {other}", str(one.both), str(one.right), str(len(one.gained)), *map(_share, one.spent.values())]
+        for other in ways
+        if other != "loop" and (one := against(other, cases, told)).both
+    ]
+    costs = ["", "cases", "both right", "wrong names gained", "runs", "minutes", "snaps"]
+    return {"ways": table(head, each), "costs": table(costs, over)}
+
+
+def _ends(done: Sequence[tuple[Case, Row]]) -> list[int]:
     ends = [end_of(case, row) for case, row in done]
-    counts = [ends.count(end) for end in ENDS]
+    return [ends.count(end) for end in ENDS]
+
+
+def _medians(done: Sequence[tuple[Case, Row]]) -> list[str]:
+    rounds, minutes, snaps, cpu = (_median([row[what] for _, row in done]) for what in (*SPENT, "cpu_s"))
+    return [f"{rounds:g}", f"{minutes:.2f}", f"{snaps:g}", f"{cpu:.0f}"]
+
+
+def _way(way: str, done: Sequence[tuple[Case, Row]]) -> str:
+    counts = _ends(done)
     line = f"{way:<8} {len(done):>5} {counts[0]:>6} {counts[1]:>10} {counts[2]:>7} {counts[3]:>11}"
     if not done:
         return line
-    spent = [_median([row[what] for _, row in done]) for what in ("rounds", "minutes", "snaps")]
-    right = [row["rounds"] for (_, row), end in zip(done, ends, strict=True) if end == "right"]
-    of_right = f"{_median(right):g}" if right else "-"
-    cpu = _median([row["cpu_s"] for _, row in done])
-    return f"{line}   {spent[0]:g}, {spent[1]:.2f}, {spent[2]:g}; {of_right}   {cpu:.0f}"
+    *spent, cpu = _medians(done)
+    right = [row["rounds"] for case, row in done if end_of(case, row) == "right"]
+    return f"{line}   {', '.join(spent)}; {f'{_median(right):g}' if right else '-'}   {cpu}"
 
 
-def _against(other: str, both: Sequence[tuple[Case, Row, Row]]) -> str:
-    """Costs where both are right, and wrong names that only the loop gives."""
+@dataclass(frozen=True)
+class Against:
+    """The loop beside another way on the cases that ``both`` did: cases in which both are ``right``, what was ``spent``
+    there by (loop, other), and cases in which only the loop gives a wrong name."""
+
+    both: int
+    right: int
+    spent: Mapping[str, tuple[float, float]]
+    gained: Sequence[str]
+
+
+def against(other: str, cases: Sequence[Case], told: Rows) -> Against:
+    """The loop beside another way."""
+    both = [(c, told[c.name, "loop"], told[c.name, other]) for c in cases if _both(c, other, told)]
     right = [(mine, theirs) for c, mine, theirs in both if end_of(c, mine) == end_of(c, theirs) == "right"]
-    gained = [c for c, mine, theirs in both if end_of(c, mine) == "wrong name" != end_of(c, theirs)]
-    line = f"loop against {other}: wrong names gained {len(gained)} of {len(both)}"
-    line += f" ({', '.join(c.name for c in gained)})" if gained else ""
-    line += f"; both right in {len(right)}"
-    for what in ("rounds", "minutes", "snaps"):
-        mine, theirs = sum(m[what] for m, _ in right), sum(t[what] for _, t in right)
-        if theirs:
-            line += f"; {what} {mine:.3g} of {theirs:.3g} ({100 * mine / theirs:.0f} %)"
-    return line
+    gained = [c.name for c, mine, theirs in both if end_of(c, mine) == "wrong name" != end_of(c, theirs)]
+    spent = {what: (sum(m[what] for m, _ in right), sum(t[what] for _, t in right)) for what in SPENT}
+    return Against(len(both), len(right), spent, gained)
+
+
+def _both(case: Case, other: str, told: Rows) -> bool:
+    return {(case.name, "loop"), (case.name, other)} <= set(told)
+
+
+def _against(other: str, one: Against) -> str:
+    line = f"loop against {other}: wrong names gained {len(one.gained)} of {one.both}"
+    line += f" ({', '.join(one.gained)})" if one.gained else ""
+    costs = "; ".join(f"{what} {_share(spent)}" for what, spent in one.spent.items())
+    return f"{line}; both right in {one.right}; {costs}"
+
+
+def _share(spent: tuple[float, float]) -> str:
+    mine, theirs = spent
+    return f"{mine:.3g} of {theirs:.3g}" + (f" ({100 * mine / theirs:.0f} %)" if theirs else "")
 
 
 def _spent(row: Row) -> str:

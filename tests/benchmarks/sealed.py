@@ -29,7 +29,7 @@ from tests.benchmarks.concealed_score import (
     two_named,
     wrong,
 )
-from tests.benchmarks.figures import publish, write_option
+from tests.benchmarks.figures import publish, table, write_option
 
 DECKS = Path(__file__).with_name("decks")
 #: Squared sigmas that the base leaves of all but 5 % of the cases in which nothing is concealed (deck final-20261129).
@@ -58,12 +58,12 @@ def main() -> None:
     many = [(path, done) for path, done in then if len(done) >= RELIABLE]
     again = [(path, done) for path, done in now if len(done) >= RELIABLE]
     tables = {
-        "then": _table(HEAD, [[_named(path), *line(done)] for path, done in then]),
-        "now": _table(HEAD[:-RAN], [[_named(path), *line(done)[:-RAN]] for path, done in now]),
-        "reliability-then": _table(SAID, [[_named(path), *reliability(done)] for path, done in many]),
-        "reliability-now": _table(SAID, [[_named(path), *reliability(done)] for path, done in again]),
+        "then": table(HEAD, [[_named(path), *line(done)] for path, done in then]),
+        "now": table(HEAD[:-RAN], [[_named(path), *line(done)[:-RAN]] for path, done in now]),
+        "reliability-then": table(SAID, [[_named(path), *reliability(done)] for path, done in many]),
+        "reliability-now": table(SAID, [[_named(path), *reliability(done)] for path, done in again]),
     }
-    print(*(f"{name}{table}" for name, table in tables.items()), sep="\n")
+    print(*(f"{name}{text}" for name, text in tables.items()), sep="\n")
     publish("sealed", tables, args.write)
 
 
@@ -119,11 +119,6 @@ def _named(path: Path) -> str:
 
 def _of(k: int, n: int) -> str:
     return f"{k} of {n}" if n else ""
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = (f"| {' | '.join(words)} |" for words in (head, ["---"] * len(head), *rows))
-    return "\n".join(["", *lines, ""])
 
 
 if __name__ == "__main__":
