@@ -11,7 +11,8 @@ from straw.model.parameters import StrawParameters, straw_from_toml
 from straw.model.simulate import simulate
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import fitted
-from straw.replay.diagnose.formula import Formula, Tangent, deviations, sparse
+from straw.replay.diagnose.formula import Formula
+from straw.replay.diagnose.formula_fit import Tangent, deviations, sparse
 from straw.replay.diagnose.systems.straw.constants import applied, base_unknowns
 from straw.replay.diagnose.systems.straw.dictionary import atoms
 from straw.replay.diagnose.systems.straw.instrument import Instrument
@@ -61,7 +62,7 @@ def test_a_formula_leaves_out_what_the_base_can_compensate():
     known = np.eye(8) * 1e4
     line = known @ v
     H = known - np.outer(line, line) / (v @ line)
-    t = Tangent(12.0 * v**2 - 3.0 * v, np.zeros(8), H, np.ones(8))
+    t = Tangent(12.0 * v**2 - 3.0 * v, np.zeros(8), H, np.ones(8), np.zeros((0, 8)), np.zeros(0))
     chosen, a = sparse(t, v, atoms(state, v))[0]
     assert [atom.text for atom in chosen] == ["|v| v"]
     assert a == pytest.approx([12.0])

@@ -76,15 +76,20 @@ def _missing(m: Any) -> LawTold:
     if m.formula is None:
         return LawTold(says, "", "", [], _drawn(curve))
     x = np.linspace(m.at[0], m.at[-1], POINTS)
-    names = [f"a_{k}" for k in range(1, len(m.formula.atoms) + 1)]
-    parts = (f"{name} {atom.text}".strip() for name, atom in zip(names, m.formula.atoms, strict=True))
-    told = [
-        Constant(name, "", float(c), float(c - INTERVAL * e), float(c + INTERVAL * e), unit)
-        for name, c, e, unit in zip(names, m.formula.coefficients, m.formula.sigmas, m.formula.units, strict=True)
-    ]
+    parts, told = [], []
+    rows = zip(m.formula.atoms, m.formula.coefficients, m.formula.sigmas, m.formula.units, strict=True)
+    for k, (atom, c, e, unit) in enumerate(rows, 1):
+        parts.append(f"a_{k} {atom.named(f'c_{k}')}".strip())
+        told.append(_constant(f"a_{k}", c, e, unit))
+        if shape := atom.shape:
+            told.append(_constant(f"c_{k}", shape.value * shape.per, shape.sigma * shape.per, shape.unit))
     keeps = f"The formula keeps {100 * m.formula.keeps:.0f} % of what the curve gains."
     picture = law_curve(curve, (scale * x, m.formula.of(x)))
     return LawTold(says, f"{m.formula.symbol} = {' + '.join(parts)}", keeps, told, f"<figure>{picture}</figure>")
+
+
+def _constant(name: str, value: float, sigma: float, unit: str) -> Constant:
+    return Constant(name, "", float(value), float(value - INTERVAL * sigma), float(value + INTERVAL * sigma), unit)
 
 
 def _drawn(curve: LawCurve) -> str:

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Fit
-from straw.replay.diagnose.formula import Formula, formula, tangent
+from straw.replay.diagnose.formula import Formula
+from straw.replay.diagnose.formula_fit import formula, tangent
 from straw.replay.diagnose.inquiry import Told, silent
 from straw.replay.diagnose.judge import unexplained
 from straw.replay.diagnose.settings import NOISE_LEAVES

@@ -1,0 +1,194 @@
+"""The shortest formula that fits the runs as well as a curve: best subsets of a dictionary, then fitted to the runs."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.fit import Fit, prior_cost
+from straw.replay.diagnose.fit import fitted as fitted_unknowns
+from straw.replay.diagnose.formula import Atom, Sum
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.numerical import jacobian
+from straw.replay.diagnose.robust import robust_cost, weights
+
+Floats = NDArray[np.float64]
+
+#: How many sums of one, two and three functions are tried on the runs; the condition number at which some count as
+#: alike.
+KEPT, ALIKE = (3, 2, 1), 12.0
+#: Rounds of a sum's fit and of the chosen one's, and the share of the gain that another constant has to earn.
+ROUNDS, LAST_ROUNDS, EARNS = 4, 10, 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Tangent:
+    """The likelihood of a curve near its fit, profiled over the base's constants: -2 log L = 2 g d + d H d + const.
+
+    ``d`` are the curve's values less ``values``, (n,).
+    """
+
+    values: Floats
+    g: Floats
+    H: Floats
+    sigmas: Floats  # (n,) one deviation of each value, the roughness penalty and the values' prior included
+    follow: Floats  # (base, n) how the optimum of the base's u follows d,
+    rest: Floats  # (base,) and its step where d = 0
+
+    def base_step(self, values: Floats) -> Floats:
+        """Step of the base's u to the optimum beside other values of the curve (n,)."""
+        return self.rest + self.follow @ (values - self.values)
+
+
+def tangent(fit: Fit, base: int, smooth: Floats) -> Tangent:
+    """Of a fit of which all unknowns but the first ones, ``base``, are the curve's; ``smooth`` (k, unknowns) times u is
+    the roughness penalty, of which no row holds both.
+
+    Robust weights; misfit beyond noise widens all uncertainties.
+    """
+    w, unknowns = weights(fit.residual), fit.unknowns
+    spread = max(1.0, float(np.mean(w * fit.residual**2)))
+    S, s = (fit.slopes * w[:, None]).T @ fit.slopes / spread, fit.slopes.T @ (w * fit.residual) / spread
+    prior = np.diag([1 / k.sd**2 for k in unknowns]) + smooth.T @ smooth
+    sigmas_u = deviations(S + prior)[base:]
+    pull = smooth.T @ (smooth @ fit.u) + [(u - k.mean) / k.sd**2 for k, u in zip(unknowns, fit.u, strict=True)]
+    S[:base, :base] += prior[:base, :base]
+    s[:base] += pull[:base]
+    beside = np.linalg.solve(S[:base, :base], np.column_stack([S[:base, base:], s[:base]]))
+    per_u = np.array([k.per_u(float(u)) for k, u in zip(unknowns[base:], fit.u[base:], strict=True)])
+    H = (S[base:, base:] - S[base:, :base] @ beside[:, :-1]) / np.outer(per_u, per_u)
+    g = (s[base:] - S[base:, :base] @ beside[:, -1]) / per_u
+    values = np.array([k.value(float(u)) for k, u in zip(unknowns[base:], fit.u[base:], strict=True)])
+    follow: Floats = -(beside[:, :-1] / per_u).astype(np.float64)
+    return Tangent(values, g, H, np.abs(per_u) * sigmas_u, follow, np.asarray(-beside[:, -1]))
+
+
+def deviations(information: Floats) -> Floats:
+    """Standard deviations (n,) from a positive definite information matrix (n, n), also where it is nearly singular:
+    there they are large, limited by the accuracy of its elements."""
+    size = np.sqrt(np.diag(information))
+    values, ways = np.linalg.eigh(information / np.outer(size, size))
+    values = np.maximum(values, len(size) * np.finfo(float).eps)
+    return np.asarray(np.sqrt(np.sum(ways**2 / values, axis=1)) / size)
+
+
+def sparse(t: Tangent, at: Floats, atoms: Sequence[Atom]) -> list[tuple[tuple[Atom, ...], Floats]]:
+    """Atoms and coefficients of the sums nearest to the curve in the runs' likelihood: a few of each size.
+
+    Exhaustive, and the first atom alone in any case; ``at`` (n,) in SI. Parts that the base's constants can compensate
+    cost nothing, so they need not be in a sum.
+    """
+    table = np.stack([atom.of(at) for atom in atoms], axis=1)
+    size = np.linalg.norm(table, axis=0)
+    table = table / size
+    target = t.H @ t.values - t.g
+    found = []
+    for k, most in enumerate(KEPT, 1):
+        rows = []
+        for chosen in itertools.combinations(range(len(atoms)), k):
+            A = table[:, chosen]
+            if np.linalg.cond(A) > ALIKE:  # the difference of two nearly equal functions is not informative
+                continue
+            a = np.linalg.lstsq(A.T @ t.H @ A, A.T @ target, rcond=1e-10)[0]
+            rows.append((_misfit(t, A @ a), chosen, a / size[list(chosen)]))
+        simplest = [row for row in rows if row[1] == (0,)]
+        rows.sort(key=lambda row: row[0])
+        tried = [*rows[:most], *(row for row in simplest if row[1] not in [r[1] for r in rows[:most]])]
+        found += [(tuple(atoms[j] for j in chosen), a) for _, chosen, a in tried]
+    return found
+
+
+class Formed(Campaign):
+    """A campaign in which a curve is a sum of functions, whose unknowns follow the base's."""
+
+    curve: tuple[Unknown, ...]  # the base's and the curve's
+    form: Sum
+
+    @classmethod
+    def of(cls, campaign: Campaign, curve: tuple[Unknown, ...], form: Sum) -> Formed:
+        """The campaign with the curve's unknowns as such a sum."""
+        out = cls(campaign.observations, campaign.system, campaign.pool, campaign.stop, campaign.level)
+        out.tally, out.random_effects = campaign.tally, campaign.random_effects
+        out.curve, out.form = curve, form
+        return out
+
+    def residuals(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[Floats]:
+        """Residuals (m,) at each point."""
+        return super().residuals(self.curve, [self._u(p) for p in points])
+
+    def linearised(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[tuple[Floats, Floats]]:
+        """Residuals (m,) and Jacobian (m, unknowns) at each point, by the chain rule."""
+        base = len(self.curve) - len(self.form.at)
+        out = []
+        for point, (r, J) in zip(points, super().linearised(self.curve, [self._u(p) for p in points]), strict=True):
+            own = jacobian(self.form.values, unknowns[base:], point[base:], self.form.values(point[base:]))
+            out.append((r, np.hstack([J[:, :base], J[:, base:] @ own])))
+        return out
+
+    def _u(self, point: Floats) -> Floats:
+        base = len(self.curve) - len(self.form.at)
+        return np.concatenate([point[:base], self.form.values(point[base:])])
+
+
+def fitted(
+    campaign: Campaign, curve: Sequence[Unknown], u: Floats, others: Floats, form: Sum, rounds: int, share: float
+) -> Fit:
+    """A sum of atoms fitted to the runs themselves, beside the base at u (base,).
+
+    ``curve`` are the unknowns of base and curve, ``others`` (k, base) the roughness penalty of what is beside
+    the curve.
+    """
+    base = others.shape[1]
+    own, start = form.unknowns()
+    smooth = np.hstack([others, np.zeros((len(others), len(own)))])
+    here = Formed.of(campaign, tuple(curve), form)
+    u = np.concatenate([u, start])
+    return fitted_unknowns(here, (*curve[:base], *own), u, rounds=rounds, share=share, smooth=smooth)
+
+
+def formula(
+    campaign: Campaign, fit: Fit, base: int, smooth: Floats, at: Floats, atoms: Sequence[Atom], null_cost: float
+) -> tuple[tuple[Atom, ...], Floats, Floats, float]:
+    """The fewest atoms that explain the runs nearly as well as any: they with their shapes, coefficients, sigmas, share
+    of the gain kept.
+
+    Another constant must gain its cost, or a share of the whole gain, as no law has exactly the true form. Deviations
+    are those of coefficients and shapes together, the base's constants free.
+    """
+    t, count, others = tangent(fit, base, smooth), len(fit.residual), smooth[:, :base]
+    best: tuple[float, Sum, Fit] | None = None
+    curve_cost = robust_cost(fit.residual) + prior_cost(fit.unknowns[:base], fit.u[:base])
+    curve_cost += float(np.sum((others @ fit.u[:base]) ** 2))
+    price = max(float(np.log(count)), EARNS * (null_cost - curve_cost))
+    scale = np.array([k.scale for k in fit.unknowns[base:]])
+    for chosen, start in sparse(t, at, atoms):
+        form = Sum(chosen, start, at, scale)
+        beside = fit.u[:base] + t.base_step(form.values(form.unknowns()[1]) * scale)
+        end = fitted(campaign, fit.unknowns, beside, others, form, ROUNDS, 2e-3)
+        score = end.cost + price * sum(atom.numbers for atom in chosen)
+        if best is None or score < best[0]:
+            best = score, form, end
+        if campaign.stop():
+            break
+    assert best is not None
+    _, form, end = best
+    own = end.u[base:]
+    form = Sum(form.atoms_at(own), form.coefficients(own), at, scale)
+    end = fitted(campaign, fit.unknowns, end.u[:base], others, form, LAST_ROUNDS, 1e-4)
+    w, u = weights(end.residual), end.u[base:]
+    spread = max(1.0, float(np.mean(w * end.residual**2)))
+    prior = np.diag([1 / k.sd**2 for k in end.unknowns])
+    prior[:base, :base] += others.T @ others
+    sigmas = deviations((end.slopes * w[:, None]).T @ end.slopes / spread + prior)[base:]
+    keeps = (null_cost - end.cost) / max(null_cost - curve_cost, 1e-9)
+    return form.atoms_at(u, sigmas), form.coefficients(u), np.abs(form.start * sigmas[: len(form.start)]), keeps
+
+
+def _misfit(t: Tangent, values: Floats) -> float:
+    d = values - t.values
+    return float(2 * t.g @ d + d @ t.H @ d)
