@@ -1,4 +1,4 @@
-"""Opens a page in headless Chromium, without a driver: a script at its end asks and writes the answer into the page."""
+"""Opens a page in headless Chromium without a driver: a script at its end writes its result into the page."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ QUIET += " --disable-component-update --disable-sync --lang=en-US --hide-scrollb
 
 
 def chromium() -> str:
-    """The browser; skips the test, saying so, where there is none."""
+    """Path of the browser; skips the test, saying so, where there is none."""
     found = next(filter(None, map(shutil.which, NAMES)), None)
     if found is None:
         pytest.skip("no Chromium here: the page was not opened")
@@ -26,7 +26,7 @@ def chromium() -> str:
 
 
 def asked(page: str, script: str, folder: Path, *options: str) -> Any:
-    """What a script returns at the end of a page; errors of the page come first, under "errors"."""
+    """What a script at the end of a page returns, with the page's own errors first, under "errors"."""
     catch = "<script>window.errors = []; addEventListener('error', (e) => errors.push(e.message));</script>"
     ask = f"""<script>
     (async () => {{ {script} }})().catch((e) => {{ errors.push(String(e)); }}).then((answer) => {{

@@ -1,4 +1,4 @@
-"""Drives headless Chromium over its own protocol: tabs that are opened, asked, clicked, looked at and frozen."""
+"""Drives headless Chromium over its DevTools protocol: opens tabs, evaluates scripts, sends keys, takes screenshots."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ READY = "document.readyState === 'complete'"
 
 
 class Tab:
-    """One page; ``js`` evaluates and waits for promises, ``until`` waits for a truth."""
+    """One page; ``js`` evaluates and waits for promises, ``until`` waits for a condition."""
 
     def __init__(self, url: str) -> None:
         self.stack = ExitStack()

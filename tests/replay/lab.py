@@ -1,4 +1,4 @@
-"""A lab for tests: served in this process, on a folder of the test's own, with no browser needed to ask it."""
+"""A lab for tests: served in this process, on a folder of the test's own, and queried without a browser."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from straw.replay.lab.server import make
 
 
 class ServedLab:
-    """``with ServedLab(folder) as lab``: its ``door``, and ``get`` and ``post`` as its own pages ask."""
+    """``with ServedLab(folder) as lab``: its ``door``, and ``get`` and ``post`` send what its own pages send."""
 
     def __init__(self, folder: Path, *, rig: Path | None = None, emulate: bool = False) -> None:
         task = {"folder": str(folder), "rig": str(rig) if rig else "", "emulate": emulate}
@@ -35,7 +35,7 @@ class ServedLab:
 
     @property
     def own(self) -> dict[str, str]:
-        """Headers of a page of the lab's."""
+        """Headers that one of the lab's own pages sends."""
         return headers_of(self.door)
 
     def raw(self, method: str, path: str, headers: dict[str, str] | None = None, body: str = "") -> tuple[int, Any]:
@@ -70,7 +70,7 @@ class ServedLab:
 
 
 def headers_of(door: Door) -> dict[str, str]:
-    """What a browser sends for a page of a door's own, and the page itself."""
+    """What a browser sends for a page that a door has served, and the page itself."""
     return {
         "Host": f"127.0.0.1:{door.port}",
         "Origin": f"http://127.0.0.1:{door.port}",

@@ -1,4 +1,4 @@
-"""A fake world for the closed loop: what can be run, what is found, where the process dies; and a loop through it."""
+"""Fakes for the closed loop: scripted experiments, findings and crashes of the process; and a loop run on them."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ def offered(
 
 
 class Crash(BaseException):
-    """The process dies."""
+    """Stands for the death of the process."""
 
 
 class Fakes:
-    """A world outside the loop that outlives it: ``named_after`` runs the cause is sure. ``crash`` names the step at
-    which, the next time it is taken, the process dies before and with ``late`` after the step was done."""
+    """The steps of a loop, in memory, which outlive its crashes. After ``named_after`` runs the cause is certain.
+    ``crash`` names a step: the next time it is taken the process dies, before it is done or, with ``late``, after."""
 
     def __init__(self, named_after: int = 2, menu: Sequence[Proposal] = ()) -> None:
         self.named_after = named_after
         self.menu = list(menu) or [offered("a", 0.6), offered("b", 0.5), offered("c", 0.4)]
         self.sure = Found("missing_physics", ("cohesion",), SURE, "cohesion is missing")
-        self.unsure = [Found("ambiguous", ("cohesion",), UNSURE, "not told")]  # the last of them again and again
+        self.unsure = [Found("ambiguous", ("cohesion",), UNSURE, "not told")]  # the last one is repeated
         self.answer, self.forbidden, self.tracks, self.hand = "somebody", set[str](), True, ""
         self.ended: dict[str, Ran] = {}
         self.status, self.error = "success", ""
@@ -104,8 +104,8 @@ class Fakes:
         return self.tracks
 
 
-class Mortal(Log):
-    """A log of a process that writes nothing any more once it is dead, and may die behind its nth line."""
+class CrashingLog(Log):
+    """A log that refuses to write once the process is dead; ``until`` is the line after which the process dies."""
 
     fakes: Fakes
     until = 10**9
@@ -130,7 +130,7 @@ def went(
     until: int = 10**9,
 ) -> Stop:
     fakes.dead = False
-    with Mortal(path) as log:
+    with CrashingLog(path) as log:
         log.fakes, log.until = fakes, until
         return Loop(log, fakes, budget or Budget(), certainty, yes).run()
 

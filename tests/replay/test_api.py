@@ -19,7 +19,7 @@ PROTOCOL = 'name = "p"\npressure_unit = "kPa"\ninitial_deployed = [1, 4]\n[[main
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a protocol, a run on the emulator and the tip that a perfect camera saw."""
+    """A folder with a protocol, a run on the emulator and its tip as an ideal camera records it."""
     folder = tmp_path_factory.mktemp("place")
     (folder / "p.toml").write_text(PROTOCOL)
     run = ["rig", "run", str(folder / "p.toml"), "--emulate", "--fast", "-o", str(folder / "run.mcap")]
@@ -57,13 +57,13 @@ def test_times_and_start_may_be_given_with_any_pressure(place: Path) -> None:
     assert len(straw.simulate(None, straw.load_protocol(place / "p.toml"), [0.0, 0.05]).time_s) == 2
 
 
-def test_a_derivative_is_what_a_small_change_of_the_constant_does(place: Path) -> None:
+def test_a_derivative_agrees_with_a_finite_difference_of_the_constant(place: Path) -> None:
     d = straw.differentiate(None, place / "p.toml", ["c_zeta_n_s_per_m", "delay_s"])
     assert d.x_m.shape == (48, 2)
     base = straw.StrawParameters()
     step = 1.0
     a, b = (straw.simulate(base.replace(c_zeta_n_s_per_m=620 + k * step), place / "p.toml").x_m for k in (-1, 1))
-    # both runs are good to TOLERANCE_M a step, hence their difference to the size of one over 2 step
+    # each run is accurate to TOLERANCE_M, hence their central difference to TOLERANCE_M / step
     np.testing.assert_allclose(d.x_m[:, 0], (b - a) / (2 * step), atol=1e-6 / (2 * step))
 
 
@@ -89,7 +89,7 @@ def test_a_recording_that_is_written_reads_the_same(place: Path) -> None:
     for log in ("pressure", "command", "tip"):
         one, other = getattr(read, log), getattr(back, log)
         for name in vars(one):
-            # a time is kept in ns
+            # times are stored in ns
             np.testing.assert_allclose(
                 np.asarray(getattr(one, name), float), np.asarray(getattr(other, name), float), rtol=0, atol=1e-9
             )
@@ -107,7 +107,7 @@ def test_a_recording_that_is_written_reads_the_same(place: Path) -> None:
         ({}, "nothing to write"),
     ],
 )
-def test_columns_that_are_no_recording_are_refused_in_one_line(
+def test_columns_that_do_not_form_a_recording_are_refused_in_one_line(
     tmp_path: Path, given: dict[str, object], words: str
 ) -> None:
     with pytest.raises(straw.USER_ERRORS, match=words) as refused:
@@ -133,7 +133,7 @@ def test_a_run_on_the_emulator_is_a_recording(place: Path) -> None:
     assert "ob1-mk4" in straw.controllers()
 
 
-def test_results_show_themselves_and_become_data_frames(place: Path) -> None:
+def test_results_have_an_html_view_and_convert_to_data_frames(place: Path) -> None:
     results = [
         straw.load_protocol(place / "p.toml"),
         straw.read_recording(place / "run.mcap", place / "tip.mcap"),
@@ -150,7 +150,7 @@ def test_results_show_themselves_and_become_data_frames(place: Path) -> None:
         assert all(len(name.rsplit("_", 1)) == 2 for name in frame.columns if name not in ("run", "valid"))
 
 
-def test_a_diagnosis_shows_itself_and_writes_its_page_and_straw(tmp_path: Path) -> None:
+def test_a_diagnosis_has_an_html_view_and_writes_its_page_and_straw(tmp_path: Path) -> None:
     """One run without a snap, with two causes in question: the shortest diagnosis there is."""
     (run,) = campaign((), 3, ("staircase",), NONE)
     most = [name for name in causes(9) if name not in ("clock_offset", "gauge_gain")]
@@ -159,7 +159,7 @@ def test_a_diagnosis_shows_itself_and_writes_its_page_and_straw(tmp_path: Path) 
     assert steps
     assert found.verdict in ("complete", "ambiguous", "within_tolerance")
     assert found.to_dataframe()["probability"].sum() == pytest.approx(1.0)
-    assert len(found.heldout["channel"]) == 0  # nothing can be held out of one run
+    assert len(found.heldout["channel"]) == 0  # a single run leaves nothing to hold out
     assert set(found.located) == {"run", "channel", "phase", "from_s", "to_s", "share_of_misfit"}
     assert "<svg" in found._repr_html_()
     assert repr(found) == f"<Diagnosis: {found.verdict}: {found.says}>"
@@ -169,7 +169,7 @@ def test_a_diagnosis_shows_itself_and_writes_its_page_and_straw(tmp_path: Path) 
     assert json.loads(json.dumps(found.as_json()))["verdict"] == found.verdict
 
 
-def test_a_system_of_ones_own_is_diagnosed_from_arrays(tmp_path: Path) -> None:
+def test_a_users_own_system_is_diagnosed_from_arrays(tmp_path: Path) -> None:
     (tmp_path / "line.py").write_text(
         'time = "t"\ninputs = {"u": ("u", "V")}\nchannels = {"y": ("y", "N")}\n'
         'constants = {"a": (2.0, "N/V", 0.5, 8.0)}\n'
@@ -218,7 +218,7 @@ def test_a_table_is_interpreted_then_stated_then_written(tmp_path: Path) -> None
         straw.import_tables(path, columns={"druck": "Druck"})
 
 
-def test_a_figure_of_merit_of_ones_own_is_judged_by_replay(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_users_own_figure_of_merit_is_judged_by_replay(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("STRAW_FIGURES", "")
     (place / "f.py").write_text(
         "import straw\nFIGURE = straw.FigureOfMerit('deepest', 'Pa', 'most suction', lambda m: m.pressure_pa.min())\n"
@@ -229,7 +229,7 @@ def test_a_figure_of_merit_of_ones_own_is_judged_by_replay(place: Path, monkeypa
     assert found.measured == found.predicted == pytest.approx(-5e3, rel=0.05)
 
 
-def test_without_pandas_the_cure_is_named(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_pandas_the_error_says_what_to_install(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(straw.ReplayError, match="pip install pandas"):
         straw.load_protocol(place / "p.toml").to_dataframe()

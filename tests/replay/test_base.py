@@ -39,7 +39,7 @@ def _told(monkeypatch: pytest.MonkeyPatch, left: dict[str, float]) -> list[str]:
     return telling_runs(cast(Campaign, SimpleNamespace(observations=RUNS)), None)  # type: ignore[arg-type]
 
 
-def test_the_most_informative_runs_of_different_starts_and_one_without_a_snap_are_used(monkeypatch) -> None:
+def test_the_most_informative_run_of_each_start_and_one_without_a_snap_are_used(monkeypatch) -> None:
     assert sorted(_told(monkeypatch, {})) == ["deploy-1", "fold", "fold-other", "staircase"]
 
 

@@ -1,4 +1,4 @@
-"""A second cause is accepted where it gains more than chance gives in simulated campaigns with the first alone."""
+"""A second cause is accepted where it gains more than it does by chance in simulated campaigns with the first alone."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def alone() -> Iterator[Inquiry]:
         yield inquire(records(0.0), OscillatorSystem(), library=("cubic_stiffness",), executor=pool)
 
 
-def test_one_cause_of_one_constant_gains_by_chance_what_chi_square_of_one_says(alone):
+def test_by_chance_a_cause_with_one_constant_gains_a_chi_square_of_one_degree_of_freedom(alone):
     fit, other = alone.best, alone.campaign.hypothesis(["quadratic_damping"])
     noise = np.random.default_rng(1).normal(size=len(fit.residual))
     gains = chance_gains(alone.campaign, fit, [other], noise)
@@ -51,7 +51,7 @@ def test_one_cause_of_one_constant_gains_by_chance_what_chi_square_of_one_says(a
         assert share == pytest.approx(beyond, abs=4 * np.sqrt(beyond * (1 - beyond) / SIMULATED))
 
 
-def test_a_second_cause_that_is_there_is_accepted_and_the_findings_say_against_what():
+def test_a_second_cause_that_is_present_is_accepted_and_the_findings_name_the_null_it_was_tested_against():
     with ThreadPoolExecutor() as pool:
         found = inquire(records(FRICTION), OscillatorSystem(), executor=pool)
         findings = conclude(found, brief=True)
@@ -61,10 +61,10 @@ def test_a_second_cause_that_is_there_is_accepted_and_the_findings_say_against_w
     assert any(f"{SIMULATED} simulated campaigns with {chance.first.replace('_', ' ')}" in n for n in findings.notes)
 
 
-def test_a_second_cause_that_gains_no_more_than_chance_is_left_out_however_probable_it_seemed(alone):
-    class Convinced(Inquiry):
+def test_a_second_cause_that_gains_no_more_than_by_chance_is_left_out_whatever_its_probability(alone):
+    class SureOfTheBestFit(Inquiry):
         def judgement(self):
-            """Whatever fits best is the most probable."""
+            """Gives the best fit a probability of one."""
             return SimpleNamespace(probability={self.contestants[0].name: 1.0})
 
     campaign, first = alone.campaign, alone.contestants[0]
@@ -73,8 +73,8 @@ def test_a_second_cause_that_gains_no_more_than_chance_is_left_out_however_proba
     both = Contestant(
         second.beside(first.hypothesis), fitted(campaign, (*first.fit.unknowns, *second.unknowns), u, rounds=40)
     )
-    assert both.cost < first.cost  # one more constant always gains something
-    found = Convinced(campaign, alone.null)
+    assert both.cost < first.cost  # an additional constant always lowers the cost
+    found = SureOfTheBestFit(campaign, alone.null)
     found.keep(first)
     found.keep(both)
     accept(found, campaign.system.causes)

@@ -25,7 +25,7 @@ ZERO_NS = 1_795_000_000_000_000_000
 
 
 def test_help_loads_none_of_the_heavy_libraries() -> None:
-    """That is what keeps the answer under 0.3 s, on any machine."""
+    """Loading none of them keeps the answer under 0.3 s, on any machine."""
     code = (
         "import sys; from straw.replay.cli import parser; parser().format_help(); "
         "print(*{'numpy', 'scipy', 'cv2', 'numba', 'av', 'mcap', 'serial', 'google', 'matplotlib'} & set(sys.modules))"
@@ -67,12 +67,12 @@ def recording(path: Path, *, pressure: bool = True, tip: bool = True, deployed: 
 
 
 def refused(capsys: pytest.CaptureFixture[str], *argv: str | Path) -> str:
-    """The one line a command says when it refuses; nothing is left behind that was not there before."""
+    """The one line with which a command refuses its input; it must leave no new file behind."""
     folder = Path(str(argv[-1])).parent
     before = {p for p in folder.rglob("*") if p.suffix in (".part", ".mcap", ".html", ".json")}
     try:
         code = main([str(a) for a in argv])
-    except SystemExit as stop:  # how argparse leaves
+    except SystemExit as stop:  # argparse exits this way
         code = stop.code  # type: ignore[assignment]
     said = capsys.readouterr()
     assert code == 2, said
@@ -97,9 +97,9 @@ def an_empty_file(folder: Path, suffix: str) -> Path:
     return folder / f"empty{suffix}"
 
 
-def rubbish(folder: Path, suffix: str) -> Path:
-    (folder / f"rubbish{suffix}").write_bytes(bytes(range(256)) * 40)
-    return folder / f"rubbish{suffix}"
+def random_bytes(folder: Path, suffix: str) -> Path:
+    (folder / f"random_bytes{suffix}").write_bytes(bytes(range(256)) * 40)
+    return folder / f"random_bytes{suffix}"
 
 
 def a_truncated_recording(folder: Path, suffix: str) -> Path:
@@ -109,7 +109,7 @@ def a_truncated_recording(folder: Path, suffix: str) -> Path:
     return path
 
 
-FILES = [no_file, a_directory, an_empty_file, rubbish, a_truncated_recording]
+FILES = [no_file, a_directory, an_empty_file, random_bytes, a_truncated_recording]
 
 
 @pytest.mark.parametrize("make", FILES)
@@ -172,12 +172,12 @@ def test_an_unknown_controller_is_answered_with_the_known_ones(good: Path, capsy
         assert "ob1-mk4" in line
 
 
-def test_a_video_without_a_board_is_refused(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_video_that_shows_no_board_is_refused(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
     argv = ("track", good / "blank.mp4", "--camera", good / "camera.json", "--rest", "22,0,90", "-o", good / "t.mcap")
     assert "no board" in refused(capsys, *argv)
 
 
-def test_tracking_without_the_cameras_place_names_the_three_ways_to_give_it(
+def test_tracking_without_the_cameras_pose_names_the_three_ways_to_give_it(
     good: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     line = refused(capsys, "track", good / "blank.mp4", "--camera", good / "camera.json", "-o", good / "t.mcap")
@@ -203,7 +203,9 @@ def test_a_recording_that_lacks_what_a_prediction_needs_is_refused_with_the_cure
     assert words in line
 
 
-def test_a_straw_of_other_cells_does_not_predict_a_run(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_straw_with_another_number_of_cells_does_not_predict_a_run(
+    good: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (good / "s.toml").write_text(StrawParameters(cells=7).to_toml())
     line = refused(capsys, "replay", good / "run.mcap", "--straw", good / "s.toml", "--report", good / "r.html")
     assert "9 cells" in line
@@ -228,7 +230,7 @@ def test_a_demo_never_clears_a_folder_that_is_not_its_own(good: Path, capsys: py
 
 
 @pytest.mark.parametrize("argv", [[], ["replay"], ["nothing"], ["rig"], ["track", "x.mp4"]])
-def test_a_command_line_that_is_not_one_is_one_line_too(argv: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_invalid_command_line_is_one_line_too(argv: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stop:
         main(argv)
     assert stop.value.code == 2
@@ -261,7 +263,7 @@ def test_filling_tests_and_readings_become_a_straw_that_simulates(
     assert "straw.toml" in refused(capsys, "identify", "filling", table, "-o", straw)
 
 
-@pytest.mark.parametrize("make", [no_file, a_directory, an_empty_file, rubbish])
+@pytest.mark.parametrize("make", [no_file, a_directory, an_empty_file, random_bytes])
 def test_a_bad_table_of_filling_tests_is_named(
     good: Path, make: Callable[[Path, str], Path], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -27,7 +27,7 @@ from straw.tracking.trace import TipTrace
 from straw.tracking.video import Frame
 
 FPS = Fraction(240_000, 1001)
-A_S, B = 1.8342, 1.0 + 180e-6  # what is planted: the video started earlier, and its clock is fast
+A_S, B = 1.8342, 1.0 + 180e-6  # planted: the video started earlier than the run, and its clock is fast
 PROTOCOL = """
 pressure_unit = "kPa"
 initial_deployed = [1, 4]
@@ -38,7 +38,7 @@ main = [{ hold = -20, for_s = 1.5 }]
 
 @pytest.fixture(scope="module")
 def filmed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[float], Emulation]:
-    """A run with LED bursts; when the emulator's output truly changed (s since the run's zero); and its twin."""
+    """A run with LED bursts; true times (s since the run's zero) at which the emulator's output changed; its twin."""
     path = tmp_path_factory.mktemp("clock") / "run.mcap"
     clock = SteppedClock()
     with (
@@ -75,7 +75,7 @@ def test_an_led_burst_gives_offset_and_drift_with_their_uncertainty(
     assert [len(times) for times, _ in bursts] == [8, 8]
     host_s = np.concatenate([times for times, _ in bursts])
     half_s = np.concatenate([half for _, half in bursts])
-    assert np.all(np.abs(host_s - np.array(changes_s)) <= half_s)  # the stamps hold what they promise
+    assert np.all(np.abs(host_s - np.array(changes_s)) <= half_s)  # the stamps are as accurate as they state
     blinks = find_blinks(blocks_of(paint(changes_s)), [times for times, _ in bursts])
     assert abs(blinks.row_px - 61) <= 24
     assert abs(blinks.column_px - 250) <= 24
@@ -83,7 +83,7 @@ def test_an_led_burst_gives_offset_and_drift_with_their_uncertainty(
     assert clock.edges == 16
     middle_s = 1.0
     error_s = (clock.a_s + clock.b * middle_s) - (A_S + B * middle_s)
-    # Half a frame of systematic error at most: which part of a frame its time stamp means is the camera's secret.
+    # Up to half a frame of systematic error: which moment of a frame its time stamp denotes is not documented.
     assert abs(error_s) < 0.5 / float(FPS) + 3 * clock.sigma_a_s
     assert abs(clock.b - B) < 4 * clock.sigma_b
     assert clock.residual_s < 1.0 / float(FPS)
@@ -135,7 +135,7 @@ def test_without_an_led_the_motion_gives_the_offset_and_says_so(
     assert "no LED" in said.err
     data = json.loads(found.read_text())
     assert data["source"] == "motion"
-    assert abs(data["a_s"] - planted_s) < 3e-3  # pressure readings every 10 ms leave about a millisecond
+    assert abs(data["a_s"] - planted_s) < 3e-3  # readings of the pressure every 10 ms limit it to about a millisecond
     tip = read_run(moved).tip
     assert tip is not None
     np.testing.assert_allclose(tip.time_s, time_s, atol=3e-3)

@@ -1,4 +1,4 @@
-"""A prediction is driven by what was measured from the moment it was commanded, and compared where the tip is valid."""
+"""A prediction is driven by the measured pressure, changing when commanded, and compared where the tip is valid."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ def run_of(pressure: PressureLog, tip: TipTrace | None, command: PressureLog | N
     )  # fmt: skip
 
 
-def test_the_pressure_holds_until_the_command_that_changes_it() -> None:
-    """Readings each 10 ms, a step commanded 8 ms after one: 4 of 5 of that gap is before the step."""
+def test_the_pressure_is_held_until_the_command_that_changes_it() -> None:
+    """Readings every 10 ms, a step commanded 8 ms after one of them: four fifths of that interval precede the step."""
     read = log(np.array([0.0, 0.01, 0.02, 0.03]), np.array([0.0, 0.0, -1e3, -2e3]))
     told = log(np.array([0.0, 0.018]), np.array([0.0, -25e3]), held=True)
     driving = driving_pressure(read, told)
@@ -40,7 +40,7 @@ def test_the_pressure_holds_until_the_command_that_changes_it() -> None:
     assert driving(np.array([0.02, 0.03, 1.0])) == pytest.approx([-1e3, -2e3, -2e3])
     between = driving(np.linspace(0.018, 0.03, 50))
     assert np.all(np.diff(between) < 0)
-    assert between.min() > -2.001e3  # the commanded value is nowhere
+    assert between.min() > -2.001e3  # the commanded value is never used
 
 
 def test_commands_outside_the_readings_change_nothing() -> None:
@@ -51,12 +51,12 @@ def test_commands_outside_the_readings_change_nothing() -> None:
 
 
 def test_a_settling_controller_read_at_100_hz_is_followed_without_delay() -> None:
-    """Delay of a step = area between curves over its height; straight lines are 0.4 ms late, the sample is 10 ms."""
+    """Delay of a step = area between the curves over its height; interpolation is 0.4 ms late, a sample is 10 ms."""
     start_s, tau_s, step_pa = 0.103, 0.02, -25e3
     fine = np.arange(0.0, 0.4, 1e-5)
     truth = np.where(fine < start_s, 0.0, step_pa * -np.expm1(-(fine - start_s) / tau_s))
     delays = []
-    for phase_s in [*np.arange(0.0, 0.01, 0.001), start_s % 0.01]:  # the last: a reading just as the step is told
+    for phase_s in [*np.arange(0.0, 0.01, 0.001), start_s % 0.01]:  # the last: a reading at the step's command
         at = np.arange(phase_s, 0.4, 0.01)
         told = log(np.array([0.0, start_s]), np.array([0.0, step_pa]), held=True)
         driving = driving_pressure(log(at, np.interp(at, fine, truth)), told)
@@ -65,7 +65,7 @@ def test_a_settling_controller_read_at_100_hz_is_followed_without_delay() -> Non
 
 
 def recorded(straw: StrawParameters) -> tuple[Run, np.ndarray]:
-    """A run made with the model itself, its tip starting later than its pressure and with a stretch not valid."""
+    """A run made with the model itself; its tip starts later than its pressure and is invalid for a while."""
     time_s = np.arange(0.0, 1.0, 1 / 240)
     pressure = log(np.arange(-0.1, 1.0, 0.005), np.interp(np.arange(-0.1, 1.0, 0.005), [0, 0.1], [0, -25e3]))
     p = simulate(straw, pressure, np.concatenate([[-0.1], time_s]), (1, 4))
@@ -81,7 +81,7 @@ def test_a_run_made_by_the_model_leaves_no_residual() -> None:
     signals = compare(run, STRAW).signals
     for signal in signals.values():
         assert signal.metrics.n == valid.sum()
-        # of a motion of 10 mm and 0.3 rad: what a curve through readings each 5 ms leaves at the ramp's two corners
+        # of a motion of 10 mm and 0.3 rad: interpolation error of readings every 5 ms at the two corners of the ramp
         assert signal.metrics.nrmse_of_range < 1e-3
 
 
@@ -92,12 +92,12 @@ def test_a_planted_offset_of_the_tip_is_found_as_bias() -> None:
     assert compare(moved, STRAW).signals["x_m"].metrics.bias == pytest.approx(1e-4, rel=0.05)
 
 
-def test_another_channel_radius_shows_as_residual() -> None:
+def test_a_wrong_channel_radius_shows_as_residual() -> None:
     run, _ = recorded(STRAW)
     assert compare(run, STRAW.replace(r_ch_m=0.3e-3)).signals["x_m"].metrics.rmse > 1e-4
 
 
-def test_a_straw_of_other_cells_is_refused() -> None:
+def test_a_straw_with_another_number_of_cells_is_refused() -> None:
     run, _ = recorded(STRAW)
     with pytest.raises(ReplayError, match="9 cells"):
         compare(run, STRAW.replace(cells=5))

@@ -1,6 +1,7 @@
 """A short version of the concealed cases: a null against the whole library, a law of another form against few rivals.
 
-The apparatus is of other code; `python -m tests.benchmarks.concealed` is the long version, with sealed labels.
+The apparatus shares no code with the model; `python -m tests.benchmarks.concealed` is the long version, with sealed
+labels.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ RUNS = ("fold-25kPa", "deploy-35kPa-1", "staircase", "deploy-35kPa-3")
 
 
 def diagnosed(cause: Cause | None, seed: int, library: tuple[str, ...] | None = None, runs: int = 4) -> Findings:
-    """What is said of a specimen and repeats drawn by chance; all of the library by default."""
+    """Findings on a random specimen with random scatter between repeats; by default with the whole library."""
     seen = [observe(run) for run in campaign((cause,) if cause else (), seed, RUNS[:runs])]
     with ThreadPoolExecutor(2) as pool:
         return conclude(inquire(seen, StrawSystem(BASE), library=library, executor=pool), brief=True)
@@ -63,7 +64,7 @@ def test_a_law_of_relaxation_fits_two_relaxation_times_and_leaves_bending_elasti
     assert found.values["term.viscoelasticity&viscoelasticity_slow.bending"] < 0.2
 
 
-def test_a_magnet_which_is_not_in_the_library_is_not_named_as_something_else() -> None:
+def test_a_magnet_which_is_not_in_the_library_is_not_mistaken_for_a_cause_that_is() -> None:
     rivals = ("intrinsic_curvature", "camera_roll")
     findings = diagnosed(Cause("unknown", 0.3, "magnet near the tip", 3), 22, rivals, runs=2)
     assert findings.verdict in ("unknown_physics", "ambiguous")

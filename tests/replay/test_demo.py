@@ -1,4 +1,4 @@
-"""The demo conceals, seals and opens; what it says of the diagnosis is what the diagnosis said."""
+"""The demo conceals a cause, seals it and opens the seal; it reports of the diagnosis what the diagnosis found."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ BASE = StrawParameters()
 
 
 def said(verdict: str, *found: str, discovered: dict[str, Any] | None = None) -> Any:
-    """Findings, as far as the demo looks at them."""
+    """Findings with the fields that the demo reads."""
     return SimpleNamespace(
         verdict=verdict,
         causes=list(found),
@@ -43,7 +43,7 @@ def test_a_seed_always_draws_the_same_effect_and_every_effect_has_its_seed() -> 
 
 
 @pytest.mark.parametrize("cause", DRAWER)
-def test_what_may_be_concealed_changes_straw_or_instrument_and_is_in_the_contract(cause: str) -> None:
+def test_every_cause_that_may_be_concealed_changes_straw_or_instrument_and_is_in_the_contract(cause: str) -> None:
     concealed = Concealed(cause, DRAWER[cause])
     changed = bool(concealed.straw(BASE).terms) + (concealed.instrument != Instrument())
     assert changed == (cause != NOTHING)
@@ -61,7 +61,7 @@ def test_the_cable_pulls_the_tip_back_where_it_is_far_out_and_nowhere_else() -> 
     folded, deployed = x_m(BASE, 0), x_m(BASE, 1)
     assert folded.max() < 0.8 * length_m < deployed.max()
     np.testing.assert_allclose(x_m(cable, 0), folded, atol=1e-7)  # the simulation's tolerance
-    assert np.max(deployed - x_m(cable, 1)) > 0.5e-3  # some fifty times the camera's noise
+    assert np.max(deployed - x_m(cable, 1)) > 0.5e-3  # about fifty times the camera's noise
 
 
 def test_the_cable_counts_as_found_where_it_acts_and_over_its_state() -> None:
@@ -109,7 +109,7 @@ def test_the_demo_runs_are_short_and_of_both_directions() -> None:
     assert pressures.max() == 35e3
 
 
-def test_what_the_demo_prints_of_runs_not_fitted_is_what_was_held_out() -> None:
+def test_the_figures_the_demo_prints_for_runs_that_were_not_fitted_are_those_of_the_hold_out() -> None:
     error = SimpleNamespace(rms=1e-6, largest=5e-6)
     filmed: Any = SimpleNamespace(recording=Path("fold.mcap"), errors=dict.fromkeys(CHANNELS, error))
     held: Any = SimpleNamespace(
@@ -126,10 +126,10 @@ def test_what_the_demo_prints_of_runs_not_fitted_is_what_was_held_out() -> None:
     assert len(figures(filmed, None).splitlines()) == 3
 
 
-def test_the_measured_demo_gives_the_diagnosis_every_option_of_its_command(
+def test_the_measured_demo_passes_every_option_of_its_command_to_the_diagnosis(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The search itself, which takes a quarter of a minute, is left out."""
+    """The search itself, which takes 15 s, is left out."""
 
     def search(*_: object, **__: object) -> None:
         raise ReplayError("the search began")

@@ -1,4 +1,4 @@
-"""Diagnosis: parts against planted truth, and one campaign of an apparatus that shares no code with the model."""
+"""Diagnosis: its parts against planted truth, and one campaign of an apparatus that shares no code with the model."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def plain():
     return [observe(run) for run in campaign((), 3, FEW, NONE)]
 
 
-def test_faults_of_clock_camera_and_gauge_are_undone_by_their_opposite():
+def test_faults_of_clock_camera_and_gauge_are_cancelled_by_their_opposites():
     pose = np.array([[0.05, 0.03], [-0.01, 0.02], [1.6, 1.2]])
     turned = Instrument(camera_roll_rad=0.02, length_scale=0.01).seen(pose)
     back = Instrument(camera_roll_rad=-0.02, length_scale=1 / 1.01 - 1).seen(turned)
@@ -78,7 +78,7 @@ def test_noise_of_a_track_is_white_with_unit_variance_once_whitened():
     assert np.max(np.abs(lag)) < 4 / np.sqrt(n)
 
 
-def test_snaps_are_found_by_where_phi_leaves_and_returns_and_ringing_is_not_another():
+def test_snaps_are_found_where_phi_leaves_its_rest_value_and_returns_and_ringing_is_no_further_snap():
     t = np.arange(0, 3, 1 / 240)
     phi = (
         1.6
@@ -90,7 +90,7 @@ def test_snaps_are_found_by_where_phi_leaves_and_returns_and_ringing_is_not_anot
     np.testing.assert_allclose(found, [1.0, 1.2], atol=1 / 240)
 
 
-def test_a_tip_at_rest_shows_no_snap():
+def test_a_tip_at_rest_has_no_snap():
     t = np.arange(0, 3, 1 / 240)
     phi = 1.6 + 1.5e-3 * np.random.default_rng(1).normal(size=len(t))
     assert len(crossings(t, phi, levels_of(phi))) == 0
@@ -107,7 +107,7 @@ def test_time_is_warped_at_the_snaps_and_not_far_from_them():
 
 
 @pytest.mark.parametrize(("complete", "verdict"), [(0.6, "complete"), (0.45, "ambiguous")])
-def test_nothing_is_called_missing_only_where_that_is_more_probable_than_not(complete, verdict):
+def test_the_model_is_called_complete_only_where_that_is_more_probable_than_not(complete, verdict):
     rest = {"cohesion": (1 - complete) / 2, "squeeze_film": (1 - complete) / 2}
     assert verdict_of({"complete": complete, **rest}, MEASUREMENT)[0] == verdict
 
@@ -120,7 +120,7 @@ def test_a_cause_is_called_unknown_only_where_that_is_more_probable_than_not(unk
     assert causes == (["unknown"] if verdict == "unknown_physics" else ["cohesion"])
 
 
-def test_an_ambiguous_verdict_lists_complete_and_unknown_in_words(plain):
+def test_an_ambiguous_verdict_spells_out_complete_and_unknown(plain):
     with ThreadPoolExecutor() as pool:
         found = Inquiry(
             Campaign(plain, StrawSystem(BASE), pool), Fit((), np.zeros(0), np.zeros(0), np.zeros((0, 0)), 0.0)
@@ -130,19 +130,19 @@ def test_an_ambiguous_verdict_lists_complete_and_unknown_in_words(plain):
     assert "cannot tell cohesion (0.25) from nothing missing (0.30) from something outside the library (0.45)" in said
     said = says("ambiguous", [], {"unknown": 0.49, "complete": 0.47, "cohesion": 0.04}, found)
     assert "cannot tell nothing missing (0.47) from something outside the library (0.49)" in said
-    assert "experiment" not in said  # none is proposed
+    assert "experiment" not in said  # no experiment is proposed
     said = says("ambiguous", ["cohesion"], {"cohesion": 0.78, "unknown": 0.04, "complete": 0.04}, found)
     assert "cohesion (0.78) is most probable, but not enough" in said
 
 
-def test_the_apparatus_own_straw_leaves_only_noise(plain):
+def test_the_apparatus_true_constants_leave_only_noise(plain):
     for observed in plain:
         one = misfit(observed, BASE, (), np.empty(0))
         assert np.mean(one.shape**2) < 1.2
         assert np.all(np.abs(one.late_s) < 4e-3)
 
 
-def test_the_base_finds_its_constants_again_from_wrong_ones(plain):
+def test_the_base_model_recovers_its_constants_from_wrong_ones(plain):
     unknowns = base_unknowns(BASE)
     with ThreadPoolExecutor() as pool:
         fit = fitted(
@@ -172,7 +172,7 @@ def test_every_experiment_on_the_menu_runs_on_the_rig_within_its_limits(choice: 
 
 
 def test_a_concealed_late_clock_is_named_measured_and_improves_runs_it_did_not_fit():
-    """By an apparatus of other code; the library is cut to a few rivals to keep it short."""
+    """By an independent apparatus; the library is cut to a few rivals to keep it short."""
     runs = campaign((Cause("clock_offset", 0.05, "", 1),), 4, FEW, NONE)
     rivals = ("clock_offset", "line_lag", "gauge_gain")
     with ThreadPoolExecutor() as pool:
@@ -198,7 +198,7 @@ def test_an_inquiry_that_is_stopped_settles_nothing_and_holds_nothing_out(plain)
     assert "Stopped before every cause was tried" in findings.says
 
 
-def test_a_cause_whose_law_has_another_form_is_named_while_no_rival_explains_nearly_as_much():
+def test_a_cause_whose_law_has_another_form_is_named_where_no_rival_explains_nearly_as_much():
     excess = {"complete": 1e6, "intrinsic_curvature": 1e4, "asymmetry": 4e5, "gauge_gain": 9e5}
     counts = {"intrinsic_curvature": 1, "asymmetry": 9, "gauge_gain": 1}
     assert verdict_of(weighed(excess, counts, MEASUREMENT), MEASUREMENT) == ("missing_physics", ["intrinsic_curvature"])
@@ -212,14 +212,14 @@ def test_a_cause_whose_law_has_another_form_is_named_while_no_rival_explains_nea
     assert undecided["asymmetry"] == undecided["intrinsic_curvature"] < NAMED_ALONE
 
 
-def test_a_fault_of_an_instrument_that_leaves_as_much_as_a_law_is_less_probable_as_it_has_no_other_form():
+def test_an_instrument_fault_that_leaves_as_much_as_a_law_is_less_probable_since_it_has_one_form_only():
     probability = weighed(
         {"complete": 1e6, "ambient_drag": 1e4, "gauge_gain": 1e4}, {"ambient_drag": 1, "gauge_gain": 1}, MEASUREMENT
     )
     assert probability["ambient_drag"] > probability["gauge_gain"]
 
 
-def test_where_no_hypothesis_explains_much_it_is_unknown_but_never_more_surely_than_the_search_is():
+def test_where_no_hypothesis_explains_much_the_cause_is_unknown_with_no_more_certainty_than_the_search_has():
     excess = {"complete": 40_000.0, "cohesion": 30_000.0, "asymmetry": 35_000.0, "gauge_gain": 39_000.0}
     probability = weighed(excess, {"cohesion": 6, "asymmetry": 9, "gauge_gain": 1}, MEASUREMENT)
     assert 0.8 < probability["unknown"] < 1 - CALIBRATION.missed + CALIBRATION.missed / 5
@@ -227,12 +227,12 @@ def test_where_no_hypothesis_explains_much_it_is_unknown_but_never_more_surely_t
     assert verdict_of(probability, MEASUREMENT) == ("unknown_physics", ["unknown"])
 
 
-def test_a_cause_of_one_constant_that_gains_what_is_decisive_is_as_probable_as_none():
+def test_a_cause_with_one_constant_that_gains_exactly_the_decisive_amount_is_as_probable_as_none():
     probability = weighed({"complete": decisive(), "line_lag": 0.0}, {"line_lag": 1}, ())
     assert probability["line_lag"] == pytest.approx(probability["complete"])
 
 
-def test_a_pair_that_explains_all_of_what_either_cause_leaves_much_of_is_named_and_not_its_first_cause_alone():
+def test_a_pair_that_explains_what_neither_cause_explains_alone_is_named_rather_than_its_first_cause():
     excess = {"complete": 8e4, "trapped_gas": 3.1e4, "camera_roll": 5.4e4, "camera_roll+trapped_gas": 0.0}
     counts = {"trapped_gas": 1, "camera_roll": 1, "camera_roll+trapped_gas": 2}
     verdict, causes = verdict_of(weighed(excess, counts, MEASUREMENT), MEASUREMENT)
@@ -241,8 +241,8 @@ def test_a_pair_that_explains_all_of_what_either_cause_leaves_much_of_is_named_a
     assert verdict_of(weighed(beside_noise, counts, MEASUREMENT), MEASUREMENT) == ("missing_physics", ["trapped_gas"])
 
 
-def test_the_first_order_gain_is_nil_for_an_absent_cause_and_largest_for_the_present_one(plain):
-    """To first order, at nothing of either; the base's constants making room."""
+def test_the_first_order_gain_is_zero_for_an_absent_cause_and_largest_for_the_one_present(plain):
+    """Linearised at zero strength of both causes, with the base model's constants free."""
     late = [observe(run) for run in campaign((Cause("gauge_gain", 0.03),), 3, FEW[:2], NONE)]
     with ThreadPoolExecutor(2) as pool:
         for seen, there in ((plain[:2], False), (late, True)):
@@ -265,7 +265,7 @@ def test_a_rival_whose_search_ended_far_away_is_fitted_again_from_the_winners_co
             what = whole.hypothesis([name])
             return Contestant(what, evaluated(whole, (*base, *what.unknowns), np.array([at] * len(base) + own)))
 
-        # who was lucky with the base's constants, and who has the truth and is stuck
+        # one starts at the true constants of the base; the other is the true cause, stuck in a poor minimum
         roll, gauge = stands("camera_roll", 0.0, [0.0]), stands("gauge_offset", 0.05, [-0.5])
         assert gauge.cost > roll.cost
         null = evaluated(whole, base, np.full(len(base), 0.05))
@@ -277,7 +277,7 @@ def test_a_rival_whose_search_ended_far_away_is_fitted_again_from_the_winners_co
     assert again.values["instrument.gauge_offset_pa"] == pytest.approx(1500.0, rel=0.2)
 
 
-def test_simulations_that_fail_are_counted_also_in_a_part_of_the_campaign(plain):
+def test_failed_simulations_are_counted_also_in_a_part_of_the_campaign(plain):
     with ThreadPoolExecutor() as pool:
         whole = Campaign(plain, StrawSystem(BASE), pool)
         part = whole.only([plain[0].name]).coarse()
@@ -289,7 +289,7 @@ def test_simulations_that_fail_are_counted_also_in_a_part_of_the_campaign(plain)
 def test_the_papers_faster_run_is_simulated_within_the_allowed_steps(tolerance_m):
     time_s = np.linspace(0, 3.0, 721)
     table = sampled(DEPLOYMENT.pressure_pa, time_s)
-    most = most_steps_per_s(tolerance_m) / 1.3  # of those tried; it raises beyond
+    most = most_steps_per_s(tolerance_m) / 1.3  # of the steps tried; beyond that it raises
     played = simulate(DEPLOYMENT.straw, table, time_s, DEPLOYMENT.deployed, tolerance_m, most_steps_per_s=most)
     assert played.steps < most * 3.0
 
@@ -302,7 +302,7 @@ def test_an_undamped_straw_counts_as_a_failed_simulation(plain):
     assert (few.tally["played"], few.tally["failed"]) == (1, 1)
 
 
-def test_runs_of_two_specimens_or_one_run_twice_are_one_line(tmp_path, capsys):
+def test_runs_of_two_specimens_or_one_run_twice_are_refused_in_one_line(tmp_path, capsys):
     one, other = campaign((), 3, FEW[3:], NONE, name="a"), campaign((), 3, FEW[:1], NONE, name="b")
     a, b = write_run(one[0], tmp_path / "a.mcap"), write_run(other[0], tmp_path / "b.mcap")
     assert main(["diagnose", str(a), str(b)]) == 2
@@ -311,7 +311,7 @@ def test_runs_of_two_specimens_or_one_run_twice_are_one_line(tmp_path, capsys):
     assert "no such cause" in capsys.readouterr().err
 
 
-def test_a_run_that_starts_where_no_straw_can_rest_is_one_line(tmp_path, capsys):
+def test_a_run_that_starts_where_no_straw_can_rest_is_refused_in_one_line(tmp_path, capsys):
     from straw.rig.run import PressureLog
 
     (run,) = campaign((), 3, FEW[3:], NONE)
@@ -321,7 +321,7 @@ def test_a_run_that_starts_where_no_straw_can_rest_is_one_line(tmp_path, capsys)
     assert "run staircase: the straw cannot be simulated from where this run starts" in capsys.readouterr().err
 
 
-def test_one_run_without_a_snap_is_diagnosed_with_what_it_could_not_decide(tmp_path, capsys):
+def test_the_diagnosis_of_one_run_without_a_snap_says_what_it_could_not_decide(tmp_path, capsys):
     run = write_run(campaign((), 3, FEW[3:], NONE)[0], tmp_path / "one.mcap")
     most = [name for name in causes(9) if name not in ("clock_offset", "gauge_gain")]
     status = main(["diagnose", str(run), "--json", str(tmp_path / "f.json"), "--without", *most])

@@ -1,4 +1,4 @@
-"""What nobody can diagnose is refused before the work, in one line with the thing, the place and the cure."""
+"""Input that cannot be diagnosed is refused before the work begins, in one line with thing, place and cure."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from straw.tracking.trace import TipTrace
 
 
 def recorded() -> Run:
-    """A run of 4 s that folds: 12 mm of motion under 25 kPa, noise of 25 um."""
+    """A run of 4 s in which a cell folds: 12 mm of motion under 25 kPa, noise of 25 um."""
     t = np.linspace(0.0, 4.0, 400)
     moved = (t > 2.0).astype(float)
     sigma = np.full(t.shape, 25e-6)
@@ -59,14 +59,14 @@ def test_a_plausible_run_passes_and_so_does_one_at_rest():
         (lambda r: with_tip(r, time_s=r.tip.time_s + 1e3), "0 % of the tip has a pressure; check both clocks"),
     ],
 )
-def test_implausible_units_and_clocks_are_reported_with_what_they_look_like(changed, says):
+def test_implausible_units_and_clocks_are_reported_with_their_likely_cause(changed, says):
     with pytest.raises(ReplayError) as error:
         check_plausible(changed(recorded()))
     assert says in str(error.value)
     assert str(error.value).startswith("run.mcap: ")
 
 
-def test_a_start_that_names_no_cells_of_the_straw_is_said_as_it_was_written():
+def test_a_start_that_names_cells_the_straw_lacks_is_quoted_as_it_was_written():
     said = "metadata initial_deployed = '77' does not list cells of 1..9: the initial state is unknown"
     with pytest.raises(ReplayError, match=r"initial_deployed = '77' does not list cells of 1..9; a prediction needs"):
         check_run(replace(recorded(), initial_deployed=None, lost=(said,)))
@@ -88,7 +88,7 @@ def test_a_start_that_names_no_cells_of_the_straw_is_said_as_it_was_written():
         ([], "run.mcap is empty (0 bytes)"),
     ],
 )
-def test_arguments_that_would_fail_at_the_end_fail_at_once(arguments, says, tmp_path, monkeypatch, capsys):
+def test_arguments_that_would_fail_at_the_end_are_refused_at_once(arguments, says, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("run.mcap").touch()
     assert main(["diagnose", "run.mcap", *arguments]) == 2
@@ -106,7 +106,7 @@ def test_arguments_that_would_fail_at_the_end_fail_at_once(arguments, says, tmp_
         (["--json", "nowhere/f.json"], "there is no folder nowhere"),
     ],
 )
-def test_what_a_system_of_ones_own_cannot_take_is_said_at_once(arguments, says, tmp_path, monkeypatch, capsys):
+def test_what_a_users_own_system_does_not_support_is_refused_at_once(arguments, says, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("my.py").touch()
     Path("s.toml").touch()
@@ -115,7 +115,7 @@ def test_what_a_system_of_ones_own_cannot_take_is_said_at_once(arguments, says, 
 
 
 @pytest.mark.parametrize("jobs", ["0", "-1", "two"])
-def test_work_is_shared_among_one_or_more(jobs, capsys):
+def test_a_number_of_jobs_below_one_is_refused(jobs, capsys):
     with pytest.raises(SystemExit) as stopped:
         main(["diagnose", "run.mcap", f"--jobs={jobs}"])
     assert stopped.value.code == 2

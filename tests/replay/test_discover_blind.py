@@ -1,4 +1,4 @@
-"""What a search of a user's system sees: nothing of what is held out, which is asked once; folds that lie like it."""
+"""The search for laws of a user's system sees no held-out readings, which are used once; its folds lie like them."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def cylinder(folder: Path, tables: dict[str, dict[str, np.ndarray]], hold_out: S
     return FunctionSystem(model), recordings_of(model, {k: (k, v) for k, v in tables.items()}, hold_out)
 
 
-def test_what_is_held_out_changes_nothing_of_what_is_chosen_only_whether_it_is_accepted(tmp_path):
+def test_held_out_readings_do_not_change_which_law_is_chosen_only_whether_it_is_accepted(tmp_path):
     tables = strokes()
     system, recordings = cylinder(tmp_path, tables)
     found = discover(system, recordings, executor=Inline())
@@ -82,7 +82,7 @@ def test_what_is_held_out_changes_nothing_of_what_is_chosen_only_whether_it_is_a
     np.testing.assert_array_equal(blind.chosen[-1].fit.u, found.chosen[-1].fit.u)
     assert [law.says for law in blind.chosen[-1].laws] == [law.says for law in found.best.laws]
 
-    # a law that is nowhere in what is held out is refused, and nothing is claimed
+    # a law without effect in what is held out is refused, and nothing is claimed
     t = np.arange(0, 12, 0.05)
     without = 50 * tables["run2"]["p"] + NOISE_N * np.random.default_rng(2).normal(size=len(t))
     system, recordings = cylinder(tmp_path, {**tables, "run2": {**tables["run2"], "F": without}})
@@ -105,11 +105,11 @@ def recording(name: str, held: np.ndarray) -> Recorded:
     return Recorded(name, t, one, np.zeros((0, n)), np.ones(1), ~held, ~held)
 
 
-def test_folds_lie_like_what_is_held_out():
+def test_folds_are_arranged_like_what_is_held_out():
     none, every = np.zeros(600, bool), np.ones(600, bool)
     whole = [recording(n, none) for n in "abc"] + [recording("d", every)]
     assert how_held(whole[:3], whole).lies == "recordings"
-    # of two recordings neither is predicted from the other alone, but both in long blocks
+    # two recordings are not predicted one from the other: both are split into long blocks
     few = how_held(whole[:2], [*whole[:2], whole[3]])
     assert (few.lies, few.blocks) == ("between", FEWEST_BLOCKS)
     later = [recording("a", np.arange(600) >= 300)]
@@ -124,7 +124,7 @@ def test_a_constant_that_held_out_inputs_leave_undetermined_counts_against_a_mod
     system, recordings = cylinder(tmp_path, tables)
     fitted_ones = [one.without_held() for one in recordings if one.fitted.any()]
     near = base_trial(system, fitted_ones, to_predict(system, recordings))
-    assert np.isnan(to_predict(system, recordings)[0].seen).sum() > 200  # its readings are not looked at
+    assert np.isnan(to_predict(system, recordings)[0].seen).sum() > 200  # its readings are not used
     far = {**tables, "run2": {**tables["run2"], "p": tables["run2"]["p"] + 20}}
     _, recordings = cylinder(tmp_path, far)
     farther = base_trial(system, fitted_ones, to_predict(system, recordings))
@@ -176,9 +176,9 @@ def test_the_last_laws_are_refused_until_one_improves_what_was_held_out():
         return len(held) - 1 - refusals(unit, [np.array([h]) for h in held])
 
     assert kept(8.0, 4.0, 1.0) == 2
-    assert kept(8.0, 1.0, 1.2) == 1  # the second makes it worse
-    assert kept(8.0, 1.0, 0.99) == 1  # and here it changes next to nothing
-    assert kept(8.0, 9.0, 1.0) == 2  # the first alone is nothing, both together are good
+    assert kept(8.0, 1.0, 1.2) == 1  # the second increases the error
+    assert kept(8.0, 1.0, 0.99) == 1  # the second changes next to nothing
+    assert kept(8.0, 9.0, 1.0) == 2  # the first alone does not help, both together do
     assert kept(8.0, 9.0, 8.5) == 0  # better than the first, worse than the base
     assert kept(8.0, 8.0) == 0
     assert kept(8.0) == 0

@@ -1,5 +1,5 @@
-"""Which of several fitted laws is told: time is no cause where something else explains as much, and no form is claimed
-that the recordings do not tell."""
+"""Which of several fitted laws is reported: none over time where another explains as much, and no form that the
+recordings do not determine."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ TIME = State(OF_TIME, 0, "time", "s", 0.0, 100.0)
 
 
 def trial(law: Law, *errors: float) -> Any:
-    """A fit with its squared errors by blocks."""
+    """A fit with its squared errors by block."""
     return SimpleNamespace(laws=(law,), error=np.array(errors), predicts=float(sum(errors)))
 
 
-def test_a_law_over_a_state_comes_before_a_drift_that_it_is_not_told_from():
+def test_a_law_over_a_state_comes_before_a_drift_from_which_it_cannot_be_distinguished():
     leak, drift = trial(Law(LEAK, PRESSURE, LINEAR), 1.0, 3.0, 2.0), trial(Law(SENSOR, TIME, POWER), 2.0, 0.5, 2.1)
     assert written([drift, leak]) == [leak, drift]
 
 
-def test_a_drift_that_explains_more_block_by_block_comes_first():
+def test_a_drift_that_explains_more_in_every_block_comes_first():
     leak, drift = trial(Law(LEAK, PRESSURE, LINEAR), 9.0, 8.0, 9.0), trial(Law(SENSOR, TIME, POWER), 1.0, 1.1, 0.9)
     assert written([leak, drift]) == [drift, leak]
 
@@ -51,7 +51,7 @@ def test_other_forms_of_a_law_that_explain_as_much_are_named_and_no_others():
     every = [
         found,
         trial(law(CUBE), 1.1, 1.1, 1.0),
-        trial(law(SQUARE), 9.0, 8.0, 9.0),  # told apart
+        trial(law(SQUARE), 9.0, 8.0, 9.0),  # clearly worse
         trial(law(POWER, TIME), 1.0, 1.2, 0.9),  # over something else
         trial(law(TABLE, at=(1.0, 4.0, 7.0)), 1.0, 1.2, 0.9),  # no formula
     ]
@@ -78,7 +78,7 @@ def test_a_law_over_history_is_fitted_from_its_best_lag_and_beside_the_one_over_
     assert picked(promised) == [promised[0], promised[3], promised[2]]
 
 
-def test_what_is_fitted_tells_no_law_over_time_at_later_times():
+def test_the_fitted_readings_determine_no_law_over_time_at_later_times():
     assert not told_ahead(Law(SENSOR, TIME, LINEAR), HeldOut("after"))
     assert told_ahead(Law(SENSOR, TIME, LINEAR), HeldOut("between"))
     assert told_ahead(Law(LEAK, PRESSURE, LINEAR), HeldOut("after"))

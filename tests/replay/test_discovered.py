@@ -1,4 +1,4 @@
-"""A discovered curve as the contract has it, and as a law file."""
+"""A discovered curve, as the contract describes it and as a law file."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -53,7 +53,7 @@ def test_every_curve_has_a_place_and_a_state_of_the_contract():
     assert set(PLACES) == {state.name for state in STATES}
 
 
-def test_a_place_that_takes_no_law_of_ones_own_has_the_curve_alone():
+def test_a_place_for_which_no_law_file_can_be_written_has_the_curve_alone():
     missing = found("flow", np.linspace(-1e-5, 1e-5, 8), lambda text: text == "Q")
     told = discovered(missing, [1, 4])
     assert told["place"] == "flow"
@@ -62,7 +62,7 @@ def test_a_place_that_takes_no_law_of_ones_own_has_the_curve_alone():
     assert len(told["curve"]) == 8
 
 
-def test_the_verdict_says_what_was_found_from_the_runs_where_it_predicts_others_better():
+def test_the_verdict_names_a_curve_found_from_the_runs_where_it_improves_the_prediction_of_others():
     inquiry: Any = SimpleNamespace(whole=True, campaign=SimpleNamespace(observations=[0, 1, 2, 3]))
     told = says("unknown_physics", ["unknown"], {"unknown": 0.9}, inquiry, modelled="a force on the tip")
     assert "no hypothesis in the library explains in these 4 runs; it looks like a force on the tip" in told

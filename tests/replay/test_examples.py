@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-#: What each script leaves, and one word that it says.
+#: The file that each script writes, and one word that it prints.
 EXAMPLES = {
     "overlay_of_a_run.py": ("fold.png", "um RMS"),
     "protocol_predicted.py": ("deploy.png", "one percent of E_pa"),
@@ -22,7 +22,7 @@ EXAMPLES = {
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_an_example_runs_and_leaves_its_picture(repository: Path, tmp_path: Path, name: str) -> None:
+def test_an_example_runs_and_writes_its_picture(repository: Path, tmp_path: Path, name: str) -> None:
     examples = repository / "replay" / "examples"
     for path in examples.glob("*.py"):
         shutil.copyfile(path, tmp_path / path.name)

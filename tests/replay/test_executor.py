@@ -1,4 +1,4 @@
-"""What the diagnosis sends to an executor can leave the process, as a Dask cluster or a pool of processes needs it."""
+"""Everything the diagnosis sends to an executor can be pickled, as a Dask cluster or a pool of processes requires."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from tests.apparatus.campaign import NONE, campaign
 from tests.replay.test_system import stiffening
 
 
-class Elsewhere(Executor):
-    """Does at once what it is given, from a pickle of it, and hands back a pickle's worth: all another process sees."""
+class PicklingExecutor(Executor):
+    """Runs each job at once, through pickles of the job and of its result: all that another process would receive."""
 
     def submit(self, work: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         done: Future[Any] = Future()
@@ -36,12 +36,12 @@ class Elsewhere(Executor):
 def test_a_run_simulated_in_another_process_has_the_same_residual() -> None:
     base = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)
     observed, unknowns = [observe(run) for run in campaign((), 3, ("staircase",), NONE)], base_unknowns(base)
-    with ThreadPoolExecutor(1) as threads, Elsewhere() as elsewhere:
+    with ThreadPoolExecutor(1) as threads, PicklingExecutor() as elsewhere:
         here, there = (
             Campaign(observed, StrawSystem(base), pool).residuals(unknowns, [np.zeros(len(unknowns))])[0]
             for pool in (threads, elsewhere)
         )
-    # the second starts from where the first has found the straw at rest, to the accuracy of that search
+    # the second starts from the rest state that the first found, to the accuracy of that search
     np.testing.assert_allclose(there, here, atol=1e-4)
 
 

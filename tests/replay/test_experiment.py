@@ -1,4 +1,4 @@
-"""Designing experiments: what one is expected to tell, protocols within limits, and what the command refuses."""
+"""Designing experiments: their expected information, protocols within limits, and what the command refuses."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_the_expected_information_lies_between_zero_and_the_entropy_of_the_hypot
     assert told(far, even) == pytest.approx(np.log(2))
     assert told([[0.0, 0.0], [0.0, 0.0]], even) == pytest.approx(0.0)
     assert told(far, [0.9, 0.1]) == pytest.approx(-0.9 * np.log(0.9) - 0.1 * np.log(0.1))
-    assert told([[0.0, np.nan], [np.nan, 0.0]], even) == pytest.approx(0.0)  # one of them cannot be played
+    assert told([[0.0, np.nan], [np.nan, 0.0]], even) == pytest.approx(0.0)  # one of them cannot be simulated
 
 
 def test_the_lower_bound_of_information_never_exceeds_the_information():
@@ -46,16 +46,16 @@ def test_the_lower_bound_of_information_never_exceeds_the_information():
 
 
 def snapping(late_s: float = 0.0, height_m: float = 0.01) -> np.ndarray:
-    """Tip (3, n) of a run of three seconds whose frustum is bent from 1.0 to 1.3 s, then stays higher."""
+    """Tip (3, n) of a run of 3 s whose frustum is bent from 1.0 to 1.3 s; the tip stays higher afterwards."""
     t = np.arange(0.0, 3.0, SIMULATED_EVERY_S) - late_s
     bent = 0.2 * (np.tanh((t - 1.0) / 0.01) - np.tanh((t - 1.3) / 0.01)) / 2
     return np.stack([0 * t, height_m * (1 + np.tanh((t - 1.15) / 0.03)) / 2, bent])
 
 
-def test_predictions_that_snap_at_other_times_are_apart_by_the_time_not_by_the_height_of_the_snap():
+def test_predictions_that_snap_at_different_times_are_separated_by_the_time_not_by_the_height_of_the_snap():
     late_s = 8e-3
     apart = separation(snapping(), snapping(late_s), np.zeros(2))
-    assert apart == pytest.approx(np.sqrt(2) * late_s / REPEATABILITY_S, rel=0.02)  # begin and end are both late
+    assert apart == pytest.approx(np.sqrt(2) * late_s / REPEATABILITY_S, rel=0.02)  # beginning and end are both late
 
 
 def test_a_difference_of_shape_counts_once_in_each_interval_of_the_noise():
@@ -64,7 +64,7 @@ def test_a_difference_of_shape_counts_once_in_each_interval_of_the_noise():
     assert apart == pytest.approx(1e-3 / 60e-6 * np.sqrt(18.5), rel=0.05)
 
 
-def test_times_that_differ_between_repeats_as_much_as_between_hypotheses_hardly_tell():
+def test_snap_times_that_differ_between_repeats_as_much_as_between_hypotheses_carry_little_information():
     late_s = 8e-3
     scatter_s = snap_scatter(snapping(), snapping(STIFF_SD * late_s))
     assert scatter_s == pytest.approx([late_s, late_s], rel=0.02)
@@ -88,7 +88,7 @@ def test_designs_and_their_variations_are_within_the_limits_of_pressure_and_rate
             assert protocol.initial_deployed == one.deployed
 
 
-def test_the_menu_is_cut_to_the_limits_and_ramps_where_a_rate_is_limited():
+def test_the_menu_is_cut_to_the_limits_and_uses_ramps_where_the_rate_is_limited():
     within = [c for c in menu(9) if allowed(c, NARROW)]
     assert 0 < len(within) < len(menu(9))
     for choice in within:
@@ -103,7 +103,7 @@ def test_before_anything_is_known_one_run_in_each_direction_comes_first_and_none
     assert openings(9, PressureLimits(-5e3, 5e3), []) == []
 
 
-def test_before_nothing_is_missing_both_directions_are_run_as_far_as_the_limits_allow():
+def test_before_a_model_is_called_complete_both_directions_are_run_as_far_as_the_limits_allow():
     wide = PressureLimits(-40e3, 60e3)
     far = extremes(9, wide, [])
     assert ['name = "deploy-40kPa"' in far[0].protocol, 'name = "fold-30kPa"' in far[1].protocol] == [True, True]
@@ -127,7 +127,7 @@ def test_before_nothing_is_missing_both_directions_are_run_as_far_as_the_limits_
         ([], "no rig"),
     ],
 )
-def test_what_cannot_be_investigated_is_said_in_one_line_and_nothing_is_left(
+def test_what_cannot_be_investigated_is_refused_in_one_line_and_leaves_no_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], says: str
 ) -> None:
     assert main(["investigate", str(tmp_path), *words]) == 2
@@ -138,7 +138,7 @@ def test_what_cannot_be_investigated_is_said_in_one_line_and_nothing_is_left(
 
 
 def test_without_anyone_to_approve_nothing_is_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """On a real rig, whose straw somebody has to set first: --yes is not enough, and no port is opened."""
+    """On a real rig whose cells must first be set by hand --yes does not suffice, and no port is opened."""
     from straw.replay.investigate import dry_run
 
     monkeypatch.setattr(dry_run, "predict_protocol", lambda *_: (_Still(), 240.0))
@@ -157,7 +157,7 @@ def test_a_folder_that_is_not_there_is_made_and_a_file_in_its_place_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["--emulate", "--fast"]
-    assert main(["investigate", str(tmp_path / "new" / "deep"), *words]) == 1  # nobody is here to say yes
+    assert main(["investigate", str(tmp_path / "new" / "deep"), *words]) == 1  # no terminal to answer on
     assert (tmp_path / "new" / "deep" / "investigate-twin.jsonl").is_file()
     (tmp_path / "file").write_text("")
     capsys.readouterr()

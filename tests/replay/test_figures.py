@@ -1,4 +1,4 @@
-"""Figures of the benchmarks' README: places are well formed, and a command rewrites its own and nothing else."""
+"""Figures in the benchmarks' README: placeholders are well formed, and a command rewrites its own figures only."""
 
 from __future__ import annotations
 

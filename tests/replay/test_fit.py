@@ -1,4 +1,4 @@
-"""Constants planted in recordings are found again, from far off, and the intervals mean what they say."""
+"""Constants planted in recordings are recovered from distant starts, and the intervals have their stated coverage."""
 
 from __future__ import annotations
 
@@ -44,14 +44,14 @@ def recorded(steady_pa: float, deployed: tuple[int, ...], seed: int, truth: np.n
     )  # fmt: skip
 
 
-def test_damping_and_channel_are_found_again_from_far_off_with_intervals_that_hold_them() -> None:
+def test_damping_and_channel_are_recovered_from_distant_starts_within_their_intervals() -> None:
     runs = [recorded(-25e3, (1,), 1), recorded(32e3, (2, 3), 2)]
     starts = [np.array(s) for s in itertools.product((10.0, 600.0), (1e-3, 4e-3), (0.33e-3, 0.5e-3))]
     found = fit(runs, SHORT, NAMES, starts=starts)
     sigma = np.sqrt(np.diag(found.log_covariance))
     off = np.abs(np.log(found.value / TRUTH))
-    assert np.all(off < 3.5 * sigma)  # three constants: beyond once in 700 times
-    assert np.all(sigma < [0.2, 0.2, 0.01])  # and the intervals are worth having
+    assert np.all(off < 3.5 * sigma)  # three constants: exceeded once in 700 times
+    assert np.all(sigma < [0.2, 0.2, 0.01])  # and the intervals are narrow enough to be of use
     assert found.reduced_chi2 == pytest.approx(1.0, abs=0.25)
     assert found.failures == 0
     np.testing.assert_allclose(found.straw.r_ch_m, found.value[2])

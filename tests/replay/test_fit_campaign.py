@@ -40,7 +40,7 @@ class Toy:
 def test_two_nearly_cancelling_strengths_are_followed_to_their_large_values():
     toy = Toy(lambda v: np.array([300 * (v[0] - v[1] - 1), 5 * (v[1] - 9)]))
     fit = fitted(toy, (OFFSET, LENGTH), np.array([np.arcsinh(1.0), 0.0]), rounds=30)
-    # 2,025 at the start; what is left is the priors' price of u = 3.0 and 2.9 at a deviation of 10
+    # 2,025 at the start; what is left is the priors' cost of u = 3.0 and 2.9 at a deviation of 10
     assert fit.cost < 0.2
     np.testing.assert_allclose([k.value(x) for k, x in zip(fit.unknowns, fit.u, strict=True)], [10, 9], rtol=0.01)
 
@@ -48,7 +48,7 @@ def test_two_nearly_cancelling_strengths_are_followed_to_their_large_values():
 def test_an_outlier_counts_linearly_and_not_squared():
     data = np.array([0.1, -0.1, 0.0, 40.0])
     fit = fitted(Toy(lambda v: v[0] - data), (FIRST,), np.zeros(1), rounds=30)
-    # soft L1 pulls with at most ROBUST_SIGMAS, against which three samples pull back
+    # the influence of soft L1 is at most ROBUST_SIGMAS, against which three samples pull back
     assert 0 < fit.u[0] < ROBUST_SIGMAS / 3 * 1.1
     assert fit.cost < cost_at((FIRST,), np.array([10.0]), 10.0 - data)
 
@@ -72,10 +72,10 @@ def test_a_table_has_a_roughness_penalty():
     assert smooth.cost == pytest.approx(cost_at(table, smooth.u, smooth.residual, 10 * second))
 
 
-def test_where_it_is_stopped_the_best_so_far_is_the_result():
+def test_a_fit_that_is_stopped_returns_the_best_point_so_far():
     toy = Toy(lambda v: np.array([10 * (v[1] - v[0] ** 2), 1 - v[0]]), stops_after=4)
     start = np.array([-1.2, 1.0])
     fit = fitted(toy, (FIRST, SECOND), start, rounds=50)
     begun = cost_at((FIRST, SECOND), start, Toy(toy.formula).residuals((FIRST, SECOND), [start])[0])
     assert toy.asked <= 6
-    assert 0.1 < fit.cost < begun  # neither at the end nor where it began
+    assert 0.1 < fit.cost < begun  # neither the minimum nor the start

@@ -1,4 +1,4 @@
-"""Foreseeing a diagnosis: what an experiment tells by the judge's own weighing, and how many runs alike it takes."""
+"""Forecasts of a diagnosis: an experiment's information by the judge's weights, and the number of identical runs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ TWO = {"cohesion": 1, "squeeze_film": 1}
 
 
 def seen(apart: float, excess: dict[str, float] | None = None, left_over: float = 0.0) -> Foreseen:
-    """Two causes, so many sigmas apart, each of which explains what the base does not."""
+    """Two causes whose predictions are this many sigmas apart, each of which explains what the base does not."""
     excess = excess or {"complete": 3000.0, "cohesion": 0.0, "squeeze_film": 0.0}
     judgement = Judgement(weighed(excess, TWO, ()), excess, left_over)
     return foreseen(judgement, TWO, list(TWO), np.array([[0.0, apart], [apart, 0.0]]), 0.9)
@@ -37,8 +37,8 @@ def test_information_grows_with_the_separation_and_stays_below_the_entropy() -> 
     assert 0 < told[0] < told[-1] < np.log(2) + 0.1  # and what "unknown" loses
 
 
-def test_the_posterior_after_runs_as_expected_is_the_expected_one() -> None:
-    """Runs that turn out as one cause predicts add n s^2 to what the other leaves: then the judge is as sure."""
+def test_the_posterior_after_runs_that_turn_out_as_expected_is_the_forecast() -> None:
+    """n runs that turn out as one cause predicts add n s^2 to the misfit of the other: the judge is then as certain."""
     apart, excess = 9.0, {"complete": 3000.0, "cohesion": 0.0, "squeeze_film": 0.0}
     for runs, chance in enumerate(seen(apart).chances, 1):
         after = weighed({**excess, "squeeze_film": runs * apart**2}, TWO, ())
@@ -46,23 +46,23 @@ def test_the_posterior_after_runs_as_expected_is_the_expected_one() -> None:
 
 
 def test_a_cause_with_a_large_misfit_of_its_own_is_not_expected_to_be_named() -> None:
-    """That is left to "unknown"."""
+    """That probability goes to "unknown"."""
     excess = {"complete": 40_000.0, "cohesion": 9000.0, "squeeze_film": 9500.0}
     assert seen(100.0, excess, 9000.0).chances == (0.0,) * MOST_ALIKE
 
 
-def test_hypotheses_that_cannot_simulate_it_keep_their_misfit() -> None:
+def test_hypotheses_under_which_the_run_cannot_be_simulated_keep_their_misfit() -> None:
     assert seen(float("nan")) == seen(0.0)
 
 
-def test_a_cause_takes_part_alone_or_with_another() -> None:
+def test_a_cause_counts_alone_and_in_a_pair() -> None:
     probability = {"a": 0.5, "a+b": 0.3, "b": 0.1, "unknown": 0.1}
     assert takes_part(probability, ["a"]) == pytest.approx(0.8)
     assert takes_part(probability, ["a", "b"]) == pytest.approx(0.4)
 
 
 def test_hypotheses_that_are_each_improbable_count_until_the_runs_can_tell_them_apart() -> None:
-    """Eight rivals that no experiment was tried with: together they keep the first below the certainty."""
+    """Eight rivals that no experiment was simulated for: together they keep the first below the required certainty."""
     small = {f"rival_{k}": 1 for k in range(8)}
     excess = {"complete": 3000.0, "cohesion": 0.0, "squeeze_film": 150.0, **dict.fromkeys(small, 60.0)}
     judgement = Judgement(weighed(excess, TWO | small, ()), excess, 0.0)
@@ -71,7 +71,7 @@ def test_hypotheses_that_are_each_improbable_count_until_the_runs_can_tell_them_
     def chances(apart: float, constants: dict[str, int]) -> tuple[float, ...]:
         return foreseen(judgement, constants, list(TWO), np.array([[0.0, apart], [apart, 0.0]]), 0.9).chances
 
-    assert max(chances(3.0, TWO)) > 0.9  # as if the eight were not there
+    assert max(chances(3.0, TWO)) > 0.9  # as without the eight
     together = chances(3.0, TWO | small)
     assert together[0] == 0.0
     assert max(chances(100.0, TWO | small)) > 0.9

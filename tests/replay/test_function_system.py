@@ -1,4 +1,4 @@
-"""A user's own system: read with a line for each defect, fitted, and what it leaves out found where it was planted."""
+"""A user's own system: each defect of its file is one line, it is fitted, and a planted missing law is found."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def file(folder: Path, text: str) -> Path:
 
 
 def oscillations(folder: Path, cubic: float) -> list[Path]:
-    """Three recordings of another integrator's, with noise."""
+    """Three recordings by another integrator, with noise."""
     rng, out, t = np.random.default_rng(3), [], np.arange(0, 12, 0.05)
     for name, size in (("a", 12.0), ("b", 20.0), ("c", 16.0)):
         phases = rng.uniform(0, 2 * np.pi, 6)
@@ -92,7 +92,7 @@ def test_a_spring_that_stiffens_is_found_with_its_place_state_and_formula(tmp_pa
     assert (code, found["verdict"]) == (1, "missing_physics")
     law = found["discovered"]["laws"][0]
     assert law["over"] == "y"
-    assert law["place"] in ("rate:v", "constant:k")  # the same law written in two ways, which is said
+    assert law["place"] in ("rate:v", "constant:k")  # the same law in two forms, which is reported
     other = {"rate:v": "the constant k, over y", "constant:k": "the rate of v, over y"}[law["place"]]
     assert other in found["written_otherwise"]
     assert found["indistinguishable"] == []
@@ -138,7 +138,7 @@ def test_friction_is_found_over_the_rate_of_an_input_and_its_size_is_right(tmp_p
     assert scope["law"](40.0) == pytest.approx(6, rel=0.05)
 
 
-def test_a_law_of_the_users_own_is_found_by_its_name_in_a_plain_function(tmp_path):
+def test_a_users_own_law_in_a_plain_function_is_found_by_its_name(tmp_path):
     text = STATIC.replace('places = ["channel:F", "constant:A"]', 'places = []\nlaws = {"seal friction": ["f"]}')
     text = text.replace("100.0)}\n", '100.0), "f": (0.0, "N", -50.0, 50.0)}\n', 1)
     text = text.replace("def shown(t, x, u, c):\n    return c.A * u.p", "import numpy as np\n\ndef simulate(t, u, c):\n"
@@ -149,7 +149,7 @@ def test_a_law_of_the_users_own_is_found_by_its_name_in_a_plain_function(tmp_pat
     assert abs(strength["value"] - 6) < 3 * strength["sigma"]
 
 
-def test_a_model_travels_to_workers_as_its_file(tmp_path):
+def test_a_model_is_sent_to_workers_as_its_file(tmp_path):
     model = load_model(file(tmp_path, OSCILLATOR), [("c", 0.7, 0.6, 0.8)])
     assert pickle.loads(pickle.dumps(model)).constants == model.constants
 
@@ -196,7 +196,7 @@ def test_each_defect_of_a_file_is_one_line_with_place_and_cure(tmp_path, old, ne
         ('hold_out = ["c"]', "def read(path):\n    return {'t': [[0, 1]] * 5}", "t has shape (5, 2); expected (n,)"),
     ],
 )
-def test_what_a_file_does_wrong_with_its_recordings_is_one_line_and_exit_2(tmp_path, capsys, old, new, says):
+def test_errors_of_a_users_reader_are_one_line_and_exit_2(tmp_path, capsys, old, new, says):
     assert old in OSCILLATOR
     t = np.arange(8.0)
     path = written(tmp_path, "a", {"t": t, "force": 1.0 + t, "y": 0.03 + 0 * t})
@@ -206,7 +206,7 @@ def test_what_a_file_does_wrong_with_its_recordings_is_one_line_and_exit_2(tmp_p
     assert len(told.strip().splitlines()) == 1
 
 
-def test_a_heading_in_another_unit_than_the_systems_is_said(tmp_path, capsys):
+def test_a_heading_in_another_unit_than_the_systems_is_reported(tmp_path, capsys):
     t = np.arange(8.0)
     path = written(tmp_path, "a", {"t": t, "force": t, "y [mm]": t})
     assert main(["diagnose", str(path), "--system", str(file(tmp_path, OSCILLATOR))]) == 2

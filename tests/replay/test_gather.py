@@ -1,4 +1,4 @@
-"""Recordings are joined to what was derived from them, or it is said why not."""
+"""Recordings are joined to what was derived from them; where they cannot be, the error says why."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TRACKS = {"a.mcap": 0.0, "b.mcap": 0.1}
 
 
 def tracked(raw: Path, path: Path, later_s: float = 0.0) -> Path:
-    """A track of a run, its file's zero ``later_s`` after the run's."""
+    """A track of a run; the zero of its file is ``later_s`` after the run's."""
     run = read_run(raw)
     n = 50
     time_s, same = np.arange(n) / 240, np.full(n, 1e-5)
@@ -28,7 +28,7 @@ def tracked(raw: Path, path: Path, later_s: float = 0.0) -> Path:
     return path
 
 
-def test_a_track_is_laid_beside_the_pressure_of_its_run_on_the_absolute_clock(tmp_path: Path) -> None:
+def test_a_track_is_aligned_with_the_pressure_of_its_run_by_the_absolute_clock(tmp_path: Path) -> None:
     recording(tmp_path / "raw.mcap", tip=False)
     tip = tracked(tmp_path / "raw.mcap", tmp_path / "tip.mcap", later_s=0.25)
     for order in ([tmp_path / "raw.mcap", tip], [tip, tmp_path / "raw.mcap"]):

@@ -1,4 +1,4 @@
-"""The reference is what the code says, and every command line and link in a README can be followed."""
+"""The reference agrees with the code, and every command line and link in a README is valid."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from straw.replay.cli import parser
 from straw.replay.guide.__main__ import generated
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-#: What a command would have found in a shell: `runs/*.mcap` is some recordings, `...` whatever stands there.
+#: What a shell would make of a command line: `runs/*.mcap` is some recordings, `...` any arguments.
 EXAMPLES = {"*": "1", "...": "ABC"}
 
-#: Files of somebody's own, which examples are named after.
+#: Names that examples give to a user's own files.
 OF_A_USER = ("hardening.py", "my_controller.py")
 
 
 def texts() -> list[Path]:
-    """Every Markdown file of the checkout, the history of versions apart."""
+    """Every Markdown file of the checkout but the changelog."""
     if not (REPOSITORY / ".git").exists():
         return sorted(p for p in REPOSITORY.rglob("*.md") if ".venv" not in p.parts)
     command = ["git", "-C", str(REPOSITORY), "ls-files", "-co", "--exclude-standard", "*.md"]
@@ -48,7 +48,7 @@ def command_lines(text: str) -> Iterator[str]:
 
 
 def without_brackets(line: str) -> str:
-    """A line of usage as somebody may type it: what may be left out is given, of alternatives the first."""
+    """A line of usage as it could be typed: with everything optional, and the first of alternatives."""
     line = re.sub(r"\(([^|()]*)\|[^()]*\)", r"\1", line)
     return re.sub(r"(?<!\S)\[([^\[\]]*)\](?!\S)", r"\1", line).replace("[options]", "").replace(" options", "")
 
@@ -66,12 +66,12 @@ def written() -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("path", list(generated()), ids=lambda path: path.name)
-def test_the_reference_is_what_the_code_says(path: Path) -> None:
+def test_the_reference_is_up_to_date(path: Path) -> None:
     assert path.read_text(encoding="utf-8") == generated()[path], "run: python -m straw.replay.guide"
 
 
 @pytest.mark.parametrize(("place", "line"), written(), ids=lambda text: text[:60])
-def test_a_command_line_in_a_readme_is_one(place: str, line: str) -> None:
+def test_a_command_line_in_a_readme_is_valid(place: str, line: str) -> None:
     typed = without_brackets(line)
     for sign, text in EXAMPLES.items():
         typed = typed.replace(sign, text)
@@ -82,7 +82,7 @@ def test_a_command_line_in_a_readme_is_one(place: str, line: str) -> None:
 
 
 def mentioned() -> list[tuple[str, str]]:
-    """Each file and what of the command line its sentences mention, as `straw rig vent` or `straw track --csv`."""
+    """Each file and the commands and options its sentences mention, as `straw rig vent` or `straw track --csv`."""
     found = []
     for path in texts():
         prose = re.sub(r"^```.*?^```$", "", path.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
@@ -92,7 +92,7 @@ def mentioned() -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize(("place", "line"), mentioned(), ids=lambda text: text[:60])
-def test_a_command_and_options_that_a_sentence_mentions_are_there(place: str, line: str) -> None:
+def test_commands_and_options_that_a_sentence_mentions_exist(place: str, line: str) -> None:
     at = parser()
     for word in line.split()[1:]:
         commands = [a.choices for a in at._actions if isinstance(a.choices, dict)]
@@ -103,13 +103,13 @@ def test_a_command_and_options_that_a_sentence_mentions_are_there(place: str, li
             at = commands[0][word.strip(",")]
 
 
-def test_there_are_command_lines_to_try() -> None:
-    """So that the test above cannot pass by finding nothing."""
+def test_some_command_lines_are_found() -> None:
+    """Otherwise the test above would pass without checking anything."""
     assert len(written()) > 40
 
 
 @pytest.mark.parametrize("path", texts(), ids=named)
-def test_a_link_in_a_text_leads_to_a_file_and_a_heading_that_are_there(path: Path) -> None:
+def test_a_link_in_a_text_leads_to_an_existing_file_and_heading(path: Path) -> None:
     text = re.sub(r"```.*?```|`[^`]*`|\$[^$]*\$", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
     for target in re.findall(r"\]\(([^)\s]+)\)", text):
         if "://" in target:
@@ -122,8 +122,8 @@ def test_a_link_in_a_text_leads_to_a_file_and_a_heading_that_are_there(path: Pat
 
 
 @pytest.mark.parametrize("path", [p for p in texts() if p.name in ("README.md", "PHYSICS.md")], ids=named)
-def test_a_file_that_a_text_names_is_there(path: Path) -> None:
-    """From where the text lies, from the top, or somewhere below the text."""
+def test_a_file_that_a_text_names_exists(path: Path) -> None:
+    """Relative to the text, to the top folder, or anywhere below the text."""
     folder = path.parent
     for name in re.findall(r"`([a-z_/]+\.py)`", path.read_text(encoding="utf-8")):
         if name not in OF_A_USER:
@@ -132,6 +132,6 @@ def test_a_file_that_a_text_names_is_there(path: Path) -> None:
 
 
 def anchors(text: str) -> set[str]:
-    """How the code host names headings: lower case, no punctuation, hyphens for spaces."""
+    """The code host's anchors of headings: lower case, no punctuation, hyphens for spaces."""
     headings = re.findall(r"^#+ (.+)$", text, flags=re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}

@@ -1,4 +1,4 @@
-"""What findings say of runs held out: shares explained, what remains, what is worse, and what is good enough."""
+"""Held-out runs in the findings: the share explained, what remains, what is worse, and what is within tolerance."""
 
 import pytest
 
@@ -11,7 +11,7 @@ NOISE = {"x_m": 3e-5, "z_m": 4e-5, "phi_rad": 3e-3}
 
 
 def above(noise, **more):
-    """RMS of noise and of an independent rest."""
+    """RMS of noise and an independent remainder together."""
     return {name: (value**2 + more.get(name.split("_")[0], 0.0) ** 2) ** 0.5 for name, value in noise.items()}
 
 
@@ -22,7 +22,7 @@ def held(before, *steps):
     return Held(("a", "b"), ("c",), 9.0, 1.0, before, after, NOISE, moves, tuple(zip(names, steps, strict=True)))
 
 
-def test_each_cause_explains_the_share_of_the_mean_square_above_noise_that_goes_with_it():
+def test_each_cause_explains_the_share_of_the_mean_square_above_noise_that_it_removes():
     one = held(above(NOISE, x=4e-4), above(NOISE, x=2e-4), above(NOISE, x=1e-4))
     first, second = one.explained()
     assert first["share"]["x"] == pytest.approx(12 / 16)
@@ -42,7 +42,7 @@ def test_better_in_one_channel_and_worse_in_another_is_no_improvement():
     assert not one.better
 
 
-def test_a_model_that_cannot_be_simulated_there_is_worse():
+def test_a_model_that_cannot_be_simulated_on_held_out_runs_counts_as_worse():
     one = held(above(NOISE, x=4e-4), dict.fromkeys(NOISE, float("nan")))
     assert one.worse == list(NOISE)
     assert one.remainder["x_m"] == float("inf")
@@ -63,7 +63,7 @@ def test_a_tolerance_may_be_a_share_of_the_motion():
 
 
 @pytest.mark.parametrize("text", ["x", "x=0.1", "x=0.1kg", "y=1mm", "x=-1mm", "x=1mrad", "0%", "x=1mm;z=1mm"])
-def test_a_tolerance_that_cannot_be_read_is_said_in_one_line(text):
+def test_a_tolerance_that_cannot_be_read_is_refused_in_one_line(text):
     with pytest.raises(ReplayError, match="--tolerance") as error:
         parse_tolerance(text, CHANNELS)
     assert "\n" not in str(error.value)

@@ -1,4 +1,4 @@
-"""Hypotheses: what each sets into a straw or an instrument, and how far a search may go with it."""
+"""Hypotheses: what each changes in a straw or an instrument, and the bounds of its search."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from straw.replay.diagnose.systems.straw.system import StrawSystem
 BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)
 
 
-def test_every_cause_of_the_contract_can_be_set_into_a_straw_or_an_instrument():
+def test_every_cause_of_the_contract_can_be_applied_to_a_straw_or_an_instrument():
     assert set(CAUSES) | set(MEASUREMENT) | {"odd_frusta_compliance"} == set(causes(9))
     for name in causes(9):
         what = hypothesis([name], 9)
@@ -30,7 +30,7 @@ def test_every_cause_of_the_contract_can_be_set_into_a_straw_or_an_instrument():
             assert same.constants().plain
 
 
-def test_unknowns_give_back_the_value_they_start_from():
+def test_unknowns_return_the_value_they_start_from():
     assert Unknown("straw.r_ch_m", 0.1, 4e-4, "log").value(0.0) == 4e-4
     strength = Unknown("term.cohesion.force_n", 2.0)
     assert strength.value(strength.at(3.0)) == pytest.approx(6.0)
@@ -38,7 +38,7 @@ def test_unknowns_give_back_the_value_they_start_from():
 
 
 @pytest.mark.parametrize("cause", CAUSES)
-def test_wherever_its_bounds_let_a_search_go_a_cause_can_be_set_into_a_straw(cause):
+def test_a_cause_can_be_applied_to_a_straw_everywhere_within_its_bounds(cause):
     what = hypothesis([cause], BASE.cells)
     for start in what.starts:
         for k, unknown in enumerate(what.unknowns):
@@ -64,7 +64,7 @@ def test_curvature_may_grow_along_the_straw_and_relaxation_spare_the_bending():
     assert [terms[name]["bending"] for name in ("viscoelasticity", "viscoelasticity_slow")] == [0.25, 0.25]
 
 
-def test_odd_frusta_may_be_stiffer_than_even_ones_whatever_else_is_changed():
+def test_odd_frusta_may_be_stiffer_than_even_ones_beside_any_other_change():
     what = (*base_unknowns(BASE), *hypothesis(["odd_frusta_compliance"], 9).unknowns)
     at = [0.0] * 7 + [1.0, np.log(3.0)]
     at[3] = 1.0  # E, all frusta
@@ -74,7 +74,7 @@ def test_odd_frusta_may_be_stiffer_than_even_ones_whatever_else_is_changed():
     np.testing.assert_allclose(straw.E_pa[:, 1], np.exp(0.02) * BASE.E_pa[0, 1])
 
 
-def test_walls_of_another_elasticity_are_a_cause_where_there_are_finite_elements_of_the_geometry():
+def test_walls_of_another_elasticity_are_a_cause_where_finite_elements_of_the_geometry_exist():
     assert "wall_elasticity" in StrawSystem(BASE).causes
     assert "wall_elasticity" in StrawSystem(BASE.replace(elasticity="shell")).causes
     for other in (
@@ -86,7 +86,7 @@ def test_walls_of_another_elasticity_are_a_cause_where_there_are_finite_elements
         assert any("straw shell" in doubt for doubt in system.doubts([]))
 
 
-def test_a_share_of_one_is_the_other_of_the_two_elasticities():
+def test_a_share_of_one_is_the_other_elasticity():
     (share,), other = hypothesis(["wall_elasticity"], 9).unknowns, BASE.replace(elasticity="shell")
     u = np.array([share.at(1 / share.scale)])
     walls = [applied(straw, (share,), u)[0].constants().wall for straw in (BASE, other)]
@@ -94,7 +94,7 @@ def test_a_share_of_one_is_the_other_of_the_two_elasticities():
     assert np.abs(walls[1][:, :, SHARE]).max() < 1e-12
 
 
-def test_a_pair_has_one_name_in_whatever_order_its_causes_come():
+def test_a_pair_has_the_same_name_in_either_order_of_its_causes():
     one, other = hypothesis(["camera_roll"], 9), hypothesis(["trapped_gas"], 9)
     names = {one.beside(other).name, other.beside(one).name, hypothesis(["camera_roll", "trapped_gas"], 9).name}
     assert names == {"trapped_gas+camera_roll"}  # physics first

@@ -1,4 +1,4 @@
-"""straw import and straw export: nothing guessed is written unasked, and a recording comes back bit for bit."""
+"""straw import and straw export: no guess is written without consent, and a recording comes back bit for bit."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ def contents(path: Path) -> tuple[Any, ...]:
         channel = found.channels[channel_id]
         schema = found.schemas[channel.schema_id]
         messages.append((channel.topic, channel.message_encoding, channel.metadata, schema.data, ns, log_ns, data))
-    ours = ("straw.software", "straw.software.recorded")  # which software wrote the file
+    ours = ("straw.software", "straw.software.recorded")  # the software that wrote the file
     return messages, {k: v for k, v in found.metadata.items() if k not in ours}, found.attachments
 
 
 def a_run(path: Path) -> None:
-    """Every topic, with what is hard to write down: NaN, minus zero, bytes, line ends, commas, quotes."""
+    """Every topic, with values that are hard to write as text: NaN, minus zero, bytes, line ends, commas, quotes."""
     metadata = {"run_id": "r", "specimen": "s, 7", "initial_deployed": "1,4", "cells": "9"}
     metadata["zero_time_ns"] = str(ZERO_NS)
     with RunWriter(path, metadata, {"p.toml": b'name = "\xc3\xa4"\n'}) as writer:
@@ -76,7 +76,7 @@ def a_prediction(path: Path) -> None:
 
 
 def json_of_another_logger(path: Path) -> None:
-    """Written with the mcap package: JSON, fields absent, null and of whole numbers, in an order of its own."""
+    """Written with the mcap package: JSON with fields absent, null and of whole numbers, in another order."""
     from mcap.writer import Writer
 
     with path.open("wb") as stream:
@@ -127,7 +127,7 @@ def test_an_edited_cell_takes_precedence(tmp_path: Path) -> None:
         assert 77.5 in pressure.pressure_pa
 
 
-def test_a_table_without_its_side_file_gives_the_contracts_messages_and_says_what_is_missing(
+def test_a_table_without_its_sidecar_file_gives_the_contracts_messages_and_reports_what_is_missing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     a_run(tmp_path / "run.mcap")
@@ -146,7 +146,7 @@ def test_one_topic_alone_is_a_table_without_empty_columns(tmp_path: Path) -> Non
     assert table.read_text(encoding="utf-8").splitlines()[0] == "time_s,topic,time_ns,log_time_ns,kind,text"
 
 
-def test_a_guess_is_printed_drawn_and_not_written_until_it_is_confirmed(
+def test_a_guess_is_printed_and_drawn_but_not_written_until_it_is_confirmed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     table, run = tmp_path / "t.csv", tmp_path / "run.mcap"
@@ -210,7 +210,7 @@ def test_pressure_and_tip_of_two_loggers_are_joined_by_a_stated_offset(tmp_path:
         (["--pressure", "p in kPa", "--cells", "nine"], "nine"),
     ],
 )
-def test_bad_input_is_one_line_with_exit_2_and_leaves_nothing(
+def test_bad_input_is_one_line_with_exit_2_and_leaves_no_file(
     argv: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "t.csv").write_text("t [s],p\n0,0\n1,25\n", encoding="utf-8")
@@ -227,7 +227,7 @@ def test_bad_input_is_one_line_with_exit_2_and_leaves_nothing(
     assert [p.name for p in tmp_path.iterdir()] == ["t.csv"]
 
 
-def test_a_damaged_table_of_ours_is_named_by_its_row(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_damaged_exported_table_is_named_by_its_row(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     a_prediction(tmp_path / "run.mcap")
     main(["export", str(tmp_path / "run.mcap"), "--csv", str(tmp_path / "t.csv")])
     lines = (tmp_path / "t.csv").read_text(encoding="utf-8").splitlines()

@@ -1,4 +1,4 @@
-"""The closed loop by itself: reasons to stop, what is chosen, the log, and going on after a crash at any step."""
+"""The closed loop by itself: reasons to stop, the choice of experiments, the log, and recovery from any crash."""
 
 from __future__ import annotations
 
@@ -37,18 +37,18 @@ def test_it_runs_the_most_informative_experiment_until_the_cause_is_named_with_t
     assert lines(path)[-1]["reason"] == "named"
 
 
-def test_a_cause_below_the_required_certainty_is_no_answer(path: Path) -> None:
+def test_a_cause_below_the_required_certainty_does_not_end_it(path: Path) -> None:
     stop = went(path, Fakes(named_after=0), Budget(rounds=3), certainty=0.97)
     assert (stop.reason, stop.code) == ("budget", 1)
 
 
-def test_with_nothing_missing_nothing_is_run(path: Path) -> None:
+def test_a_complete_model_ends_it_without_a_run(path: Path) -> None:
     fakes = Fakes(named_after=0)
     fakes.sure = Found("complete", (), {"complete": 0.95, "cohesion": 0.05}, "nothing is missing")
     assert (went(path, fakes).reason, fakes.ran) == ("complete", [])
 
 
-def test_nothing_missing_is_no_answer_before_the_largest_pressures_were_run(path: Path) -> None:
+def test_a_complete_model_does_not_end_it_before_the_largest_pressures_were_run(path: Path) -> None:
     fakes = Fakes(named_after=0)
     complete = {"complete": 0.95, "cohesion": 0.05}
     fakes.sure = Found("complete", (), complete, "nothing is missing", untried=True)
@@ -56,14 +56,14 @@ def test_nothing_missing_is_no_answer_before_the_largest_pressures_were_run(path
     assert (stop.reason, len(fakes.ran)) == ("budget", 2)
 
 
-def test_every_cause_that_is_named_has_to_be_certain() -> None:
+def test_every_cause_that_is_named_must_reach_the_certainty() -> None:
     both = Found("missing_physics", ("cohesion", "clock_offset"), SURE)
     assert certainty_of(both) == pytest.approx(0.06)
     assert certainty_of(Found("missing_physics", ("cohesion",), SURE)) == pytest.approx(0.96)
     assert certainty_of(Found("unknown_physics", ("unknown",), {"unknown": 0.99})) == 0
 
 
-def test_it_ends_where_the_chance_of_a_decision_is_no_larger_than_the_allowed_doubt(path: Path) -> None:
+def test_it_ends_where_the_chance_of_a_decision_is_at_most_one_minus_the_certainty(path: Path) -> None:
     fakes = Fakes(menu=[offered("a", chances=(0.0, 0.05, 0.1))])
     assert (went(path, fakes).reason, fakes.ran) == ("nothing_left", [])
     fakes = Fakes(named_after=1, menu=[offered("a", chances=(0.0, 0.05, 0.11))])
@@ -102,14 +102,14 @@ def test_an_unknown_cause_is_confirmed_by_one_more_run_then_fitted_as_a_law_and_
     assert stop.says == "nothing explains it. It pulls at cell 4."
 
 
-def test_while_an_experiment_could_still_name_a_cause_unknown_does_not_end_it(path: Path) -> None:
+def test_an_unknown_cause_does_not_end_it_while_an_experiment_could_still_name_one(path: Path) -> None:
     fakes = Fakes(named_after=3)
     fakes.unsure = [NOTHING_FITS]
     assert (went(path, fakes).reason, fakes.searched) == ("named", 0)
 
 
-def test_every_way_to_end_is_written_down(path: Path) -> None:
-    """Ctrl-C while it waits for a yes, and a file that cannot be read while it diagnoses."""
+def test_every_way_to_end_is_logged(path: Path) -> None:
+    """Ctrl-C while it waits for approval, and a file that cannot be read while it diagnoses."""
     fakes = Fakes()
     fakes.dry_run = _raising(KeyboardInterrupt())  # type: ignore[method-assign]
     with pytest.raises(KeyboardInterrupt):
@@ -153,7 +153,7 @@ def test_a_refusal_ends_the_loop_before_anything_moves(path: Path) -> None:
     assert (stop.reason, stop.code, fakes.ran) == ("refused", 1, [])
 
 
-def test_approval_in_advance_covers_its_number_of_rounds_but_none_with_work_by_hand(path: Path) -> None:
+def test_approval_in_advance_covers_its_number_of_rounds_but_none_that_needs_work_by_hand(path: Path) -> None:
     fakes = Fakes(named_after=3)
     went(path, fakes, yes=2)
     assert (len(fakes.ran), fakes.asked) == (3, 1)
@@ -166,7 +166,9 @@ def test_approval_in_advance_covers_its_number_of_rounds_but_none_with_work_by_h
 @pytest.mark.parametrize(
     ("budget", "runs"), [(Budget(rounds=2), 2), (Budget(None, minutes=0.25), 2), (Budget(None, snaps=5), 1)]
 )
-def test_rounds_minutes_and_snaps_are_counted_and_never_overdrawn(path: Path, budget: Budget, runs: int) -> None:
+def test_rounds_minutes_and_snaps_are_counted_and_never_exceed_the_budget(
+    path: Path, budget: Budget, runs: int
+) -> None:
     fakes = Fakes(named_after=99)
     stop = went(path, fakes, budget)
     assert (stop.reason, stop.code, len(fakes.ran)) == ("budget", 1, runs)
@@ -197,7 +199,7 @@ def test_an_experiment_beyond_the_limits_is_skipped_and_reported_if_none_is_left
 
 
 @pytest.mark.parametrize(("status", "error"), [("abort", ""), ("success", "the link is lost")])
-def test_a_run_that_aborts_is_recorded_counts_and_ends_it(path: Path, status: str, error: str) -> None:
+def test_a_run_that_aborts_is_recorded_and_counted_and_ends_it(path: Path, status: str, error: str) -> None:
     fakes = Fakes()
     fakes.status, fakes.error = status, error
     stop = went(path, fakes)
@@ -206,8 +208,8 @@ def test_a_run_that_aborts_is_recorded_counts_and_ends_it(path: Path, status: st
     assert ran["status"] in ("abort", "cut")
     assert lines(path)[-1]["spent"]["rounds"] == 1
     fakes.status, fakes.error = "success", ""
-    assert went(path, fakes, yes=9).reason == "named"  # the same command goes on,
-    assert fakes.asked == 1 + 2  # and somebody has looked before each run
+    assert went(path, fakes, yes=9).reason == "named"  # the same command continues,
+    assert fakes.asked == 1 + 2  # and a person approved each run
 
 
 def test_a_run_without_a_track_waits_for_one(path: Path) -> None:
@@ -223,7 +225,7 @@ STEPS = ("diagnose", "propose", "dry_run", "ask", "run", "after", "track")
 
 
 @pytest.mark.parametrize("step", STEPS)
-def test_after_a_crash_at_any_step_the_same_command_comes_to_the_same_end(path: Path, step: str) -> None:
+def test_after_a_crash_at_any_step_the_same_command_reaches_the_same_end(path: Path, step: str) -> None:
     fakes = Fakes(named_after=2)
     fakes.crash = step
     with pytest.raises(Crash):
@@ -234,7 +236,7 @@ def test_after_a_crash_at_any_step_the_same_command_comes_to_the_same_end(path: 
 
 
 @pytest.mark.parametrize("line", range(1, 14))
-def test_after_a_crash_behind_any_line_of_the_log_the_same_command_comes_to_the_same_end(path: Path, line: int) -> None:
+def test_after_a_crash_after_any_line_of_the_log_the_same_command_reaches_the_same_end(path: Path, line: int) -> None:
     whole = Fakes(named_after=2)
     went(path, whole)
     assert len(lines(path)) == 14
@@ -257,7 +259,7 @@ def test_a_proposal_is_not_computed_again_after_a_crash(path: Path) -> None:
     assert fakes.diagnosed == 2
 
 
-def test_a_run_cut_by_a_crash_counts_as_spent_and_somebody_looks_before_the_next(path: Path) -> None:
+def test_a_run_cut_by_a_crash_counts_as_spent_and_the_next_needs_approval_by_a_person(path: Path) -> None:
     fakes = Fakes(named_after=1)
     fakes.crash, fakes.late = "run", True
     with pytest.raises(Crash):
@@ -276,7 +278,7 @@ def test_added_recordings_are_diagnosed_before_an_old_proposal_is_run(path: Path
     assert (went(path, fakes).reason, fakes.ran) == ("named", [])
 
 
-def test_the_log_only_grows_and_a_line_that_was_cut_is_left_out(path: Path) -> None:
+def test_the_log_is_only_appended_to_and_a_line_that_was_cut_is_left_out(path: Path) -> None:
     went(path, Fakes(named_after=1))
     before = path.read_bytes()
     path.write_bytes(before + b'{"kind": "ran", "sta')
@@ -288,7 +290,7 @@ def test_the_log_only_grows_and_a_line_that_was_cut_is_left_out(path: Path) -> N
         assert log.lines[-1]["kind"] == "note"
 
 
-def test_two_at_one_log_and_a_file_that_is_no_log_are_refused(path: Path) -> None:
+def test_a_second_process_on_one_log_and_a_file_that_is_no_log_are_refused(path: Path) -> None:
     with Log(path), pytest.raises(ReplayError, match="another straw investigate"), Log(path):
         pass
     path.write_text("somebody's notes\n")

@@ -1,4 +1,4 @@
-"""The closed loop's benchmark: what counts as an answer, what it costs, and names that only the loop gives wrongly."""
+"""The closed loop's benchmark: what counts as an answer, what it costs, and wrong causes that only the loop names."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ def row(case: Case, way: str, reason: str, causes: tuple[str, ...] = (), rounds:
         (OTHER, "named", ("cohesion",), "wrong name"),
     ],
 )
-def test_an_answer_is_right_only_if_it_is_certain_and_true(
+def test_an_answer_is_right_only_if_it_is_certain_and_correct(
     case: Case, reason: str, causes: tuple[str, ...], end: str
 ) -> None:
     assert end_of(case, row(case, "loop", reason, causes)) == end
 
 
-def test_costs_are_compared_where_both_are_right_and_wrong_names_are_told() -> None:
+def test_costs_are_compared_where_both_are_right_and_wrong_causes_are_reported() -> None:
     rows = [
         row(FILM, "loop", "named", ("squeeze_film",), 3),
         row(FILM, "fixed", "named", ("squeeze_film",)),
@@ -61,7 +61,7 @@ def halved(number: int) -> dict[str, Any]:
     return {"name": str(number), "half": 12 // number}
 
 
-def test_rows_are_written_as_they_come_and_what_failed_is_asked_again(
+def test_rows_are_written_as_they_come_and_what_failed_is_repeated(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "rows.jsonl"

@@ -1,4 +1,4 @@
-"""What is planted in a run is judged: errors that the data can tell are told, others are not."""
+"""Planted errors of a model are judged: those that the data resolve are reported, others are not."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_a_right_model_cannot_be_distinguished_from_the_noise(noisy: Run) -> Non
     c = compare(noisy, STRAW)
     assert [s.verdict for s in c.signals.values()] == [UNRESOLVED] * 3
     told = [q for q in c.quantities if q.verdict != UNKNOWN]
-    # at two sigma one in twenty is off by chance: of so few, more than two would be one case in a hundred
+    # at two sigma one in twenty is off by chance: more than two of so few occur in one case in a hundred
     assert sum(q.verdict == RESOLVED for q in told) <= 2
     assert len(c.pairs) == 1
     assert c.pairs[0].measured is not None
@@ -52,8 +52,8 @@ def test_a_right_model_cannot_be_distinguished_from_the_noise(noisy: Run) -> Non
     assert c.pairs[0].measured.cell == c.pairs[0].predicted.cell == 1
 
 
-def test_two_sigma_are_passed_by_one_in_twenty_whether_noise_is_white_or_not() -> None:
-    """Means of 2 x 2000 draws over the sigma stated: one in twenty beyond 2, give or take 4 times its own scatter."""
+def test_two_sigma_are_exceeded_by_one_in_twenty_whether_noise_is_white_or_not() -> None:
+    """Means of 2 x 2000 draws over the stated sigma: one in twenty beyond 2, within four times its own scatter."""
     chance = np.random.default_rng(0)
     for together in (1, 5):
         beyond = 0
@@ -65,7 +65,7 @@ def test_two_sigma_are_passed_by_one_in_twenty_whether_noise_is_white_or_not() -
 
 
 def test_an_offset_is_resolved_from_the_uncertainty_of_60_samples_of_the_end_upwards(noisy: Run) -> None:
-    """A quarter of a second at 240 Hz: sigma / sqrt(60) = 3.2 um; whatever the noise's own mean is taken out first."""
+    """A quarter of a second at 240 Hz: sigma / sqrt(60) = 3.2 um; the mean of the noise itself is taken out first."""
     (z,) = (q for q in compare(noisy, STRAW).quantities if q.name == "z at the end")
     assert z.u_data == pytest.approx(25e-6 / np.sqrt(60), rel=0.5)
     for sigmas, verdict in ((0.0, UNRESOLVED), (1.7, UNRESOLVED), (2.3, RESOLVED), (12.0, RESOLVED)):
@@ -74,11 +74,11 @@ def test_an_offset_is_resolved_from_the_uncertainty_of_60_samples_of_the_end_upw
 
 
 def test_the_inputs_uncertainty_does_not_count_against_the_model(noisy: Run) -> None:
-    """A straw with 1 % less channel is told from the run; if the radius is only known to 2 %, its snap is not."""
+    """A channel 1 % narrower is distinguished from the run; not by its snap, if the radius is only known to 2 %."""
     less = STRAW.replace(r_ch_m=0.99 * STRAW.r_ch_m)
     start = "snap 1 (cell 1) start"
     assert verdict_of(compare(noisy, less), start) == RESOLVED
-    # a whole sigma more would let both cells bend at once, and nothing could be said of the snap
+    # a whole sigma more would let both cells bend at once, and the snap could not be assigned
     known = compare(noisy, less, {"r_ch_m": 0.008 * STRAW.r_ch_m})
     assert known.inputs == ("r_ch_m",)
     assert verdict_of(known, start) == UNRESOLVED
@@ -94,8 +94,8 @@ def test_without_sigmas_there_is_no_statement() -> None:
     assert verdict_of(c, "x at the end") == UNKNOWN
 
 
-def test_a_straw_whose_cells_do_not_snap_has_its_snap_missing_from_the_prediction(noisy: Run) -> None:
-    """A wall four times as stiff holds against 25 kPa."""
+def test_a_snap_that_the_predicted_straw_does_not_make_is_reported_as_missing(noisy: Run) -> None:
+    """A wall four times as stiff withstands 25 kPa."""
     stiff = STRAW.replace(E_pa=4 * np.asarray(STRAW.E_pa))
     c = compare(noisy, stiff)
     assert [(p.measured is None, p.predicted is None) for p in c.pairs] == [(False, True)]

@@ -1,4 +1,4 @@
-"""The lab without a browser: its table is what the files say, notes lie beside them, a fault is one line."""
+"""The lab without a browser: its table agrees with the files, notes lie beside them, an error is one line."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_a_note_of_the_page_is_stored_beside_the_file_and_can_be_removed(lab: Se
     lab.post("say", names=["b.mcap"], kind="mark", text="archive")
     assert read_notes(path).tags == ("good",)
     assert [text for _, text in read_notes(path).notes] == ["does not leak"]
-    assert "leaks" in (path.parent / "b.mcap.notes.jsonl").read_text()  # the file only grows
+    assert "leaks" in (path.parent / "b.mcap.notes.jsonl").read_text()  # the file is only appended to
     assert lab.get("/api/runs")["total"] == 2
     assert lab.get("/api/runs?where=archived")["total"] == 1
     lab.post("say", names=["b.mcap"], kind="unmark", text="archive")
@@ -81,7 +81,7 @@ def test_lineage_goes_both_ways_by_hash(lab: ServedLab, trace: object) -> None:
     track, lens = down["lineage"]
     assert (track["relation"], track["name"]) == ("track", "a-tip.mcap")
     assert (lens["relation"], lens["file"], lens["says"]) == ("calibration", "lens.json", "1 track with it")
-    made = lab.get(f"/api/runs?all=1&where={quote('calibration_sha256 = ' + lens['sha256'])}")  # and back
+    made = lab.get(f"/api/runs?all=1&where={quote('calibration_sha256 = ' + lens['sha256'])}")  # and back up
     assert [row["name"] for row in made["rows"]] == ["a-tip.mcap"]
     assert {"X", "Z", "Phi", "pressure 1"} <= set(down["signals"])  # the track's tip beside the run's pressure
     up = lab.get("/api/run?name=a-tip.mcap")
@@ -105,7 +105,7 @@ def test_a_cut_recording_is_made_whole_and_the_cut_one_stays(lab: ServedLab) -> 
     assert "exists" in lab.post("recover", name="c.mcap.part")
 
 
-def test_files_that_come_and_go_below_are_seen(lab: ServedLab) -> None:
+def test_files_added_and_removed_in_subfolders_are_noticed(lab: ServedLab) -> None:
     folder = lab.lab.library.folder
     recorded(folder / "new.mcap", "s9", minute=9)
     lab.lab.library.look()
@@ -119,7 +119,7 @@ def test_files_that_come_and_go_below_are_seen(lab: ServedLab) -> None:
     assert "is not in" in lab.raw("GET", "/api/run?name=renamed.mcap")[1]["error"]
 
 
-def test_a_film_is_laid_beside_its_run_and_entered_in_its_manifest(lab: ServedLab) -> None:
+def test_a_film_is_stored_beside_its_run_and_entered_in_its_manifest(lab: ServedLab) -> None:
     headers = {**lab.own, "Content-Type": "application/octet-stream"}
     said = lab.raw("POST", "/api/film?name=a.mcap&file=..%2F..%2FGX01.MP4", headers, "frames")
     track = "straw track a-GX01.MP4 --run a.mcap --camera CAMERA.json --start S -o a-tip.mcap"
@@ -137,7 +137,7 @@ def test_a_second_lab_of_a_folder_finds_the_first(lab: ServedLab, capsys: pytest
     assert f"open already: {lab.door.url}" in capsys.readouterr().out
 
 
-def test_a_taken_port_a_wrong_folder_and_an_open_address_are_one_line(
+def test_a_port_in_use_a_wrong_folder_and_a_public_address_are_refused_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
@@ -152,9 +152,9 @@ def test_a_taken_port_a_wrong_folder_and_an_open_address_are_one_line(
     assert "--remote" in said[2]
 
 
-def test_a_folder_that_cannot_be_written_can_be_looked_at(tmp_path: Path) -> None:
+def test_a_read_only_folder_can_be_viewed(tmp_path: Path) -> None:
     recorded(tmp_path / "a.mcap")
-    (tmp_path / ".straw-lab").write_text("in the way")  # as root nothing else is refused
+    (tmp_path / ".straw-lab").write_text("in the way")  # root is refused nothing else
     (tmp_path / "a.mcap.notes.jsonl").mkdir()
     with ServedLab(tmp_path, emulate=True) as lab:
         lab.until(lambda: lab.get("/api/runs")["total"] == 1)
@@ -179,7 +179,7 @@ def test_the_queue_survives_a_restart_and_then_waits_for_a_person(tmp_path: Path
         queue.add('pressure_unit = "kPa"\ninitial_deployed = []', "", 1, 0.0)
 
 
-def test_nothing_starts_unarmed_or_by_who_is_not_in_control(lab: ServedLab) -> None:
+def test_nothing_starts_unless_armed_and_ordered_by_the_page_in_control(lab: ServedLab) -> None:
     assert "there is no rig" in lab.post("arm", on=True)
     bench = lab.lab.bench
     bench.emulated = True
@@ -208,7 +208,7 @@ def test_control_passes_to_the_requesting_page_when_its_holder_does_not_answer(m
         control.heard(who, who.upper())
     assert control.holder == "a"  # kept
     control.take("b")
-    for _ in range(6):  # the page is open, nobody is there
+    for _ in range(6):  # the page is open, but nobody answers
         now[0] += module.ANSWER_S / 5 + 0.1
         for who in ("a", "b"):
             control.heard(who, who.upper())
@@ -219,7 +219,7 @@ def test_control_passes_to_the_requesting_page_when_its_holder_does_not_answer(m
 
 
 @pytest.mark.skipif(os.name != "posix", reason="file modes")
-def test_the_access_token_is_readable_by_nobody_else(lab: ServedLab) -> None:
+def test_the_access_token_is_readable_by_its_owner_alone(lab: ServedLab) -> None:
     state = lab.lab.library.folder / ".straw-lab"
     assert state.stat().st_mode & 0o077 == 0
     assert json.loads((state / "lab.json").read_text())["url"] == lab.door.url

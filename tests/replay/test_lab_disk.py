@@ -1,4 +1,4 @@
-"""A disk that fills up during a run that the lab started: vented, said in one line, what was recorded is kept."""
+"""A disk that fills up during a run of the lab: the straw is vented, one line says so, what was recorded is kept."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from straw.rig.run_read import read_run
 from tests.replay.lab import ServedLab
 
 LONG = 'name = "long"\npressure_unit = "kPa"\ninitial_deployed = [1]\nmain = [{ hold = 5, for_s = 60 }]\n'
-#: Stands for a full disk: no file may become longer, and a write beyond that fails.
+#: Stands for a full disk: writes beyond this file size fail.
 LIMITED = """
 import resource, sys
 resource.setrlimit(resource.RLIMIT_FSIZE, (12_000, 12_000))
@@ -30,12 +30,12 @@ sys.exit(main(sys.argv[1:]))
 
 
 def limited(words: Sequence[str], stream: BinaryIO) -> subprocess.Popen[bytes]:
-    without = [word for word in words if word not in ("--live", "127.0.0.1:0", "--watched")]  # a page takes its time
+    without = [word for word in words if word not in ("--live", "127.0.0.1:0", "--watched")]  # a page is slow to answer
     return subprocess.Popen([sys.executable, "-P", "-c", LIMITED, *without], stdout=stream, stderr=stream)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="limits the size of files by POSIX means")
-def test_a_full_disk_vents_is_said_in_one_line_and_loses_nothing(
+def test_a_full_disk_vents_and_is_reported_in_one_line_and_loses_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(bench, "started", limited)
@@ -50,8 +50,8 @@ def test_a_full_disk_vents_is_said_in_one_line_and_loses_nothing(
         assert "vent confirmed" in said
         assert "\n" not in said
         lab.until(lambda: rig.said[-1][1].endswith(said))
-        assert not rig.armed  # nothing starts on a full disk by itself,
-        assert [item.name for item in rig.queue.items] == ["long"]  # and what was not run still waits
+        assert not rig.armed  # nothing starts by itself on a full disk,
+        assert [item.name for item in rig.queue.items] == ["long"]  # and what was not run stays in the queue
         (part,) = tmp_path.glob("*.mcap.part")
         lab.until(lambda: lab.get("/api/runs?where=cut")["total"] == 1)
         kept = read_run(tmp_path / lab.post("recover", name=part.name)["path"])
@@ -69,7 +69,7 @@ def test_where_a_full_disk_also_loses_the_message_the_lab_reports_it(
     assert "full" not in processes.silent_end(2, tmp_path / "run.log")
 
 
-def test_a_queue_that_cannot_be_written_is_kept_in_memory_and_leaves_no_half_a_file(
+def test_a_queue_that_cannot_be_written_is_kept_in_memory_and_leaves_no_partial_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     queue = Queue(tmp_path / "queue.json")

@@ -1,4 +1,4 @@
-"""Whoever is not a page of the lab's own, let in by its token, changes nothing, whatever form the request has."""
+"""Only the lab's own pages, authorised by its token, change anything; foreign requests of every form are refused."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def test_its_own_page_is_allowed(lab: ServedLab) -> None:
 @pytest.mark.parametrize(
     ("change", "status"),
     [
-        ({"Host": "evil.example:80"}, 421),  # a rebound name
-        ({"Host": "evil.example:{port}", "Origin": "http://evil.example:{port}"}, 421),  # likewise, all else in order
+        ({"Host": "evil.example:80"}, 421),  # DNS rebinding
+        ({"Host": "evil.example:{port}", "Origin": "http://evil.example:{port}"}, 421),  # and a matching origin
         ({"Host": "127.0.0.1"}, 421),
         ({"Host": "127.0.0.1:x"}, 421),
         ({"Origin": "http://evil.example"}, 403),
@@ -62,7 +62,7 @@ def test_a_foreign_request_is_refused_before_anything_reads_it(
     assert lab.lab.bench.said == before
 
 
-def test_get_changes_nothing_whatever_it_asks(lab: ServedLab) -> None:
+def test_no_get_request_changes_anything(lab: ServedLab) -> None:
     for action in ("arm", "start", "vent", "order", "queue", "control", "say", "recover", "job", "predict"):
         assert lab.raw("GET", f"/api/{action}?who=x&on=true")[0] in (400, 404, 405)
     assert not lab.lab.bench.armed
@@ -84,7 +84,7 @@ def test_a_socket_without_the_cookie_is_refused(lab: ServedLab) -> None:
         pass
 
 
-def test_the_address_is_exchanged_for_a_cookie_that_no_script_and_no_other_site_gets(lab: ServedLab) -> None:
+def test_the_token_in_the_address_becomes_a_cookie_that_no_script_and_no_other_site_can_read(lab: ServedLab) -> None:
     import http.client
 
     asking = http.client.HTTPConnection("127.0.0.1", lab.door.port, timeout=10)
@@ -104,7 +104,7 @@ def test_nothing_listens_beyond_this_machine_unless_requested() -> None:
     listener, host, port = bound("127.0.0.1:0", elsewhere=False)
     listener.close()
     assert Door(host, port).knows("localhost")
-    assert not Door(host, port).knows("192.168.1.7")  # nobody asks for it who does not reach it
+    assert not Door(host, port).knows("192.168.1.7")  # a server that listens on this machine only never sees it
     far = Door("0.0.0.0", port)
     assert far.knows("192.168.1.7")
     assert not far.knows("evil.example")

@@ -1,4 +1,4 @@
-"""The lab in real Chromium: attacks from foreign pages, two operators, many tabs, and VENT past a frozen server."""
+"""The lab in Chromium: attacks from foreign pages, two operators, many tabs, and a vent despite a frozen server."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedLab]:
 
 @pytest.fixture(scope="module")
 def foreign() -> Iterator[int]:
-    """A server of somebody else's on this machine; its port."""
+    """The port of another server on this machine."""
 
     class Page(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
@@ -74,15 +74,13 @@ def test_no_foreign_page_moves_the_rig_or_reads_the_catalogue(
     evil = browser.tab(f"http://{host}:{foreign}/")
     tried = evil.js(ATTACK.replace("PORT", str(lab.door.port)))
     got_through = [what for what in tried if not what.endswith(":refused") and what != "plain:opaque"]
-    assert (
-        got_through == []
-    )  # "opaque": the browser sent it and tells nothing; the lab's own log says what became of it
+    assert got_through == []  # "opaque": the browser sent it but hides the answer; the lab's own log has it
     assert lab.lab.bench.said == before
     assert not lab.lab.bench.armed
     assert own.errors == []
 
 
-def test_the_list_of_protocols_names_the_one_that_is_shown(browser: Browser, lab: ServedLab) -> None:
+def test_the_list_of_protocols_marks_the_one_that_is_shown(browser: Browser, lab: ServedLab) -> None:
     tab = opened(browser, lab)
     tab.until("document.documentElement.dataset.ready")
     chosen = "document.getElementById('protocols').selectedOptions[0].textContent"
@@ -92,7 +90,9 @@ def test_the_list_of_protocols_names_the_one_that_is_shown(browser: Browser, lab
     tab.js("sessionStorage.clear()")
 
 
-def test_one_is_in_control_the_other_watches_asks_and_may_always_vent(browser: Browser, lab: ServedLab) -> None:
+def test_one_page_is_in_control_and_the_other_may_request_control_and_always_vent(
+    browser: Browser, lab: ServedLab
+) -> None:
     first, second = opened(browser, lab), opened(browser, lab)
     for tab, name in ((first, "Ada"), (second, "Bea")):
         tab.js(f"localStorage.strawName = '{name}'; line.send(JSON.stringify({{ id: me, name: '{name}' }}))")
@@ -107,7 +107,7 @@ def test_one_is_in_control_the_other_watches_asks_and_may_always_vent(browser: B
     second.until("state.bench.control.mine")
     first.until("state.bench.control.holder === 'Bea'")
     assert second.js("tell('arm', { on: true }).then(() => 'armed')") == "armed"
-    first.key("v")  # not in control, no question asked
+    first.key("v")  # without control and without confirmation
     second.until("!state.bench.armed")
     assert "VENT by" in lab.lab.bench.said[-1][1]
     second.js("tell('control', { do: 'give' })")
@@ -124,7 +124,7 @@ def test_a_ninth_tab_vents_at_once_and_escape_twice_does_from_a_text_field(brows
     said = len(lab.lab.bench.said)
     lab.lab.bench.said.append(("", "a line between"))
     tabs[0].js("document.getElementById('where').focus()")
-    tabs[0].key("v")  # a letter in a filter is a letter
+    tabs[0].key("v")  # a letter typed into a filter is no shortcut
     assert lab.lab.bench.said[-1][1] == "a line between"
     tabs[0].key("Escape")
     tabs[0].key("Escape")
@@ -141,7 +141,7 @@ main = [{ hold = -5, for_s = 60 }]
 
 
 @pytest.mark.skipif(os.name != "posix", reason="freezes the server with SIGSTOP")
-def test_the_page_vents_the_run_past_a_frozen_server_and_says_so(browser: Browser, tmp_path: Path) -> None:
+def test_the_page_vents_the_run_although_the_server_is_frozen_and_says_so(browser: Browser, tmp_path: Path) -> None:
     (tmp_path / "slow.toml").write_text(SLOW)
     command = [sys.executable, "-m", "straw.replay.cli", "lab", str(tmp_path), "--emulate", "--no-browser"]
     with subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True) as started:

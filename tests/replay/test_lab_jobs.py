@@ -1,4 +1,4 @@
-"""Commands that the lab's pages start: how far they are is seen while they run, what they said when they are done."""
+"""Commands started from the lab's pages: their progress is visible while they run, their output when they are done."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from straw.replay.lab import work
 from straw.replay.lab.work import Jobs
 from tests.replay.lab import ServedLab
 
-#: Does 3 of 40, says so as every command does, and goes on when a file appears.
+#: Does 3 of 40, reports it as every command does, and continues when a file appears.
 SLOW = """
 import sys, time
 from pathlib import Path

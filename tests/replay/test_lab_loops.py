@@ -1,4 +1,4 @@
-"""The closed loop in the lab's page: shown by round, answered yes or no, stopped, and continued after a crash."""
+"""The closed loop on the lab's page: shown round by round, approved or refused, stopped, continued after a crash."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ TOML = 'name = "a"\npressure_unit = "kPa"\ninitial_deployed = [1, 4]\nmain = [{ 
 LOG = "investigate-s.jsonl"
 
 
-class Asking(Fakes):
-    """A loop whose world is made up, and whose yes comes from elsewhere."""
+class AskingOtherProcess(Fakes):
+    """Steps with made-up experiments, whose approval comes from another process."""
 
     def __init__(self, place: Path, pulse: Pulse, named_after: int) -> None:
         super().__init__(named_after, [Proposal(TOML, (1, 4), "folding", 0.5, 9.0, 0.1, 3, chances=(0.1, 0.9))])
@@ -44,8 +44,8 @@ class Asking(Fakes):
         return self.asks(proposal, plan, ahead)
 
 
-class Going:
-    """A loop in a thread, in a folder; ``stop`` is how it ended."""
+class LoopInThread:
+    """A loop that runs in a thread, in a folder; ``stop`` is how it ended."""
 
     def __init__(self, folder: Path, named_after: int = 2) -> None:
         self.folder, self.named_after, self.stop = folder, named_after, Stop("", "")
@@ -57,7 +57,7 @@ class Going:
     def _run(self) -> None:
         with Log(self.folder / LOG) as log, Pulse(self.place) as pulse:
             log.write("began", specimen="s", certainty=0.9, rounds=4)
-            loop = Loop(log, Asking(self.place, pulse, self.named_after), Budget(4))
+            loop = Loop(log, AskingOtherProcess(self.place, pulse, self.named_after), Budget(4))
             self.stop = loop.run()
 
 
@@ -72,7 +72,7 @@ def waits(lab: ServedLab) -> bool:
 
 
 def test_a_loop_is_shown_answered_and_its_end_reported(lab: ServedLab, tmp_path: Path) -> None:
-    going = Going(tmp_path)
+    going = LoopInThread(tmp_path)
     lab.until(lambda: waits(lab))
     said = lab.get(f"/api/loop?log={LOG}")
     assert (said["specimen"], said["asked_for"]["rounds"], said["next"]["runs"]) == ("s", 4, 2)
@@ -91,10 +91,10 @@ def test_a_loop_is_shown_answered_and_its_end_reported(lab: ServedLab, tmp_path:
     assert lab.get("/api/loops")["logs"] == [{"name": LOG, "alive": False, "reason": "named", "rounds": 2}]
 
 
-def test_a_yes_takes_control_a_no_does_not_and_only_the_question_that_is_asked_is_answered(
+def test_approving_takes_control_refusing_does_not_and_only_the_open_question_is_answered(
     lab: ServedLab, tmp_path: Path
 ) -> None:
-    going = Going(tmp_path)
+    going = LoopInThread(tmp_path)
     lab.until(lambda: waits(lab))
     lab.lab.bench.control.heard("other", "Ada")
     lab.lab.bench.control.take("other")
@@ -111,7 +111,7 @@ def test_another_terminal_answers_as_the_page_does(tmp_path: Path, capsys: pytes
     words = ["investigate", str(tmp_path), "--specimen", "s", "--operator", "Ada", "--answer"]
     assert main([*words, "yes"]) == 2
     assert "none is running" in capsys.readouterr().err
-    going = Going(tmp_path, named_after=1)
+    going = LoopInThread(tmp_path, named_after=1)
     ServedLab.until(lambda: (read_pulse(going.place) or {}).get("asked"))
     assert main([*words, "yes"]) == 0
     going.thread.join(10)
@@ -129,7 +129,7 @@ def test_a_loop_whose_process_died_is_distinguished_from_a_running_one(lab: Serv
     assert not lab.get(f"/api/loop?log={LOG}")["cut"]
     import os
 
-    os.utime(place / PULSE, (0, 0))  # an hour ago and more
+    os.utime(place / PULSE, (0, 0))  # more than an hour ago
     assert lab.get(f"/api/loop?log={LOG}")["cut"]
     assert "is not running" in lab.post("investigate", do="stop", log=LOG)
     with pytest.raises(ReplayError, match="none is running"):
@@ -144,14 +144,12 @@ def test_a_loop_whose_process_died_is_distinguished_from_a_running_one(lab: Serv
         ({"specimen": "s", "minutes": "inf"}, "expected a number"),
     ],
 )
-def test_a_start_that_cannot_be_is_one_line_and_starts_nothing(
-    lab: ServedLab, asked: dict[str, str], says: str
-) -> None:
+def test_an_invalid_start_is_one_line_and_starts_nothing(lab: ServedLab, asked: dict[str, str], says: str) -> None:
     assert says in lab.post("investigate", do="start", **asked)
     assert lab.get("/api/loops")["logs"] == []
 
 
-def test_a_process_that_ends_at_once_says_why_in_the_page(lab: ServedLab) -> None:
+def test_the_page_shows_why_a_process_ended_at_once(lab: ServedLab) -> None:
     assert lab.post("investigate", do="start", specimen="s", tolerance="nonsense") == {"log": LOG}
     lab.until(lambda: "--tolerance nonsense" in lab.get(f"/api/loop?log={LOG}")["complaint"], 60)
 
@@ -165,11 +163,11 @@ def test_nothing_outside_a_loops_own_folder_is_shown(lab: ServedLab, tmp_path: P
     assert lab.raw("GET", f"/api/loop?log={quote('../x')}")[0] == 400
 
 
-def test_the_page_shows_the_posterior_and_the_prediction_takes_a_yes_and_fits_a_phone(
+def test_the_page_shows_posterior_and_prediction_accepts_an_approval_and_fits_a_phone(
     lab: ServedLab, tmp_path: Path
 ) -> None:
     with Browser(tmp_path / "chromium") as browser:
-        going = Going(tmp_path, named_after=1)
+        going = LoopInThread(tmp_path, named_after=1)
         lab.until(lambda: waits(lab))
         tab = browser.tab(lab.door.url)
         tab.call("Emulation.setDeviceMetricsOverride", width=390, height=800, deviceScaleFactor=1, mobile=True)

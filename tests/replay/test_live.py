@@ -1,4 +1,4 @@
-"""The page beside a running rig: what it is told is what is recorded, 30 times a second, on this machine only."""
+"""The page of a running rig: it receives what is recorded, 30 times a second, on this machine only."""
 
 from __future__ import annotations
 
@@ -42,16 +42,16 @@ def listen(url: str, heard: list[tuple[float, Any]]) -> None:
                 heard.append((time.monotonic(), said["rows"]))
 
 
-def test_the_page_is_told_what_is_recorded_thirty_times_a_second(tmp_path: Path) -> None:
+def test_the_page_receives_what_is_recorded_thirty_times_a_second(tmp_path: Path) -> None:
     straw = StrawParameters()
-    protocol = replace(protocol_from_toml(FOLD, "fold"), specimen="straw-9", cycle=4)  # as the command line said
+    protocol = replace(protocol_from_toml(FOLD, "fold"), specimen="straw-9", cycle=4)  # as on the command line
     heard: list[tuple[float, Any]] = []
     with Live(straw, protocol) as live:
         assert live.url.startswith("http://127.0.0.1:")
         opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
         with opener.open(live.url, timeout=10) as answer:
             page = answer.read().decode()
-        with pytest.raises(urllib.error.HTTPError, match="403"):  # without the token there is nothing to see
+        with pytest.raises(urllib.error.HTTPError, match="403"):  # nothing is served without the token
             urllib.request.urlopen(live.url.split("?")[0], timeout=10)
         for token, origin in (("?token=guess", None), ("", None), ("", live.url.split("/?")[0])):
             with pytest.raises(InvalidStatus):
@@ -68,16 +68,16 @@ def test_the_page_is_told_what_is_recorded_thirty_times_a_second(tmp_path: Path)
     rows = [row for _, rows in heard for row in rows]
     run = read_run(tmp_path / "run.mcap")
     assert run.pressure is not None
-    assert len(rows) >= 0.9 * len(run.pressure)  # what a busy page cannot take is lost to it alone
+    assert len(rows) >= 0.9 * len(run.pressure)  # updates that a busy page cannot take are lost for that page alone
     told = np.array([row[1] for row in rows]) * 1e3
     np.testing.assert_allclose(told[-5:], run.pressure.pressure_pa[-5:], atol=1.0)
-    assert len(heard) / (heard[-1][0] - heard[0][0]) <= 33  # never more often, however fast the loop
+    assert len(heard) / (heard[-1][0] - heard[0][0]) <= 33  # no more often, whatever the loop's rate
     phi = np.array([row[8] for row in rows])
     assert np.abs(phi[:, 0]).max() > 0.15  # the model beside the run bent cell 1, as the run's pressure has it
     assert rows[-1][7][0] < 0 < rows[0][7][0]  # and folded it
 
 
-def test_an_address_that_cannot_be_had_is_said_before_the_rig_moves(
+def test_an_invalid_address_is_reported_before_the_rig_moves(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "fold.toml").write_text(FOLD)

@@ -1,4 +1,4 @@
-"""Snaps of a prediction and of a recording that belong to each other, where one shows some that the other does not."""
+"""Snaps of a prediction are matched with those of a recording, where one has some that the other lacks."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ def fold():
         ([0.8, 0.9], [], []),
     ],
 )
-def test_a_snap_that_only_one_of_two_shows_does_not_shift_the_others(seen, told, pairs):
+def test_a_snap_that_only_one_of_the_two_has_does_not_shift_the_others(seen, told, pairs):
     mine, others = matched(np.array(seen), np.array(told))
     assert list(zip(mine.tolist(), others.tolist(), strict=True)) == pairs
 
 
-def test_begins_are_never_taken_for_ends():
+def test_beginnings_are_never_matched_with_ends():
     rng = np.random.default_rng(1)
     for _ in range(200):
         seen, told = (np.sort(rng.uniform(0, 3, 2 * rng.integers(0, 4))) for _ in range(2))
@@ -62,27 +62,27 @@ def test_a_ring_taken_for_an_end_is_an_outlier_and_a_late_camera_is_not():
 
 
 @pytest.mark.parametrize("unseen", [[0, 1], [2, 3], [1, 2]])
-def test_a_snap_that_just_missed_its_level_costs_the_right_straw_no_more_than_noise_may(fold, unseen):
+def test_a_snap_that_just_missed_its_threshold_costs_the_true_straw_no_more_than_noise_may(fold, unseen):
     assert len(fold.snaps_s) == 4
-    # as if the first or the last had not reached the level, or the first's ring had not come back through it
+    # as if the first or the last had not reached the threshold, or the ringing of the first had not crossed it again
     less = replace(fold, snaps_s=np.delete(fold.snaps_s, unseen))
     for how in (
         lambda run: misfit(run, BASE, (), np.empty(0)).vector,
         lambda run: coarse_misfit(run, BASE, (), np.empty(0))[0],
     ):
-        # the clock is no longer bent there, for snaps that are less than a millisecond, a sigma, late
+        # time is no longer warped there, for snaps that are less than a millisecond, one sigma, late
         assert robust_cost(how(less)) < robust_cost(how(fold)) + len(unseen) * (MISSING_EVENT_SIGMAS**2 + 5)
 
 
-def test_a_straw_with_other_snaps_differs_in_all_that_follows(fold):
-    # a cell that is a fifth weaker folds before the other and earlier: no fit to what was recorded
+def test_a_straw_with_other_snaps_fits_nothing_that_follows(fold):
+    # a cell that is a fifth weaker folds earlier, and before the other: it does not fit the recording
     weak = BASE.with_term("frustum_spread", E_relative=np.array([-0.2, *[0.0] * 8]))
     right, wrong = (robust_cost(misfit(fold, straw, (), np.empty(0)).vector) for straw in (BASE, weak))
     assert wrong > 3 * right
 
 
 @pytest.mark.parametrize(("name", "value"), [("clock_offset", 60.0), ("clock_offset", -60.0), ("clock_drift", -1.5)])
-def test_a_clock_that_is_off_by_more_than_the_run_is_long_cannot_be_followed(fold, name, value):
+def test_a_clock_offset_longer_than_the_run_is_an_error(fold, name, value):
     (unknown,) = hypothesis([name], BASE.cells).unknowns
     system = StrawSystem(BASE)
     for level, derivatives in itertools.product(Level, (False, True)):

@@ -1,4 +1,4 @@
-"""Metrics find planted errors of known size; what is called noise scatters as noise does."""
+"""Metrics recover planted errors of known size; residuals called noise have the statistics of noise."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ UNKNOWN_SIGMA = np.full_like(TIME_S, np.nan)
 
 
 def decaying(time_s: np.ndarray) -> np.ndarray:
-    """The signal of the facts' test vectors."""
+    """The signal of the test vectors."""
     return np.exp(-0.15 * time_s) * np.sin(2 * np.pi * 0.7 * time_s)
 
 
@@ -42,19 +42,19 @@ def test_the_test_vectors_hold_to_a_thousandth(predicted: np.ndarray, expected: 
     assert {name: getattr(found, name) for name in expected} == pytest.approx(expected, abs=1e-3)
 
 
-def test_sprague_and_geers_own_example_holds() -> None:
+def test_the_published_example_of_sprague_and_geers_is_reproduced() -> None:
     assert sprague_geers_from(143.5, 143.5, 77.0) == pytest.approx((0.0, 0.319714, 0.319714), abs=1e-6)
 
 
-def test_a_sign_flip_is_no_lag_and_says_so() -> None:
+def test_a_sign_flip_is_reported_as_such_and_not_as_a_lag() -> None:
     flipped = metrics_of(TIME_S, SIGNAL, UNKNOWN_SIGMA, -SIGNAL)
     assert flipped.lag_at_bound
     assert flipped.lag_bound_s < 0.5 / 0.7
     assert not metrics_of(TIME_S, SIGNAL, UNKNOWN_SIGMA, decaying(TIME_S - 0.1)).lag_at_bound
 
 
-def test_the_lags_sigma_is_how_much_lags_scatter() -> None:
-    """Forty draws with noise correlated over 5 samples: the scatter of 40 is known to 11 %, 4 of those are allowed."""
+def test_the_lags_sigma_is_the_scatter_of_lags() -> None:
+    """Forty draws with noise correlated over 5 samples: their scatter is known to 11 %, and 4 times that is allowed."""
     chance, found = np.random.default_rng(3), []
     for _ in range(40):
         white = chance.standard_normal(len(TIME_S) + 4)
@@ -85,7 +85,7 @@ def test_the_largest_error_is_found_with_its_time() -> None:
     assert (m.max_abs, m.max_at_s) == (pytest.approx(3.0), TIME_S[777])
 
 
-def test_overlap_leaves_out_what_neither_covers() -> None:
+def test_the_overlap_leaves_out_what_only_one_covers() -> None:
     both = (TIME_S < 4) | (TIME_S >= 6)
     m = metrics_of(TIME_S[both], SIGNAL[both], UNKNOWN_SIGMA[both], SIGNAL[both])
     assert m.overlap_s == pytest.approx(8.0, abs=0.02)
@@ -93,7 +93,7 @@ def test_overlap_leaves_out_what_neither_covers() -> None:
 
 @pytest.mark.parametrize("together", [1, 8])
 def test_noise_of_the_stated_sigma_passes_as_noise_however_correlated(together: int) -> None:
-    """Chi-square of 60 draws: its spread is what is stated (60 draws tell it to 9 %), its mean is 1."""
+    """Reduced chi-square of 60 draws: its scatter is the one stated (known to 9 % from 60 draws), its mean is 1."""
     chance, sigma, found = np.random.default_rng(5), np.full_like(TIME_S, 0.02), []
     for _ in range(60):
         white = chance.standard_normal(len(TIME_S) + together - 1)
@@ -105,14 +105,14 @@ def test_noise_of_the_stated_sigma_passes_as_noise_however_correlated(together: 
     assert np.mean([m.within_2_sigma for m in found]) == pytest.approx(0.9545, abs=0.005)
 
 
-def test_without_sigmas_nothing_is_said_in_sigmas() -> None:
+def test_without_sigmas_no_figure_is_in_sigmas() -> None:
     m = metrics_of(TIME_S, SIGNAL, UNKNOWN_SIGMA, SIGNAL)
     assert np.isnan(m.within_2_sigma)
     assert np.isnan(m.reduced_chi2)
     assert np.isnan(m.reduced_chi2_sigma)
 
 
-def test_correlated_samples_are_worth_fewer() -> None:
+def test_correlated_samples_have_a_smaller_effective_number() -> None:
     """Sums of 8 neighbours: 8 times fewer for the mean, 1 + 2 sum (1 - k/8)^2 = 5.4 times fewer for squares."""
     white = np.random.default_rng(1).standard_normal(200_007)
     summed = np.convolve(white, np.ones(8), "valid")
@@ -144,13 +144,13 @@ def bent(hinges_m: list[float], starts_s: list[float], noise_rad: float = 0.0) -
 
 def test_snaps_are_found_with_their_time_and_their_hinge() -> None:
     found = snaps_of(TIME_S, *bent([0.045, 0.03], [2.0, 4.0], 1.5e-3), 0.15)
-    # the straight edge passes half its height at the start that was planted
+    # the straight edge passes half its height at the planted start
     assert [s.start_s for s in found] == pytest.approx([2.0, 4.0], abs=4 * max(s.sigma_s for s in found))
     assert [s.hinge_m for s in found] == pytest.approx([0.045, 0.03], rel=0.02)
     assert [s.turn_rad for s in found] == pytest.approx([0.3, 0.3], abs=4 * 1.5e-3)
 
 
-def test_noise_alone_snaps_nothing() -> None:
+def test_noise_alone_is_not_taken_for_a_snap() -> None:
     assert snaps_of(TIME_S, *bent([], [], 0.02), 0.05) == []
 
 

@@ -1,4 +1,4 @@
-"""A missing force as a curve and a formula: planted by an apparatus of other code, or as plain numbers."""
+"""A missing force as a curve and a formula: planted by an independent apparatus, or as plain numbers."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_ra
 BY_NAME = {state.name: state for state in STATES}
 
 
-def test_a_gauge_that_saturates_is_found_as_an_error_over_what_it_shows_with_its_size():
+def test_a_gauge_that_saturates_is_found_as_an_error_over_its_reading_with_its_size():
     runs = campaign((Cause("unknown", 4e3, "gauge saturates", 1),), 3, ("fold-25kPa", "deploy-35kPa-1"), NONE)
     with ThreadPoolExecutor() as pool:
         here, base = Campaign([observe(run) for run in runs], StrawSystem(BASE), pool), base_unknowns(BASE)[:3]
@@ -36,7 +36,7 @@ def test_a_gauge_that_saturates_is_found_as_an_error_over_what_it_shows_with_its
     assert found[-1].curve.state.name == "gauge over pressure"
     assert found[-1].explains > 0.8
     law = found[-1].laws[0]
-    # it shows 31 kPa where there are 35, and -21 where there are -25
+    # it reads 31 kPa at 35 kPa, and -21 kPa at -25 kPa
     wrong = np.interp([31e3, 0.0, -21e3], law.at, law.values)
     assert wrong[0] - wrong[1] == pytest.approx(-4e3, rel=0.4)
     assert wrong[2] - wrong[1] == pytest.approx(4e3, rel=0.4)
@@ -47,7 +47,7 @@ def test_a_gauge_that_saturates_is_found_as_an_error_over_what_it_shows_with_its
     assert told["formula"]["text"].startswith("error(p) = ")
 
 
-def test_a_straw_with_a_curve_is_a_file_that_can_be_simulated():
+def test_a_straw_with_a_curve_can_be_saved_and_simulated():
     at = np.array([0.2, 0.4, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0])
     state = BY_NAME["tip X, along Z"]
     straw = applied(state.straw_with(BASE, at), state.unknowns(at), np.full(8, 10.0))[0]
@@ -57,7 +57,7 @@ def test_a_straw_with_a_curve_is_a_file_that_can_be_simulated():
 
 
 def test_a_formula_leaves_out_what_the_base_can_compensate():
-    """Runs that know a curve only up to a straight line through zero, which is the base's own damping."""
+    """Runs that determine a curve only up to a straight line through zero, which is the base's own damping."""
     state, v = BY_NAME["speed"], np.geomspace(0.005, 0.4, 8)
     known = np.eye(8) * 1e4
     line = known @ v
@@ -86,7 +86,7 @@ def test_every_state_has_a_curve_that_changes_nothing_while_it_is_zero(state):
     assert len(atoms(state, at)) >= 4
 
 
-def test_points_lie_where_the_runs_are_and_reach_over_all_of_them():
+def test_points_lie_where_the_runs_are_and_cover_their_whole_range():
     rng = np.random.default_rng(2)
     x = np.concatenate([rng.normal(35e3, 100.0, 5000), rng.uniform(-20e3, 35e3, 500)])
     at = points(BY_NAME["gauge over pressure"], [x])
@@ -100,7 +100,7 @@ def test_points_lie_where_the_runs_are_and_reach_over_all_of_them():
 
 
 @pytest.mark.parametrize("kink", [0.31, 0.85, 0.97])
-def test_points_move_to_a_kink_and_leave_none_of_the_range_without(kink):
+def test_points_move_to_a_kink_and_still_cover_the_whole_range(kink):
     state, placed = BY_NAME["tip X, along X"], np.linspace(0.2, 1.0, 8)
     law, fine, at, errors = (lambda x: np.maximum(0.0, x - kink)), np.linspace(0.2, 1.0, 2000), placed, []
     for _ in range(4):
@@ -108,25 +108,25 @@ def test_points_move_to_a_kink_and_leave_none_of_the_range_without(kink):
         at = bent_points(state, placed, at, law(at))
     assert errors[-1] < errors[0] / 5
     assert (at[0], at[-1]) == (0.2, 1.0)
-    # half of the points stay spread as they were placed, so that none is farther apart than two and a bit of them
+    # half of the points keep their original spread, so that no gap is much wider than two of the original ones
     assert np.max(np.diff(at)) < 2.1 * 0.8 / 7
 
 
-def test_points_stay_where_a_curve_is_straight_or_over_cycles():
+def test_points_of_a_straight_curve_or_one_over_cycles_do_not_move():
     at = np.linspace(0.2, 1.0, 8)
     np.testing.assert_array_equal(bent_points(BY_NAME["tip X, along X"], at, at, 0 * at), at)
     cycles = np.arange(8.0)
     np.testing.assert_array_equal(bent_points(BY_NAME["cycles: channel"], cycles, cycles, cycles**2), cycles)
 
 
-def test_a_curve_of_the_clock_is_undone_by_its_opposite():
+def test_a_curve_of_the_clock_is_cancelled_by_its_opposite():
     late = Instrument.of({"clock_curve_s@0": 0.0, "clock_curve_s@2": 0.04, "gauge_curve_pa@1000": 50.0})
     assert late.stamped(np.array([1.0])) == pytest.approx(1.02)
     np.testing.assert_allclose(late.true_time(late.stamped(np.array([0.5, 1.5]))), [0.5, 1.5], atol=1e-3)
     assert late.true_pressure(np.array([1000.0]), np.zeros(1)) == pytest.approx(950.0)
 
 
-def test_deviations_are_those_of_the_inverse_and_finite_where_two_constants_can_hardly_be_told_apart():
+def test_deviations_are_those_of_the_inverse_and_finite_where_two_constants_are_nearly_degenerate():
     a = np.random.default_rng(2).normal(0, 1, (40, 5)) * [1e6, 1.0, 1e-3, 30.0, 1e4]
     assert deviations(a.T @ a) == pytest.approx(np.sqrt(np.diag(np.linalg.inv(a.T @ a))), rel=1e-6)
     b = np.column_stack([a, a[:, 0] + a[:, 1]])

@@ -1,4 +1,4 @@
-"""Replay of the real input given: recordings of an apparatus that is not this project."""
+"""Replay of the given recordings, whose apparatus is not part of this project."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def replayed(shared: Path, specimen: str, folder: Path) -> dict[str, dict[str, f
     return {r["run_id"]: r["metrics"] for r in json.loads((folder / "r.json").read_text())["runs"]}
 
 
-def test_every_run_of_the_complete_specimen_is_explained_to_its_noise_and_repeatability(
+def test_every_run_of_the_complete_specimen_is_explained_to_within_noise_and_repeatability(
     shared: Path, tmp_path: Path
 ) -> None:
     """Noise is 25 um and 1.5 mrad; snap times repeat to a few ms, which a snap at 5 mm per 50 ms turns into Z."""

@@ -1,4 +1,4 @@
-"""What is installed: `straw` alone, beside anybody's own model.py, with all its files, from a wheel and editable."""
+"""The installed package: `straw` alone, beside a user's own model.py, with all its files, from a wheel and editable."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def tracked(repository: Path) -> list[str]:
 
 @pytest.fixture(scope="module")
 def wheel(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A wheel of the checkout, built in a copy so that nothing of it is left here."""
+    """A wheel of the checkout, built in a copy so that no build files are left in the checkout."""
     source, out = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("wheel")
     for name in tracked(repository):
         (source / name).parent.mkdir(parents=True, exist_ok=True)
@@ -63,7 +63,7 @@ def installed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathF
 
 @pytest.fixture
 def foreign(tmp_path: Path) -> Path:
-    """Somebody's folder, whose files have the rooms' names and end whoever imports them."""
+    """A user's folder, whose files have the rooms' names and raise when they are imported."""
     for name in (*ROOMS, "operator_panel", "errors"):
         (tmp_path / f"{name}.py").write_text("raise SystemExit('somebody else')\n")
     (tmp_path / "p.toml").write_text(PROTOCOL)
@@ -84,7 +84,7 @@ def commands() -> Iterator[list[str]]:
 
 
 def asked(installed: dict[str, str], folder: Path, *command: str) -> str:
-    """What a command prints in a folder; it must end well."""
+    """What a command prints in a folder; it must succeed."""
     environment = {**os.environ, **installed}
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, (command, done.stderr)
@@ -106,7 +106,7 @@ def test_the_wheel_holds_straw_alone_with_every_file_of_the_rooms(repository: Pa
     assert names == {f"straw/{n.removeprefix(api)}" if n.startswith(api) else f"straw/{n}" for n in rooms}
 
 
-def test_the_wheel_carries_types_and_the_licences_of_what_is_not_ours(wheel: Path) -> None:
+def test_the_wheel_carries_types_and_the_licences_of_vendored_files(wheel: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
     assert "straw/py.typed" in names
     licences = {n.partition(".dist-info/licenses/")[2] for n in names if ".dist-info/licenses/" in n}
@@ -114,7 +114,7 @@ def test_the_wheel_carries_types_and_the_licences_of_what_is_not_ours(wheel: Pat
 
 
 def test_the_constraints_pin_every_dependency_to_a_version_that_is_allowed(repository: Path) -> None:
-    """Those of the developers alone and of the second code, which no laboratory needs, are left out."""
+    """Those for development only and of the second finite-element code, which no laboratory needs, are left out."""
     project = tomllib.loads((repository / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = {k: v for k, v in project["optional-dependencies"].items() if k not in ("dev", "second-code")}
     lines = (repository / ".github" / "constraints.txt").read_text(encoding="utf-8").splitlines()
@@ -125,7 +125,7 @@ def test_the_constraints_pin_every_dependency_to_a_version_that_is_allowed(repos
 
 
 def test_without_git_and_tags_the_version_is_that_of_the_next_release(repository: Path, wheel: Path) -> None:
-    """The one that CITATION and the CHANGELOG's first heading name."""
+    """The version that CITATION and the CHANGELOG's first heading name."""
     settings = tomllib.loads((repository / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools_scm"]
     release = settings["fallback_version"].removesuffix(".dev0")
     assert wheel.name.split("-")[1] == f"{release}.dev0"
@@ -174,7 +174,7 @@ def test_the_command_and_the_api_simulate_beside_files_of_the_rooms_names(
 def test_the_processes_that_vent_start_beside_files_of_the_rooms_names(
     installed: dict[str, str], foreign: Path
 ) -> None:
-    """A standby without orders ends with 0, if it came from the package at all."""
+    """A standby without orders ends with 0 if it was imported from the package."""
     code = "from straw.rig.detached import start_detached; p = start_detached('straw.rig.standby', answers=False); "
     assert asked(installed, foreign, sys.executable, "-c", f"{code}p.stdin.close(); print(p.wait(30))") == "0\n"
 
@@ -192,7 +192,7 @@ def test_importing_straw_loads_nothing_that_is_heavy() -> None:
     assert "simulate" in names
 
 
-def test_no_circle_of_imports_among_the_files(repository: Path) -> None:
+def test_no_files_import_each_other_in_a_circle(repository: Path) -> None:
     """As they are loaded: what is imported within a function, or for types only, comes later."""
     files = {
         "straw." + name[:-3].replace("/", ".").removesuffix(".__init__"): name

@@ -1,4 +1,4 @@
-"""The page opened in headless Chromium: no error, everything drawn, the keyboard obeyed, nothing asked of a network."""
+"""The page opened in headless Chromium: no error, everything drawn, the keyboard works, no network request."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def comparison() -> Comparison:
     return compare(run, StrawParameters())
 
 
-def test_everything_is_drawn_and_nothing_complains(comparison: Comparison, tmp_path: Path) -> None:
+def test_everything_is_drawn_without_an_error(comparison: Comparison, tmp_path: Path) -> None:
     script = (
         INK
         + """return { straw: ink('straw'), plane: ink('plane'), charts: charts.length,
@@ -45,7 +45,7 @@ def test_everything_is_drawn_and_nothing_complains(comparison: Comparison, tmp_p
         assert colours > 8
         assert share > 0.1
     assert answer["rows"] > 15
-    assert answer["width"] <= 0  # nothing sticks out sideways
+    assert answer["width"] <= 0  # nothing overflows sideways
 
 
 def test_the_keyboard_moves_time_zooms_and_changes_the_theme(comparison: Comparison, tmp_path: Path) -> None:
@@ -74,7 +74,7 @@ def test_the_keyboard_moves_time_zooms_and_changes_the_theme(comparison: Compari
 
 
 def test_the_straw_on_the_page_ends_where_the_model_says(comparison: Comparison, tmp_path: Path) -> None:
-    """The page's own chain against the model's tip at every sample; 16-bit shapes leave less than a micrometre."""
+    """The page's own kinematics against the model's tip at every sample; 16-bit shapes err by less than 1 um."""
     script = """const a = arraysOf(runs[0]); return a.zeta.map((z, k) => { const c = chainOf(runs[0], z, a.phi[k]);
         return c[c.length - 1].end; });"""
     ends = np.array(asked(page([comparison]), script, tmp_path)["answer"])
@@ -93,7 +93,7 @@ def test_the_straw_on_the_page_ends_where_the_model_says(comparison: Comparison,
     ],
     ids=["equation 7", "finite elements", "between"],
 )
-def test_the_energy_on_the_page_is_that_of_the_walls_the_straw_has(
+def test_the_energy_on_the_page_is_that_of_the_straws_walls(
     straw: StrawParameters, comparison: Comparison, tmp_path: Path
 ) -> None:
     """Differences, as the page's energy is up to a constant; the last two lie beyond the end at the slant."""
@@ -107,7 +107,7 @@ def test_the_energy_on_the_page_is_that_of_the_walls_the_straw_has(
     np.testing.assert_allclose(told - told[0], said - said[0], rtol=1e-6, atol=1e-9)
 
 
-def test_the_page_asks_nothing_of_a_network(comparison: Comparison) -> None:
+def test_the_page_makes_no_network_request(comparison: Comparison) -> None:
     text = page([comparison])
     assert not re.search(r'(?:src|href)\s*=\s*["\'](?!data:)', text)
     assert not re.search(r"https?://(?!www\.w3\.org)", re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL))

@@ -1,4 +1,4 @@
-"""straw paper: the model gives the paper's numbers, and the figures show what they say."""
+"""straw paper: the model gives the paper's numbers, and the figures show what their captions say."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]
     return folder, json.loads((folder / "numbers.json").read_text())
 
 
-def test_every_number_of_the_paper_comes_out_within_its_rounding(made: tuple[Path, dict[str, Any]]) -> None:
+def test_every_number_of_the_paper_is_reproduced_within_its_rounding(made: tuple[Path, dict[str, Any]]) -> None:
     rows = made[1]["numbers"]
     assert len(rows) > 30
     assert [row["name"] for row in rows if not row["agrees"]] == []

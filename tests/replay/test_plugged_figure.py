@@ -60,13 +60,15 @@ def test_a_figure_from_a_file_is_judged_beside_straws_own(tmp_path: Path, fold: 
     found = after["last height"]
     assert found.measured == found.predicted == pytest.approx(fold.z_m[fold.time_s > 1.9].mean())
     assert found.verdict == "cannot be resolved"
-    # a mean of samples that all move by one sigma moves by it: noise that lasts is the worst it can be
+    # the mean of samples that all move by one sigma moves by it: fully correlated noise is the worst case
     assert found.u_data == pytest.approx(fold.sigma["z_m"][0], rel=1e-6)
 
 
-def test_a_figure_that_ends_a_snap_is_unsure_by_the_noise_of_its_samples(tmp_path: Path, fold: Motion) -> None:
+def test_the_uncertainty_of_a_figure_at_the_end_of_a_snap_is_the_noise_of_its_samples(
+    tmp_path: Path, fold: Motion
+) -> None:
     add_figures(written(tmp_path, FIGURE.replace(RETURNS, "return motion.phi_rad[7]")))
-    # white noise of one sample, estimated of 16 draws: within three of its own deviations of 18 %
+    # white noise of one sample, estimated from 16 draws: within three of its own deviations of 18 %
     assert judged(fold)["last height"].u_data == pytest.approx(fold.sigma["phi_rad"][0], rel=0.54)
 
 
@@ -109,7 +111,7 @@ def test_a_figure_of_an_installed_package_is_judged(tmp_path: Path) -> None:
         (FIGURE, "", "gives no figure; end it with FIGURE = straw.FigureOfMerit(...)"),
     ],
 )
-def test_what_is_wrong_with_a_figure_is_one_line_with_its_file(
+def test_an_error_in_a_figure_is_one_line_with_its_file(
     tmp_path: Path, fold: Motion, old: str, new: str, words: str
 ) -> None:
     assert old in FIGURE

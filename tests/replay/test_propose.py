@@ -1,4 +1,4 @@
-"""The learned proposal: its mathematics, its file, and what it says of recordings of another apparatus."""
+"""The learned proposal: its mathematics, its file, and its answers for recordings of another apparatus."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def proposals(given: dict[str, list[Observation]]) -> dict[str, Proposal]:
     return {specimen: propose(observations, BASE) for specimen, observations in given.items()}
 
 
-def test_the_network_s_slopes_are_those_of_its_loss() -> None:
+def test_the_networks_gradients_are_those_of_its_loss() -> None:
     rng = np.random.default_rng(5)
     w = {k: x.astype(np.float64) for k, x in network.fresh(rng, 12, 3, 4).items()}
     batch = network.Batch(rng.normal(size=(9, 12)), np.array([0, 2, 3]))
@@ -55,15 +55,15 @@ def test_the_network_s_slopes_are_those_of_its_loss() -> None:
         assert (losses[0] - losses[1]) / 2e-6 == pytest.approx(float(np.sum(slopes[name] * along)), rel=1e-5, abs=1e-8)
 
 
-def test_a_number_that_is_always_the_same_does_not_count_more_than_others() -> None:
-    """A squared error in units of no deviation at all would drown whatever else is learned."""
+def test_a_target_that_is_constant_does_not_count_more_than_others() -> None:
+    """A squared error in units of a deviation of zero would dominate everything else that is learned."""
     values = np.array([[1.0, 5.0], [1.0, -5.0], [1.0, np.nan]], dtype=np.float32)
     none = np.zeros((3, 1))
     examples = Examples(none.astype(np.float16), np.arange(3), none.astype(np.bool_), values, np.zeros(3, np.bool_))
     np.testing.assert_allclose(scales_of(examples), [1.0, 5.0], rtol=0.01)
 
 
-def test_a_group_is_the_same_for_the_same_seed_and_after_it_was_kept(tmp_path: Path) -> None:
+def test_a_group_is_the_same_for_the_same_seed_and_after_saving(tmp_path: Path) -> None:
     group, again = simulated_group(3), simulated_group(3)
     assert group is not None
     assert again is not None
@@ -77,7 +77,7 @@ def test_a_group_is_the_same_for_the_same_seed_and_after_it_was_kept(tmp_path: P
     np.testing.assert_array_equal(one.runs[0].tip, other.runs[0].tip)
 
 
-def test_the_weights_are_small_and_say_where_they_come_from() -> None:
+def test_the_weights_are_small_and_state_their_origin() -> None:
     about = shipped().about
     assert SHIPPED.stat().st_size <= 10e6
     assert set(about["causes"]) <= set(causes(9))
@@ -103,14 +103,14 @@ def test_damaged_weights_are_refused_by_name(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("specimen", "cause"), [("open-b", "cohesion"), ("open-c", "poiseuille_loss"), ("open-d", "clock_offset")]
 )
-def test_what_is_concealed_in_the_given_recordings_is_among_the_first_to_be_tried(
+def test_the_causes_concealed_in_the_given_recordings_are_among_the_first_to_be_tried(
     proposals: dict[str, Proposal], specimen: str, cause: str
 ) -> None:
     assert cause in list(proposals[specimen].scores)[:3]
 
 
-def test_sizes_to_start_from_are_near_what_is_concealed(proposals: dict[str, Proposal]) -> None:
-    """5 N, 2e9 Pa s/m^3, 60 ms late: within a factor of three of it, which an exact fit closes."""
+def test_starting_values_are_near_the_concealed_ones(proposals: dict[str, Proposal]) -> None:
+    """5 N, 2e9 Pa s/m^3, 60 ms late: within a factor of three, from which an exact fit converges."""
     for specimen, cause, truth in (
         ("open-b", "cohesion", 5.0),
         ("open-c", "poiseuille_loss", 2e9),
@@ -154,7 +154,7 @@ def test_hypotheses_are_all_sets_of_at_most_two_causes(proposals: dict[str, Prop
 def test_a_campaign_outside_the_training_distribution_is_called_unfamiliar(
     given: dict[str, list[Observation]], proposals: dict[str, Proposal]
 ) -> None:
-    """A tip that shakes by millimetres all the time."""
+    """A tip that oscillates by millimetres all the time."""
     from dataclasses import replace
 
     rng = np.random.default_rng(0)
@@ -166,8 +166,8 @@ def test_a_campaign_outside_the_training_distribution_is_called_unfamiliar(
     assert not propose(shaken, BASE).familiar
 
 
-def test_runs_that_the_straw_cannot_follow_are_left_out_by_name(given: dict[str, list[Observation]]) -> None:
-    """A straw that cannot rest deployed."""
+def test_runs_that_cannot_be_simulated_are_left_out_by_name(given: dict[str, list[Observation]]) -> None:
+    """A straw without a deployed rest state."""
     thick = BASE.replace(h_m=5e-3)
     found = propose(given["open-a"], thick)
     assert set(found.runs_left_out) == {o.name for o in given["open-a"]}

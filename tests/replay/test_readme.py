@@ -1,4 +1,4 @@
-"""The commands of README and of the commands' own guide work as they stand, the demo first, and make what they say."""
+"""The commands of README and of the command guide work as printed, the demo first, and write what they claim."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def place(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterato
     with contextlib.ExitStack() as servers:
         for command in commands(repository):
             if "pytest" in command:
-                continue  # that is us
+                continue  # the tests themselves
             assert command.startswith("straw "), f"README runs {command!r}, which this test does not know"
             argv = command.removesuffix(" &").split()
             where = shutil.which(argv[0], path=path)
@@ -58,7 +58,7 @@ def place(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterato
 
 
 def end(server: subprocess.Popen[str]) -> None:
-    """Ctrl-C ends a command that serves, with exit 0; whatever happens it is gone afterwards."""
+    """Ctrl-C ends a server command with exit 0; in any case the process is ended."""
     try:
         server.send_signal(signal.SIGINT)
         said, _ = server.communicate(timeout=20)
@@ -80,9 +80,9 @@ def test_the_demo_tracks_nearly_every_frame_near_the_painted_truth(place: Path) 
 
 
 def test_the_demo_model_follows_the_track_to_within_one_pressure_sample(place: Path) -> None:
-    """With what was concealed found, the twin is the model, so what is left is tracking error and doubt about when
-    between two readings, 10 ms apart, the pressure moved; the track shifted by 10 ms against itself differs by 2.9 % of
-    its range in Phi, RMS.
+    """With the concealed cause found, twin and model agree: what is left is tracking error and the uncertainty of when,
+    between two readings 10 ms apart, the pressure changed; the track shifted by 10 ms against itself differs by 2.9 %
+    of its range in Phi, RMS.
     """
     told = json.loads((place / "demo" / "demo.json").read_text())
     filmed = told["model_residual"][0]
@@ -112,7 +112,7 @@ def test_the_demo_page_needs_no_network_and_says_where_it_is(place: Path) -> Non
     assert "improved model" in said
 
 
-def test_the_pieces_of_the_demo_done_one_by_one_give_the_same_track(place: Path) -> None:
+def test_the_demos_steps_run_one_by_one_give_the_same_track(place: Path) -> None:
     whole, alone = (read_run(place / name).tip for name in ("demo/tip.mcap", "tip.mcap"))
     assert whole is not None
     assert alone is not None

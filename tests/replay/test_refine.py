@@ -1,4 +1,4 @@
-"""From a coarse fit to all samples: draws find the right cycle of a ring where the coarse fit is good enough."""
+"""From a coarse fit to all samples: draws find the right cycle of an oscillation if the coarse fit is good enough."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ TIME_S = np.arange(SAMPLES) / 240
 
 
 class Ringing(Toy):
-    """A tip that rings with a frequency to be found, in one run of one channel, 30 sigmas high; below ``least_hz`` it
-    cannot be simulated."""
+    """A tip that rings at an unknown frequency with an amplitude of 30 sigmas, in one run of one channel; below
+    ``least_hz`` it cannot be simulated."""
 
     def __init__(self, true_hz, least_hz=0.0):
         super().__init__(self.ringing)
@@ -44,24 +44,24 @@ def coarse(at_hz, misfit):
     return Fit((FIRST,), np.array([at_hz]), np.full(25, misfit), slopes, 25 * misfit**2)
 
 
-def test_draws_about_a_coarse_fit_find_the_right_cycle_of_a_ring():
+def test_draws_about_a_coarse_fit_find_the_right_cycle_of_an_oscillation():
     fit = refined(Ringing(true_hz=6.0), coarse(4.6, 0.5), ROUNDS)  # three cycles off after two seconds
     assert fit.u[0] == pytest.approx(6.0, abs=1e-3)
 
 
-def test_no_draws_are_made_about_a_coarse_fit_that_lacks_more_than_the_right_cycle():
+def test_no_draws_are_made_about_a_coarse_fit_whose_misfit_is_too_large():
     campaign = Ringing(true_hz=6.0)
     refined(campaign, coarse(4.6, 2.0), ROUNDS)
     assert campaign.asked <= 2 * FIRST_ROUNDS + 1  # a residual and a Jacobian in each round
 
 
-def test_draws_lead_out_of_where_a_run_cannot_be_simulated():
+def test_draws_leave_a_region_where_a_run_cannot_be_simulated():
     fit = refined(Ringing(true_hz=6.0, least_hz=5.0), coarse(4.6, 2.0), ROUNDS)
     assert fit.u[0] == pytest.approx(6.0, abs=1e-3)
 
 
 def test_draws_follow_a_penalty_on_roughness_as_the_fit_does():
-    """Two unknowns that the data tell only in their sum; the penalty ties the second to twice the first."""
+    """Two unknowns of which the data determine only the sum; the penalty ties the second to twice the first."""
     fit = Fit((FIRST, SECOND), np.zeros(2), np.zeros(25), np.ones((25, 2)), 0.0)
     points = np.array(drawn(fit, 1, np.array([[2e3, -1e3]])))
     np.testing.assert_allclose(points[:, 1], 2 * points[:, 0], rtol=1e-2, atol=1e-4)

@@ -1,4 +1,4 @@
-"""straw replay as it is used: snaps and judgements in its JSON, roles, predictions, pictures, film, three ways."""
+"""straw replay from the command line: snaps and verdicts as JSON, roles, predictions, pictures, film, comparisons."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ main = [{ hold = -25, for_s = 1.05 }]
 
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """A run on the emulator and what a perfect camera saw of it."""
+    """A run on the emulator and its tip as an ideal camera records it."""
     folder = tmp_path_factory.mktemp("rig")
     (folder / "fold.toml").write_text(FOLD)
     run, tip = folder / "run.mcap", folder / "tip.mcap"
@@ -64,7 +64,7 @@ def refused(rig: tuple[Path, Path], capsys: pytest.CaptureFixture[str], folder: 
 
 
 def test_the_snap_of_cell_1_is_in_both_at_the_same_time(rig: tuple[Path, Path], tmp_path: Path) -> None:
-    """100 Hz readings leave about a millisecond in a snap's time."""
+    """Readings at 100 Hz limit a snap's time to about a millisecond."""
     run = replay(rig, tmp_path)
     (snap,) = run["snaps"]
     assert (snap["measured"]["cell"], snap["predicted"]["cell"]) == (1, 1)
@@ -89,7 +89,7 @@ def test_a_constants_uncertainty_is_part_of_the_validation_uncertainty(
     assert "nonsense is not a constant" in refused(rig, capsys, tmp_path, "--uncertain", "nonsense=1")
 
 
-def test_runs_know_whether_they_were_fitted(
+def test_runs_are_marked_as_fitted_or_held_out(
     rig: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert replay(rig, tmp_path)["role"] == ""
@@ -126,7 +126,7 @@ def test_a_prediction_is_a_recording_of_its_own_on_the_same_clock(
     assert "not overwritten" in refused(rig, capsys, tmp_path, "--predictions", str(tmp_path))
 
 
-def test_the_overlay_is_drawn_for_a_paper(
+def test_the_overlay_is_drawn_at_publication_quality(
     rig: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     replay(rig, tmp_path, "--png", str(tmp_path / "o.png"))
@@ -135,10 +135,10 @@ def test_the_overlay_is_drawn_for_a_paper(
     assert not list(tmp_path.glob("o.xyz*"))
 
 
-def test_one_protocol_three_ways_differs_by_what_lies_between_them(
+def test_model_emulator_and_recording_of_one_protocol_differ_by_what_lies_between_them(
     rig: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The recording was the emulator itself; the model alone lacks half a sample of the wire and the reading."""
+    """The recording is the emulator's own; the model alone lacks the wire's delay and the sampling, half a sample."""
     found = {(d["one"], d["other"], d["signal"]): d for d in replay(rig, tmp_path, "--protocol")["three_ways"]}
     assert len(found) == 3 * 4
     assert found["recording", "emulator", "X"]["rmse"] < 1e-6

@@ -1,4 +1,4 @@
-"""The page holds what was compared, in one file, whatever a recording's names contain."""
+"""The page holds the comparison in one file, whatever characters a recording's names contain."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_the_page_holds_the_measurement_and_the_prediction_in_the_units_it_shows
     assert len(unpacked(run["pressure"]["measured"])) == len(comparison.run.pressure or ())
 
 
-def test_names_that_look_like_markup_do_no_harm() -> None:
+def test_names_that_look_like_markup_are_escaped() -> None:
     nasty = "</script><script>alert(1)</script>"
     text = page([compared(run_id=nasty, specimen=nasty, lost=(nasty,))])
     assert "<script>alert" not in text
@@ -70,6 +70,6 @@ def test_the_page_of_many_runs_names_the_worst() -> None:
     assert "the worst run, the bad one, is off by" in text
 
 
-def test_braces_in_a_name_stay_a_name() -> None:
+def test_braces_in_a_name_are_kept() -> None:
     (run,) = data_in(page([compared(run_id="{{script}}")]))
     assert run["id"] == "{{script}}"

@@ -46,7 +46,7 @@ def test_show_draws_the_protocol_and_prints_its_range_and_rates(
 
 
 @pytest.mark.parametrize("controller", ["ob1-mk4", "alicat"])
-def test_one_protocol_runs_on_model_and_emulator_and_replay_lays_them_over_each_other(
+def test_one_protocol_runs_on_model_and_emulator_and_replay_overlays_them(
     controller: str, protocol: Path, tmp_path: Path
 ) -> None:
     run, tip, said = tmp_path / "run.mcap", tmp_path / "tip.mcap", tmp_path / "m.json"
@@ -61,7 +61,7 @@ def test_one_protocol_runs_on_model_and_emulator_and_replay_lays_them_over_each_
     assert predicted is not None
     assert seen is not None
     assert read_run(tip).metadata["parent_sha256"] == driven.sha256
-    # No hardware, no noise in the straw: what is left is that the rig is told a new pressure once in 10 ms.
+    # No hardware, no noise in the straw: what is left is that the rig is commanded a new pressure every 10 ms.
     inside = (predicted.time_s > 0) & (predicted.time_s < 1.0)
     apart_m = np.interp(predicted.time_s[inside], seen.time_s, seen.x_m) - predicted.x_m[inside]
     assert np.sqrt(np.mean(apart_m**2)) < 0.02 * np.ptp(predicted.x_m)
@@ -77,14 +77,14 @@ def test_limits_and_settings_of_the_command_line_reach_the_controller(protocol: 
     assert read_run(tmp_path / "run.mcap").metadata["limits"] == "-20..10 kPa"
 
 
-def test_what_belongs_to_the_emulator_is_refused_on_a_port(protocol: Path, tmp_path: Path) -> None:
+def test_options_of_the_emulator_are_refused_on_a_port(protocol: Path, tmp_path: Path) -> None:
     on = ["rig", "run", str(protocol), "--port", "socket://127.0.0.1:1", "-o", str(tmp_path / "run.mcap")]
     for option in (["--fast"], ["--tip", str(tmp_path / "t.mcap")], ["--setting", "nonsense=1"]):
         assert main([*on, *option]) == 2
 
 
 @pytest.mark.skipif(os.name != "posix", reason="ends the emulator with SIGTERM")
-def test_an_emulator_with_faults_serves_any_program_and_says_what_it_did(tmp_path: Path) -> None:
+def test_an_emulator_with_faults_serves_any_client_and_reports_its_faults(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "straw.replay.cli", "rig", "emulate", "--faults", "0.2", "--seed", "3"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parents[2]) as server:
         try:

@@ -1,4 +1,4 @@
-"""Best subsets: of all causes fitted at once, the one or two that explain as much come first."""
+"""Best subsets: of all causes fitted at once, the single one or pair that explains as much comes first."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from straw.replay.diagnose.system import Differences, System
 RNG = np.random.default_rng(3)
 SAMPLES = 400
 LEVEL, FIRST, SECOND, OTHER, EXTRA = RNG.normal(size=(5, SAMPLES))
-#: Alone, the decoy is nearest to the sum of the first and the second.
+#: The decoy is the single column nearest to the sum of the first and the second.
 COLUMNS = {"base": LEVEL, "first": FIRST, "second": SECOND, "other": OTHER, "decoy": FIRST + SECOND + 0.8 * EXTRA}
 
 
 class Linear(System):
-    """A sum of columns, each by its strength, against data with noise of one sigma."""
+    """A sum of columns, each times its strength, against data with noise of one sigma."""
 
     channels = ()
     base = (Unknown("base", 1.0, kind="linear", sd=10.0),)
@@ -68,12 +68,12 @@ def test_a_start_is_where_its_causes_alone_fit_best():
     y = 2 * LEVEL + 1.2 * FIRST + RNG.normal(size=SAMPLES)
     start = next(one for one in ranked(y) if one.hypothesis.causes == ("first",))
     level, strength = start.u[0], np.sinh(start.u[1])
-    # a strength is shrunk by its prior of 1.5 in u, and 1 / sqrt(400) is its own deviation
+    # its prior deviation of 1.5 in u shrinks a strength, whose own deviation is 1 / sqrt(400)
     assert level == pytest.approx(2.0, abs=4 / np.sqrt(SAMPLES))
     assert strength == pytest.approx(1.2, abs=0.3)
 
 
-def test_a_likely_cause_of_a_large_strength_is_taken_as_a_start():
+def test_a_probable_cause_of_a_large_strength_is_used_as_a_start():
     system = Linear()
     likely = [Start(system.hypothesis(["other"]), np.array([1.0, np.arcsinh(40.0)]))]
     with ThreadPoolExecutor(1) as pool:
@@ -93,7 +93,7 @@ def test_a_cause_without_a_strength_or_with_an_unknown_of_another_is_left_out():
     assert [one.name for one in saturated(known, [form, first, again]).causes] == ["first"]
 
 
-def test_a_run_whose_derivatives_have_blown_up_does_not_keep_the_others_from_telling():
+def test_a_run_whose_derivatives_have_diverged_does_not_spoil_the_information_of_the_others():
     class Unstable(Linear):
         def misfit(self, recording, unknowns, u, *, level=None, derivatives=False):
             one = super().misfit(recording, unknowns, u, level=level, derivatives=derivatives)

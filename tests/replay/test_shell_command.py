@@ -1,4 +1,4 @@
-"""straw shell, straw design: what is asked wrongly is said in one line, before anything slow begins."""
+"""straw shell, straw design: wrong arguments are refused in one line, before anything slow begins."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ def test_wrong_arguments_are_one_line(arguments: list[str], said: str, capsys: p
     assert said in lines[0]
 
 
-def test_a_design_without_a_wish_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_design_without_a_requirement_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["design", str(tmp_path / "none.toml"), "--out", str(tmp_path / "out")]) == 2
     assert "none.toml" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 
-def test_what_no_design_gives_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_requirements_that_no_design_meets_are_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "wish.toml").write_text("[wanted]\ndeploy_kpa = 900\n[vary]\nh_mm = [0.4, 0.6]\n")
     options = ["--jobs", "1", "--count", "64", "--check", "0", "--out", str(tmp_path)]
     assert main(["design", str(tmp_path / "wish.toml"), *options]) == 1
@@ -63,7 +63,7 @@ def test_an_order_of_snaps_is_checked_by_finite_elements(tmp_path: Path, capsys:
     assert "finite elements" in capsys.readouterr().out
 
 
-def test_a_dask_cluster_finds_the_designs_that_are_found_here(tmp_path: Path) -> None:
+def test_a_dask_cluster_finds_the_same_designs(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed", reason="dask's workers are not installed")
     wish = tmp_path / "wish.toml"
     wish.write_text("[wanted]\ndeploy_kpa = 30.0\n[vary]\nh_mm = [0.35, 0.7]\n")

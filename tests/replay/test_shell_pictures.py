@@ -1,4 +1,4 @@
-"""Pictures of finite elements: beside the reduced model's for a frustum, a cell, under pressure, and with one state."""
+"""Pictures of the finite-element energy beside the reduced model's: frustum, cell, under pressure, with one state."""
 
 from __future__ import annotations
 
@@ -36,5 +36,5 @@ def test_the_energy_is_drawn_beside_the_reduced_one_from_the_same_level(problem:
     assert "rigid" in reduced.get_title(loc="left") + reduced.get_title() or lower_m == 0
     assert shell.collections[0].get_clim() == reduced.collections[0].get_clim()
     span = off.collections[0].get_clim()[1]
-    # a coarse mesh's energy is off by a tenth, the formula by a third; a shift of level would be more
+    # the energy of a coarse mesh is off by a tenth, the formula by a third; a wrong zero level would exceed that
     assert span < 0.7 * np.ptp(shell.collections[0].get_clim())

@@ -11,7 +11,7 @@ from straw.replay.paper.shell import Cut, agreement
 from straw.replay.shell.table import _barriers_of
 
 
-def test_barriers_are_saddles_above_the_states_they_part() -> None:
+def test_barriers_are_saddles_above_the_states_they_separate() -> None:
     """facts/fe.md by NGSolve, and equation 7 in brackets: (zeta mm, phi, stable, mJ)."""
     shell = [(2.087, 0, True, 11.76), (0.232, 0, False, 21.19), (-2.28, 0, True, 0.0)]
     shell += [(-0.130, 0.215, True, 10.01), (1.035, 0.104, False, 17.31), (-0.864, 0.143, False, 12.14)]
@@ -24,7 +24,7 @@ def test_a_frustum_of_fewer_states_has_no_such_barriers() -> None:
     assert _barriers_of([(-1.0, 0, True, 0.0)]) == {}
 
 
-def test_agreement_is_told_by_the_range_around_the_rest_in_which_it_holds() -> None:
+def test_agreement_is_stated_as_the_range_around_the_rest_state_in_which_it_holds() -> None:
     """Planted: equal up to zeta = 1 mm and phi = 0.2 rad, beyond them 3 mJ apart where the barrier is 20 mJ."""
     zeta, phi = np.linspace(-3e-3, 3e-3, 61), np.linspace(0, 0.34, 35)
     barrier, flat = 0.02 * np.cos(300 * zeta) ** 2, np.full(35, 0.01)

@@ -1,4 +1,4 @@
-"""The snap search returns the model's snap pressures through the wire, and says when it cannot."""
+"""The snap search finds the model's snap pressures through the wire, and reports when it cannot."""
 
 import json
 from pathlib import Path
@@ -25,7 +25,7 @@ from straw.rig.watch import AskingWatcher, MotionWatcher, volume_from_flow
 def test_the_emulated_straw_snaps_where_the_model_says(
     direction: str, cell: int, start: float, which: int, tmp_path: Path
 ) -> None:
-    # The truth is the continuation's limit point; the search sees only the wire and the tip.
+    # The truth is the limit point found by continuation; the search sees only the wire and the tip.
     truth_pa = snap_pair(StrawParameters(), cell)[which].pressure_pa
     found, recording = tmp_path / "found.json", tmp_path / "search.mcap"
     command = ["rig", "snap-search", "--emulate", "--cell", str(cell), "--direction", direction]
@@ -44,7 +44,7 @@ def test_the_emulated_straw_snaps_where_the_model_says(
 
 
 class Clicker:
-    """A straw that jumps when its pressure passes a limit, and leaks volume in proportion before."""
+    """A straw that jumps when its pressure passes a limit, and takes in volume in proportion to pressure below it."""
 
     def __init__(self, snaps_at_pa: float) -> None:
         self.snaps_at_pa, self.snapped = snaps_at_pa, False
@@ -63,7 +63,7 @@ def clicker(snaps_at_pa: float) -> tuple[Clicker, Emulation]:
     return straw, Emulation(straw, plant=plant, clock=SteppedClock(), step_s=5e-3)
 
 
-def test_the_flow_that_the_wire_brings_back_shows_the_snap_and_repeats_narrow_it() -> None:
+def test_the_measured_flow_shows_the_snap_and_repeats_narrow_its_interval() -> None:
     straw, emulation = clicker(-7_730.0)
 
     def reset() -> None:
@@ -83,7 +83,7 @@ def test_the_flow_that_the_wire_brings_back_shows_the_snap_and_repeats_narrow_it
     assert found.sigma_pa < 80.0
 
 
-def test_somebody_who_watches_can_answer_and_without_resetting_one_step_is_the_interval() -> None:
+def test_an_observer_can_answer_and_without_a_reset_the_interval_is_one_step() -> None:
     straw, emulation = clicker(6_200.0)
 
     def ask(told_pa: float) -> bool:
@@ -95,7 +95,7 @@ def test_somebody_who_watches_can_answer_and_without_resetting_one_step_is_the_i
     assert (found.brackets[0].below.told_pa, found.brackets[0].above.told_pa) == (6_000.0, 6_500.0)
 
 
-def test_answers_that_are_missing_or_spoiled_are_asked_for_again_and_the_search_goes_on() -> None:
+def test_missing_or_corrupted_answers_are_requested_again_and_the_search_continues() -> None:
     straw, emulation = clicker(6_200.0)
     faults = SeededFaults(0.05, seed=3, kinds=("garble", "truncate", "silence", "deaf"))
 
@@ -110,7 +110,7 @@ def test_answers_that_are_missing_or_spoiled_are_asked_for_again_and_the_search_
     assert (found.brackets[0].below.told_pa, found.brackets[0].above.told_pa) == (6_000.0, 6_500.0)
 
 
-def test_no_snap_and_nothing_to_see_it_by_are_one_line_and_leave_the_straw_vented() -> None:
+def test_no_snap_or_no_means_to_detect_one_is_one_line_and_leaves_the_straw_vented() -> None:
     straw, emulation = clicker(50e3)
     with emulation, make_controller("ob1-mk4", emulation.url, clock=emulation.clock) as controller:
         with pytest.raises(RigError, match=r"nothing snapped between 0 and 3 kPa"):

@@ -1,4 +1,4 @@
-"""The page of a diagnosis: each figure once, laws typeset, the moment and the place shown, whatever the system."""
+"""The page of a diagnosis: each figure once, laws typeset, moment and place of the misfit shown, for any system."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ CUBIC = 5e9
 
 @pytest.fixture(scope="module")
 def told() -> tuple[Story, Findings]:
-    """An oscillator with a stiffening spring, three recordings, found without a search."""
+    """Findings on three recordings of an oscillator with a stiffening spring, made without a search."""
     first, second = stiffening(CUBIC)
     runs = [first, second, replace(second, name="again")]
     with ThreadPoolExecutor() as pool:
@@ -53,11 +53,11 @@ def told() -> tuple[Story, Findings]:
 
 
 def elements(formula: str) -> list[str]:
-    """Names of a formula's elements; raises where they do not nest."""
+    """Names of a formula's elements; raises where they are not properly nested."""
     return [one.tag for one in ET.fromstring(f"<p>{mathml(formula)}</p>").iter()]
 
 
-def test_every_law_of_the_library_is_typeset_with_elements_that_nest() -> None:
+def test_every_law_of_the_library_is_typeset_in_well_formed_mathml() -> None:
     for term in TERMS.values():
         assert "math" in elements(term.law), term.name
 
@@ -67,12 +67,12 @@ def test_a_fraction_a_power_a_root_and_a_rate_are_typeset_as_such() -> None:
     assert elements("x^2 + sqrt(y)").count("msup") == 1
     assert "msqrt" in elements("x^2 + sqrt(y)")
     assert elements("d v/dt = ... + (0.2 N s/m) v").count("mfrac") == 1  # the unit is no fraction of symbols
-    assert "mtext" not in elements("rho/2 A")  # A is an area here, no ampere
+    assert "mtext" not in elements("rho/2 A")  # A is an area here, not ampere
     for broken in ("(((", "a/", "^", "|x", "sqrt(", "<b>&"):
         elements(broken)
 
 
-def test_an_interval_is_told_in_the_unit_of_its_value() -> None:
+def test_an_interval_is_stated_in_the_unit_of_its_value() -> None:
     assert quantity(2e-4, 1e-4, 3e-4, "m") == ("0.2 mm", "0.1 to 0.3")
     assert quantity(1.0, 0.5, 1.5, "1") == ("1", "0.5 to 1.5")
     assert quantity(8e6, 1e6, 9e6, "kg/m^4") == ("8·10⁶ kg/m⁴", "1·10⁶ to 9·10⁶")
@@ -80,7 +80,7 @@ def test_an_interval_is_told_in_the_unit_of_its_value() -> None:
     assert symbol_of("tau_s", "time constant of the line") == ("tau", "time constant of the line")
 
 
-def test_the_page_begins_where_two_lines_differ_most() -> None:
+def test_the_page_starts_at_the_moment_of_the_largest_difference() -> None:
     time_s = np.linspace(0.0, 10.0, 1001)
     other = np.sin(time_s)[None]
     one = other + 0.3 * np.exp(-(((time_s - 7.0) / 0.05) ** 2))
@@ -134,7 +134,7 @@ def test_the_page_shows_the_figures_of_the_findings(told: tuple[Story, Findings]
     chosen = [one for one in page.rivals if one.chosen]
     assert [one.name for one in chosen] == ["cubic stiffness"]
     assert chosen[0].probability == findings.judgement.probability["cubic_stiffness"]
-    assert {one[0] for one in page.unseen} == {"dry friction"}  # beside what was found, not that itself
+    assert {one[0] for one in page.unseen} == {"dry friction"}  # the alternatives to what was found
 
 
 def test_the_page_needs_no_network_and_has_one_measure_of_misfit(told: tuple[Story, Findings]) -> None:
@@ -145,7 +145,7 @@ def test_the_page_needs_no_network_and_has_one_measure_of_misfit(told: tuple[Sto
     assert "unexplained" not in read
 
 
-def test_a_system_without_a_drawing_is_played_as_its_curves(told: tuple[Story, Findings], tmp_path: Path) -> None:
+def test_a_system_without_a_drawing_is_played_as_curves(told: tuple[Story, Findings], tmp_path: Path) -> None:
     script = """return { charts: charts.length, at: now, said: document.querySelector('#who').textContent,
         drawn: document.querySelectorAll('#straw, .pressure').length, series: charts[0].series.map((s) => s.label),
         width: document.documentElement.scrollWidth - innerWidth };"""

@@ -1,4 +1,4 @@
-"""The engine diagnoses what is no straw, through the interface of a system alone."""
+"""The engine diagnoses systems other than a straw through the interface of a system alone."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_a_spring_that_stiffens_is_named_and_a_linear_one_is_complete(cubic, ver
         assert found["unit"] == "N/m^3"
 
 
-def test_a_cause_that_predicts_runs_held_out_worse_is_not_named_and_the_model_stays_the_base(monkeypatch):
+def test_a_cause_that_predicts_held_out_runs_worse_is_not_named_and_the_base_model_is_kept(monkeypatch):
     one, two = {"y_m": 1e-5}, {"y_m": 2e-5}
     floor, moves, steps = {"y_m": SIGMA_M}, {"y_m": 1e-3}, (("cubic_stiffness", two),)
     held = Held(("20N",), ("50N",), 9.0, 1.0, one, two, floor, moves, steps)
@@ -79,12 +79,12 @@ def test_a_cause_that_predicts_runs_held_out_worse_is_not_named_and_the_model_st
 
 
 def only_in_a_pair(campaign: Campaign) -> tuple[Inquiry, float]:
-    """A search that found a stiffening spring only beside friction that does nothing, and what that costs."""
+    """A search that found a stiffening spring only in a pair with friction of no effect, and that pair's cost."""
     base = campaign.system.base
     null = fitted(campaign, base, np.zeros(len(base)), rounds=20)
     alone, other = (campaign.hypothesis([name]) for name in ("cubic_stiffness", "dry_friction"))
     found = Inquiry(campaign, null)
-    found.keep(absent(null, alone))  # as a search that never got away from nothing leaves it
+    found.keep(absent(null, alone))  # as a search that stayed at zero strength leaves it
     unknowns = (*base, *alone.unknowns, *other.unknowns)
     u = np.concatenate([null.u, alone.starts[-1], np.zeros(len(other.unknowns))])
     both = fitted(campaign, unknowns, u, rounds=40)
@@ -96,11 +96,11 @@ def test_a_cause_with_a_stuck_search_is_fitted_from_a_pair_whose_other_cause_has
     with ThreadPoolExecutor() as pool:
         found, both = only_in_a_pair(Campaign(stiffening(5e9), OscillatorSystem(), pool))
         nested(found)
-    assert found.singles["cubic_stiffness"].cost < both + 1.0  # friction that is not there gains less than this
+    assert found.singles["cubic_stiffness"].cost < both + 1.0  # friction that is absent gains less than this
 
 
 def test_a_spent_budget_still_tries_each_cause_of_the_best_pair_alone(monkeypatch):
-    class Hurried(OscillatorSystem):
+    class OscillatorOfLittleWork(OscillatorSystem):
         most_work = 1.0
 
     def only_one(campaign, *_):
@@ -111,12 +111,12 @@ def test_a_spent_budget_still_tries_each_cause_of_the_best_pair_alone(monkeypatc
 
     monkeypatch.setattr(diagnosis, "explain", only_one)
     with ThreadPoolExecutor() as pool:
-        found = diagnosis.inquire(stiffening(5e9), Hurried(), executor=pool)
+        found = diagnosis.inquire(stiffening(5e9), OscillatorOfLittleWork(), executor=pool)
     assert found.spent
     assert found.singles["cubic_stiffness"].cost < found.pairs["cubic_stiffness+dry_friction"].cost + 1.0
 
 
-def test_the_base_is_fitted_from_what_fewer_runs_left_as_well(monkeypatch):
+def test_the_base_is_also_fitted_from_the_result_of_fewer_runs(monkeypatch):
     records, system, starts = stiffening(0.0), OscillatorSystem(), []
     with ThreadPoolExecutor() as pool:
         before = diagnosis.inquire(records[:1], system, library=(), executor=pool)
@@ -134,7 +134,7 @@ def test_the_base_is_fitted_from_what_fewer_runs_left_as_well(monkeypatch):
         both = diagnosis.inquire(records, system, library=(), executor=pool, before=before)
     samples = sum(len(record.y_m) for record in records)
     assert any(np.array_equal(u, before.null.u) for u in starts)
-    assert both.null.cost < samples + 5 * np.sqrt(2 * samples)  # noise: chi-square of the samples
+    assert both.null.cost < samples + 5 * np.sqrt(2 * samples)  # chi-square of the samples' noise
 
 
 def test_derivatives_of_the_oscillator_are_those_of_wider_differences():
@@ -148,16 +148,16 @@ def test_derivatives_of_the_oscillator_are_those_of_wider_differences():
         low = u if unknowns[k].low == u[k] else u - h
         ends = [system.misfit(record, unknowns, np.array(at)) for at in (u + h, low)]
         slope = (ends[0].vector - ends[1].vector) / (u + h - low)[k]  # type: ignore[union-attr]
-        # a one-sided difference errs by half of its step times the curvature, which is of the slope's order
+        # a one-sided difference errs by half its step times the second derivative, which is of the first one's order
         assert np.linalg.norm(one.jacobian[:, k] - slope) < 5e-3 * np.linalg.norm(slope)
 
 
-def test_a_system_travels_to_workers():
+def test_a_system_can_be_pickled_for_workers():
     assert pickle.loads(pickle.dumps(OscillatorSystem(("dry_friction",)))).causes == ("dry_friction",)
 
 
 def test_the_engine_imports_nothing_of_a_system():
-    """Files of the engine's own room; what is learned of straws (`propose`) is handed over as an object."""
+    """Files of the engine itself; the proposal learned for straws (`propose`) is passed to it as an object."""
     for path in Path(str(straw.replay.diagnose.__file__)).parent.glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and node.module:

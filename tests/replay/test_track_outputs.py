@@ -1,4 +1,4 @@
-"""straw track writes what it says, the recording with corners and camera, table, page and overlay; or nothing."""
+"""straw track writes all its outputs (recording with corners and camera, table, page, overlay), or none."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def test_from_python_the_same_track_is_an_object(place):
     )
     written = read_run(place / "tip.mcap").tip
     assert steps[-1] == len(found.trace) == 19
-    # the shorter part settles the board's turn and the shutter from fewer frames
+    # the shorter part determines the board's mounting angle and the row time from fewer frames
     np.testing.assert_allclose(found.trace.x_m, written.x_m[:19], atol=5 * np.median(written.sigma_x_m))
     assert {"time_s", "x_m", "sigma_phi_rad", "rms_px"} <= set(found.to_dataframe().columns)
     assert "<svg" in found._repr_html_()
@@ -136,8 +136,8 @@ reason = "read off the picture"
     assert "read off the picture" in (tmp_path / "r.html").read_text(encoding="utf-8")
 
 
-def test_a_page_steps_through_frames_and_writes_what_mends_them(place, tmp_path):
-    """In a browser: to a frame, a reason, refused; a point clicked on. What it writes is what --mend reads."""
+def test_a_page_steps_through_frames_and_writes_corrections(place, tmp_path):
+    """In a browser: a frame is refused with a reason, a point is clicked. The file it writes is read by --mend."""
     page = tmp_path / "s.html"
     command = ["track", str(place / "v.mp4"), "--camera", str(place / "placed.json"), "-o", str(tmp_path / "t.mcap")]
     assert main([*command, "--step", str(page), "--step-frames", "4-9"]) == 0
@@ -186,7 +186,7 @@ def test_a_correction_of_missing_frames_leaves_no_file(place, tmp_path, capsys):
     assert not (tmp_path / "t.mcap").exists()
 
 
-def test_the_table_says_the_same(place):
+def test_the_table_agrees_with_the_recording(place):
     rows = list(csv.DictReader((place / "t.csv").read_text(encoding="utf-8").splitlines()))
     tip = read_run(place / "tip.mcap").tip
     np.testing.assert_allclose([float(row["x_m"]) for row in rows], tip.x_m, rtol=1e-8)
@@ -201,7 +201,7 @@ def test_the_overlay_shows_every_frame_and_the_page_needs_no_network(place):
     assert "http" not in text
 
 
-def test_the_camera_found_places_the_next_video(place):
+def test_the_camera_pose_found_in_one_video_is_used_for_the_next(place):
     found, truth = load_camera(place / "found.json"), load_camera(place / "placed.json")
     np.testing.assert_allclose(found.world_from_camera, truth.world_from_camera, atol=5e-3)
     output = place / "again.mcap"
@@ -210,7 +210,7 @@ def test_the_camera_found_places_the_next_video(place):
     np.testing.assert_allclose(again.x_m, first.x_m, atol=3e-5)
 
 
-def test_nothing_is_left_of_work_that_failed(place, capsys):
+def test_a_failed_command_leaves_no_files(place, capsys):
     before = sorted(place.iterdir())
     command = ["track", str(place / "v.mp4"), "--camera", str(place / "placed.json"), "-o", str(place / "n.mcap")]
     for wrong in (
@@ -226,7 +226,7 @@ def test_nothing_is_left_of_work_that_failed(place, capsys):
         assert sorted(place.iterdir()) == before
 
 
-def test_a_second_board_places_the_camera(place, tmp_path):
+def test_a_reference_board_gives_the_cameras_pose(place, tmp_path):
     lens = replace(load_camera(place / "lens.json").lens, width=960, height=480)
     where = camera_looking_at((0.0251, 0, 0), 0.212, np.radians(25), 0.0)
     fixed = np.eye(4)

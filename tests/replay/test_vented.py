@@ -1,4 +1,4 @@
-"""What the gauge reads before anything is commanded is evidence of its offset, and of nothing else."""
+"""Readings of the gauge before the first command are evidence of its offset, and of nothing else."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def _read(offset_pa: float, drift_pa_per_s: float = 0.0) -> PressureLog:
 def test_an_offset_is_read_at_vent_where_noise_does_not_account_for_it():
     assert vented(_read(700.0), TOLD) == pytest.approx(700.0, abs=4 * 30 / np.sqrt(100))
     assert vented(_read(0.0), TOLD) is None
-    assert vented(_read(700.0, drift_pa_per_s=-1400.0), TOLD) is None  # the last run's pressure still leaves
-    assert vented(_read(700.0), None) is None  # who knows what was commanded
+    assert vented(_read(700.0, drift_pa_per_s=-1400.0), TOLD) is None  # pressure left by the previous run
+    assert vented(_read(700.0), None) is None  # the command at that time is unknown
 
 
 def test_the_gauge_s_offset_explains_what_it_reads_at_vent_and_a_law_of_the_straw_does_not():

@@ -1,4 +1,4 @@
-"""Walls by finite elements, concealed by an apparatus with a table of its own: the cause explains them to noise."""
+"""Walls by finite elements, concealed by an apparatus with its own table: the cause explains them down to noise."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_ra
 
 @pytest.mark.parametrize("name", ["fold-25kPa", "deploy-35kPa-1"])
 def test_at_the_planted_constants_the_full_share_leaves_noise_and_a_share_of_zero_does_not(name: str) -> None:
-    """What is left is noise and the scatter of repeats, which was not fitted."""
+    """What is left is noise and the scatter between repeats, which was not fitted."""
     truth, base = specimen(21), base_unknowns(BASE)
     planted = {
         "r_ch_m": truth.laws["R_CH"],

@@ -1,4 +1,4 @@
-"""Worker processes of a command end with it."""
+"""Worker processes of a command end when it does."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-#: A command with a worker that is busy for longer than the test, and writes its process number.
+#: A command with a worker that is busy for longer than the test and writes its process id.
 COMMAND = """
 import os, sys, time
 from straw.replay.workers import workers
@@ -27,7 +27,7 @@ if __name__ == "__main__":
 
 
 def running(process: int) -> bool:
-    """Whether a process exists and is no zombie."""
+    """Whether a process exists and is not a zombie."""
     try:
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:
