@@ -1,4 +1,4 @@
-"""Shared by the rig's tests: a straw simple enough to know by heart, and an emulated rig around it."""
+"""Shared by the rig's tests: a straw with a closed-form motion, and an emulated rig around it."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -17,7 +17,7 @@ from straw.tracking.trace import TipTrace
 
 
 class KnownStraw:
-    """Stands in for straw.model.simulate.Stepper: the tip is where the mean pressure of the step puts it."""
+    """Stands in for straw.model.simulate.Stepper: the tip is proportional to the mean pressure of the step."""
 
     def __init__(self) -> None:
         self.time_s = 0.0
@@ -51,7 +51,7 @@ def controller(emulation: Emulation) -> Iterator[Controller]:
 
 @pytest.fixture
 def sets(emulation: Emulation) -> Callable[[], list[int]]:
-    """Every pressure (mbar) that reached the wire so far."""
+    """Returns every set pressure (mbar) that has reached the wire."""
     return lambda: [
         int(line.decode().strip().split(":")[2]) for _, line in emulation.wire.received if line.startswith(b"<PRESS!")
     ]
@@ -85,7 +85,7 @@ def trace() -> TipTrace:
 
 @pytest.fixture
 def recordings() -> Path:
-    """Recordings of another apparatus, beside the repository when it is on the bench."""
+    """Recordings of another apparatus, where they lie beside the checkout."""
     folder = Path(__file__).parents[2].parent / "shared" / "recordings"
     if not folder.is_dir():
         pytest.skip(f"no recordings of another logger in {folder}")

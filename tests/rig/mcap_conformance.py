@@ -1,6 +1,6 @@
 """Makes the 416 files of MCAP's conformance suite byte for byte (github.com/foxglove/mcap, MIT).
 
-The repository keeps the files in Git LFS; that these are the same is shown by one digest over all their SHA-256 sums,
+The repository keeps the files in Git LFS; one digest over all their SHA-256 sums proves that these are the same,
 which are the LFS object ids at commit 95d0673.
 """
 

@@ -1,7 +1,7 @@
 """SteppedPort: an emulated instrument on a serial port whose time is stepped, so that its delays are exact.
 
-``stepped`` puts a driver on it. Everything that waits (driver, line, instrument) waits on one stepped clock: a run with
-a given seed is the same on every machine, whatever its load, and minutes of it take a second.
+``stepped`` connects a driver to it. Everything that waits (driver, line, instrument) waits on one stepped clock: a run
+with a given seed is the same on every machine, whatever its load, and minutes of it take a second.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Time:
 
 @dataclass(frozen=True)
 class Delays:
-    """Shares and largest values (s) of delays: of the driver at any use of the port, of the instrument's answers."""
+    """Probabilities and largest values (s) of delays: of the driver at each use of the port, and of answers."""
 
     driver_share: float = 0.0
     driver_s: float = 0.0
@@ -46,7 +46,7 @@ PROMPT = Delays()
 
 
 class SteppedPort:
-    """What pyserial would open: requests take their bytes' time on the line, and answers come in order, byte by byte.
+    """What pyserial would open: requests take their transmission time, and answers arrive in order, byte by byte.
 
     ``asked`` lists the requests and what was sent back. ``faults`` as those of a Wire.
     """
@@ -76,7 +76,7 @@ class SteppedPort:
         return bytes(byte for _, byte in got)
 
     def write(self, data: bytes) -> int:
-        """The instrument hears it; its answers are on their way."""
+        """The instrument receives it and sends its answers."""
         self._stall()
         byte_s, end = 10 / self.device.baud, self.device.terminator
         self._begun += data
@@ -95,7 +95,7 @@ class SteppedPort:
         return len(data)
 
     def close(self) -> None:
-        """What is on its way stays on its way, as on a serial port that is opened again."""
+        """Bytes in flight still arrive, as on a serial port that is opened again."""
 
     def _arrived(self) -> int:
         now_s = self.clock.monotonic_s()
@@ -117,7 +117,7 @@ def stepped(
     noise_pa: float = 300.0,
     timeout_s: float = 0.06,
 ) -> tuple[LineController, SteppedPort]:
-    """A driver, not opened yet, and its port. Noise makes each answer another, so that a stale one shows."""
+    """A driver, not opened yet, and its port. Noise makes each answer different, so that a stale one is detected."""
     import straw.rig.controllers.alicat
     import straw.rig.controllers.ob1_mk4
     import straw.rig.line

@@ -1,4 +1,4 @@
-"""The Alicat: its grammar against wire text, its driver and a client nobody here wrote against the emulator."""
+"""The Alicat: its grammar against wire text, its driver and an independent client against the emulator."""
 
 import importlib.util
 import os
@@ -47,7 +47,7 @@ def test_the_emulator_answers_as_the_wire_text_says() -> None:
     assert len(PAIRS) == 9
     for sent, answer in PAIRS:
         assert emulator.answer(sent, 0.0) == answer
-    assert emulator.answer(b"B\r", 0.0) == b""  # another unit's business
+    assert emulator.answer(b"B\r", 0.0) == b""  # addressed to another unit
 
 
 def test_frames_of_both_kinds_of_controller_are_read() -> None:
@@ -72,7 +72,7 @@ def test_frames_of_both_kinds_of_controller_are_read() -> None:
         b"A +0014.70 -0025.00 XYZ\r",
     ],
 )
-def test_a_damaged_frame_is_refused_never_guessed(reply: bytes) -> None:
+def test_a_damaged_frame_is_refused_and_never_guessed(reply: bytes) -> None:
     with pytest.raises(RigError):
         decode_frame(reply, "A")
 
@@ -114,7 +114,7 @@ def test_a_pressure_beyond_the_sensor_is_rejected(alicat: Emulation) -> None:
             controller.read()
 
 
-def test_an_emulated_minute_takes_no_minute(straw: object) -> None:
+def test_an_emulated_minute_takes_far_less_than_a_minute(straw: object) -> None:
     clock = SteppedClock()
     with (
         Emulation(straw, "alicat", plant=PressurePlant(noise_pa=0.0), clock=clock) as emulation,
@@ -165,7 +165,7 @@ def test_an_independent_client_works_with_the_emulator(straw: object) -> None:
     addresses = ["pty", "127.0.0.1:0"] if os.name == "posix" else ["127.0.0.1:0"]
     with Emulation(straw, "alicat", *addresses, plant=plant, device={"frame": "mass"}) as emulation:
         for url in emulation.urls:
-            time.sleep(0.3)  # until what the one before told it has decayed
+            time.sleep(0.3)  # until the pressure commanded before has decayed
             said = subprocess.run(
                 [python or sys.executable, "-c", CLIENT, url.removeprefix("socket://")],
                 capture_output=True,
@@ -177,9 +177,9 @@ def test_an_independent_client_works_with_the_emulator(straw: object) -> None:
             ), said.stderr
 
 
-def test_answers_that_come_late_end_no_run_and_are_on_record(straw: object, tmp_path: Path) -> None:
-    class LateNowAndThen:
-        """The 20th exchange is answered 0.7 s late, the 60th 1.9 s, each long after the driver's patience."""
+def test_late_answers_do_not_end_a_run_and_are_recorded(straw: object, tmp_path: Path) -> None:
+    class SometimesLate:
+        """The 20th exchange is answered 0.7 s late, the 60th 1.9 s, each long after the driver's timeout."""
 
         count = 0
 
@@ -192,7 +192,7 @@ def test_answers_that_come_late_end_no_run_and_are_on_record(straw: object, tmp_
     )
     plant = PressurePlant(noise_pa=0.0, resolution_pa=10.0)
     with (
-        Emulation(straw, "alicat", plant=plant, faults=LateNowAndThen(), latency_s=0.0) as emulation,
+        Emulation(straw, "alicat", plant=plant, faults=SometimesLate(), latency_s=0.0) as emulation,
         make_controller("alicat", emulation.url) as controller,
     ):
         read, wrong = controller.read, []
@@ -207,5 +207,5 @@ def test_answers_that_come_late_end_no_run_and_are_on_record(straw: object, tmp_
     run = read_run(tmp_path / "run.mcap")
     assert run.metadata["exit_status"] == "success"
     assert outcome.missed == len([event for event in run.events if event.kind == "fault"]) > 0
-    assert [text for text in wrong if text] == []  # every reading was the pressure of the time that it claims
+    assert [text for text in wrong if text] == []  # every reading was the pressure within its time span
     assert len(wrong) == outcome.cycles - outcome.missed

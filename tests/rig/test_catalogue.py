@@ -1,4 +1,4 @@
-"""The catalogue says what the files say, keeps notes beside them, and finds every byte that was changed."""
+"""The catalogue agrees with the files, keeps notes beside them, and detects every changed byte."""
 
 import hashlib
 import json
@@ -50,7 +50,7 @@ def folder(tmp_path: Path, trace: TipTrace) -> Path:
     return tmp_path
 
 
-def test_the_catalogue_is_what_the_files_say_with_or_without_its_index(folder: Path) -> None:
+def test_the_catalogue_agrees_with_the_files_with_or_without_its_index(folder: Path) -> None:
     entries = catalogue(folder)
     assert {entry.name: entry.kind for entry in entries} == {
         "a.mcap": "run",
@@ -72,7 +72,9 @@ def test_the_catalogue_is_what_the_files_say_with_or_without_its_index(folder: P
     assert catalogue(folder) == entries
 
 
-def test_the_index_spares_reading_until_a_file_changes(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_with_the_index_a_file_is_read_again_only_when_it_changes(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     catalogue(folder)
     read: list[str] = []
     monkeypatch.setattr("straw.rig.catalogue.read_fitting", lambda path: read.append(path.name) or read_fitting(path))
@@ -97,7 +99,7 @@ def test_a_run_is_found_by_file_id_or_digest(folder: Path) -> None:
         find(folder, "b")
 
 
-def test_tags_and_notes_stay_beside_the_run_and_leave_it_alone(folder: Path) -> None:
+def test_tags_and_notes_are_kept_beside_the_run_and_leave_it_unchanged(folder: Path) -> None:
     run = folder / "a.mcap"
     before = run.read_bytes()
     for kind, text in [
@@ -137,7 +139,7 @@ def test_the_manifest_is_sha256sums_and_shows_every_change(folder: Path) -> None
     assert [one.problem for one in check(run)] == [None, "is missing"]
 
 
-def test_a_run_that_was_changed_says_so_when_it_is_opened(folder: Path) -> None:
+def test_opening_a_run_that_was_changed_reports_the_change(folder: Path) -> None:
     run = folder / "a.mcap"
     other = recorded(folder / "other.mcap", offset_pa=1.0).read_bytes()
     assert read_run(run).damage == ()
@@ -146,7 +148,7 @@ def test_a_run_that_was_changed_says_so_when_it_is_opened(folder: Path) -> None:
     assert main(["runs", "compare", str(run), str(folder / "other.mcap")]) == 2
 
 
-def test_verify_answers_no_when_anything_is_wrong(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_verify_fails_when_anything_is_wrong(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     at = ["--dir", str(folder)]
     assert main(["runs", "verify", "a", "b", *at]) == 0
     assert "2 files as recorded, 0 changed or damaged, 0 unknown" in capsys.readouterr().out
@@ -190,7 +192,7 @@ def test_compare_finds_the_planted_difference(folder: Path, capsys: pytest.Captu
     assert "s1 | s2" in capsys.readouterr().out
 
 
-def test_an_export_is_an_ro_crate_with_all_that_belongs_to_the_run(folder: Path) -> None:
+def test_an_export_is_an_ro_crate_with_every_file_of_the_run(folder: Path) -> None:
     (folder / "video.mp4").write_bytes(b"moving pictures")
     at = ["--dir", str(folder)]
     assert main(["runs", "attach", str(folder / "a.mcap"), str(folder / "video.mp4"), *at]) == 0
@@ -204,7 +206,7 @@ def test_an_export_is_an_ro_crate_with_all_that_belongs_to_the_run(folder: Path)
     assert graph["ro-crate-metadata.json"]["conformsTo"] == {"@id": "https://w3id.org/ro/crate/1.1"}
     for name in held:
         assert graph[name]["sha256"] == hashlib.sha256((crate / name).read_bytes()).hexdigest()
-    for entity in graph.values():  # flat, as the specification wants it: what is nested is a reference
+    for entity in graph.values():  # flat, as the specification requires: nested entities are references
         for value in entity.values():
             for one in value if isinstance(value, list) else [value]:
                 if isinstance(one, dict):
@@ -217,8 +219,8 @@ def test_an_export_is_an_ro_crate_with_all_that_belongs_to_the_run(folder: Path)
     assert [p.name for p in folder.glob("*.part")] == ["c.mcap.part"]
 
 
-def test_an_independent_reader_takes_the_crate(folder: Path) -> None:
-    pytest.importorskip("rocrate", reason="the PyPI package rocrate, a reader nobody here wrote, is not installed")
+def test_an_independent_reader_accepts_the_crate(folder: Path) -> None:
+    pytest.importorskip("rocrate", reason="the PyPI package rocrate, an independent reader, is not installed")
     assert main(["runs", "export", str(folder / "a.mcap"), "-o", str(folder / "crate"), "--dir", str(folder)]) == 0
     code = f"from rocrate.rocrate import ROCrate; print(len(ROCrate({str(folder / 'crate')!r}).data_entities))"
     assert int(subprocess.check_output([sys.executable, "-c", code], text=True)) == 4
@@ -231,7 +233,7 @@ def test_recover_from_the_command_line(folder: Path, capsys: pytest.CaptureFixtu
     assert main(["runs", "recover", str(folder / "a.mcap")]) == 2
 
 
-def test_a_trace_with_gaps_compares_only_where_both_are(folder: Path) -> None:
+def test_traces_with_gaps_are_compared_only_where_both_have_samples(folder: Path) -> None:
     short = TipTrace(
         *(np.array([0.0, 1.0]) for _ in range(4)),
         *(np.full(2, np.nan) for _ in range(3)),
@@ -252,7 +254,9 @@ def test_a_tag_after_a_torn_line_is_kept_and_found(folder: Path, capsys: pytest.
     assert read_notes(run).tags == ("first", "good")
 
 
-def test_verify_tells_recorded_unknown_and_changed_apart(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_verify_distinguishes_recorded_unknown_and_changed_files(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     at = ["--dir", str(folder), "--json", str(folder / "v.json")]
     manifest_of(folder / "later" / "b.mcap").unlink()
     for name in ("c.mcap.part", "d.mcap"):
@@ -273,7 +277,7 @@ def test_verify_tells_recorded_unknown_and_changed_apart(folder: Path, capsys: p
 
 
 @pytest.mark.parametrize("text", ["", "no digest at all\n"])
-def test_a_damaged_checksum_file_is_called_that_and_its_run_can_be_read(
+def test_a_damaged_checksum_file_is_reported_as_such_and_its_run_can_be_read(
     folder: Path, text: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run = folder / "a.mcap"

@@ -1,4 +1,4 @@
-"""All files of MCAP's conformance suite are read for what they hold, cut at every record and with any bit flipped."""
+"""All files of MCAP's conformance suite are read correctly: whole, cut at every record, and with any bit flipped."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def files() -> dict[str, bytes]:
 
 
 def scan(data: bytes, name: str) -> tuple[Scan, list[tuple[int, int, bytes]]]:
-    """What a file holds, and its messages."""
+    """The records of a file, and its messages."""
     messages: list[tuple[int, int, bytes]] = []
     found = scan_stream(io.BytesIO(data), name, lambda channel, ns, message, _: messages.append((channel, ns, message)))
     assert sum(found.counts.values()) == len(messages)
@@ -31,7 +31,7 @@ def scan(data: bytes, name: str) -> tuple[Scan, list[tuple[int, int, bytes]]]:
 
 
 def holds(found: Scan, messages: list[tuple[int, int, bytes]]) -> tuple[object, ...]:
-    """All that a file says, for comparison."""
+    """Everything in a file, for comparison."""
     return messages, found.metadata, found.attachments, {c.id: c.topic for c in found.channels.values()}
 
 
@@ -55,7 +55,7 @@ def test_every_file_is_read_whole(base: str) -> None:
         assert found.attachments == ({"myFile": b"\x01\x02\x03"} if base == "OneAttachment" else {}), name
 
 
-def test_a_foreign_file_is_one_clear_line(tmp_path: Path) -> None:
+def test_a_file_that_is_no_mcap_is_refused_in_one_line(tmp_path: Path) -> None:
     for name, data in files().items():
         path = tmp_path / f"{name}.mcap"
         path.write_bytes(data)
@@ -64,7 +64,7 @@ def test_a_foreign_file_is_one_clear_line(tmp_path: Path) -> None:
         assert "\n" not in str(caught.value)
 
 
-def test_cut_at_every_record_a_file_says_so_and_gives_what_came_before() -> None:
+def test_a_file_cut_at_any_record_is_reported_as_cut_and_gives_what_came_before() -> None:
     cuts = 0
     for name, data in files().items():
         before: list[object] = []
@@ -77,8 +77,8 @@ def test_cut_at_every_record_a_file_says_so_and_gives_what_came_before() -> None
     assert cuts > 416 * 3
 
 
-def test_a_flipped_bit_is_said_or_changes_nothing() -> None:
-    """Every bit of a file of each kind with and without chunks; flips behind the data are the index's: harmless."""
+def test_a_flipped_bit_is_reported_or_changes_nothing() -> None:
+    """Every bit of a file of each kind with and without chunks; flips after the data are in the index: harmless."""
     chosen = [name for name in files() if "-" not in name or name.endswith(("-ch", "-ch-pad"))]
     silent = total = 0
     for name in chosen:

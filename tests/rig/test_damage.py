@@ -1,4 +1,4 @@
-"""Damaged recordings: what is on disk is read, what is lost is said, and no foreign exception comes out."""
+"""Damaged recordings: what is on disk is read, what is lost is reported, and only RigErrors are raised."""
 
 import os
 import random
@@ -67,9 +67,7 @@ def pressures(run: Run | None) -> list[float]:
     return [] if run is None or run.pressure is None else run.pressure.pressure_pa.tolist()
 
 
-def test_a_file_cut_anywhere_gives_what_is_on_disk_and_more_of_it_the_later_it_is_cut(
-    whole: bytes, tmp_path: Path
-) -> None:
+def test_a_file_cut_anywhere_gives_the_data_before_the_cut(whole: bytes, tmp_path: Path) -> None:
     truth = pressures(read_bytes(whole, tmp_path))
     assert len(truth) == 200
     counts = []
@@ -84,7 +82,7 @@ def test_a_file_cut_anywhere_gives_what_is_on_disk_and_more_of_it_the_later_it_i
     assert set(counts) == {0, 40, 80, 120, 160, 200}
 
 
-def test_a_flipped_bit_is_said_or_changes_nothing(whole: bytes, tmp_path: Path) -> None:
+def test_a_flipped_bit_is_reported_or_changes_nothing(whole: bytes, tmp_path: Path) -> None:
     truth = read_bytes(whole, tmp_path)
     assert truth is not None
     assert truth.lost == ()
@@ -102,7 +100,7 @@ def test_a_flipped_bit_is_said_or_changes_nothing(whole: bytes, tmp_path: Path) 
     assert silent < 300  # flips in the index at the end do no harm; most of the file is data
 
 
-def test_one_bad_chunk_costs_only_itself(whole: bytes, tmp_path: Path) -> None:
+def test_one_damaged_chunk_loses_only_its_own_data(whole: bytes, tmp_path: Path) -> None:
     truth = pressures(read_bytes(whole, tmp_path))
     for chunk in range(5):
         damaged = bytearray(whole)
@@ -113,7 +111,7 @@ def test_one_bad_chunk_costs_only_itself(whole: bytes, tmp_path: Path) -> None:
         assert len(run.lost) == 2  # the chunk's own checksum and the file's
 
 
-def test_random_bytes_behind_a_true_beginning_leak_nothing(whole: bytes, tmp_path: Path) -> None:
+def test_random_bytes_after_a_valid_beginning_raise_only_rig_errors(whole: bytes, tmp_path: Path) -> None:
     chance = random.Random(2)
     for _ in range(200):
         start = chance.randrange(8, len(whole))
@@ -133,14 +131,14 @@ def test_random_bytes_behind_a_true_beginning_leak_nothing(whole: bytes, tmp_pat
         (b"\x89MCAP0\r\n" + b"\xff" * 100, "holds no message"),
     ],
 )
-def test_what_is_no_recording_is_one_line(content: bytes, word: str, tmp_path: Path) -> None:
+def test_a_file_that_is_no_recording_is_refused_in_one_line(content: bytes, word: str, tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_bytes(content)
     with pytest.raises(RigError, match=word) as caught:
         read_run(tmp_path / "a.mcap")
     assert "\n" not in str(caught.value)
 
 
-def test_a_recording_that_is_not_there_is_one_line(tmp_path: Path) -> None:
+def test_a_missing_recording_is_reported_in_one_line(tmp_path: Path) -> None:
     for path in (tmp_path / "missing.mcap", tmp_path):
         with pytest.raises(RigError, match="cannot be read"):
             read_run(path)

@@ -1,4 +1,4 @@
-"""Faults on the wire, planted from a seed: no hang, nothing wrong taken for right where it shows, all on record."""
+"""Faults injected on the wire from a seed: no hang, no detectably wrong reading accepted, every fault recorded."""
 
 from pathlib import Path
 
@@ -13,9 +13,9 @@ from tests.benchmarks.soak import TIMEOUT_S, soak
 
 
 @pytest.mark.parametrize("name", ["ob1-mk4", "alicat"])
-def test_a_short_soak_passes_nothing_wrong_that_can_be_told_and_hangs_nowhere(name: str, tmp_path: Path) -> None:
+def test_a_short_soak_accepts_no_detectably_wrong_reading_and_never_hangs(name: str, tmp_path: Path) -> None:
     report = soak(name, 60, 0.4, 7, tmp_path)
-    assert len(set(report.faults) & set(KINDS)) >= 6  # of ten kinds, in some two dozen draws
+    assert len(set(report.faults) & set(KINDS)) >= 6  # of ten kinds, in about two dozen draws
     assert report.passed_wrong == []
     assert report.good + report.refused + len(report.passed_untellable) == 60
     assert report.events == report.refused
@@ -34,7 +34,7 @@ def test_equal_seeds_give_equal_faults(straw: object) -> None:
 
 
 @pytest.mark.parametrize(("name", "request_"), [("ob1-mk4", b"<PINGA?\n"), ("alicat", b"A\r")])
-def test_an_answer_that_comes_after_its_time_is_never_the_answer_to_the_next_question(
+def test_a_late_answer_is_never_taken_for_the_answer_to_the_next_request(
     straw: object, name: str, request_: bytes
 ) -> None:
     plant = PressurePlant(noise_pa=0.0, resolution_pa=0.0)
@@ -44,9 +44,9 @@ def test_an_answer_that_comes_after_its_time_is_never_the_answer_to_the_next_que
         controller.read()
         faults = emulation.wire.faults = SeededFaults(1.0, kinds=["late"], late_s=(0.25, 0.25))
         with pytest.raises(RigError, match=r"within 0\.1 s"):
-            controller.read()  # its answer, a true 0, is still on its way
+            controller.read()  # its answer, a correct 0, is still in flight
         faults.rate = 0.0
-        plant.command(emulation.twin.now() - 1.0, 1500.0)  # meanwhile the pressure is another
+        plant.command(emulation.twin.now() - 1.0, 1500.0)  # meanwhile the pressure has changed
         seen = []
         for _ in range(8):
             try:

@@ -1,4 +1,4 @@
-"""The filter language picks what it says, for the lab's page and for ``straw runs list --where`` alike."""
+"""The filter language of the lab's page and of ``straw runs list --where`` selects the right runs."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ ALL = (A, B, C)
     [
         ("", "abc"),
         ("specimen = straw-7", "a"),
-        ("specimen != straw-7", "bc"),  # what has none is not straw-7
+        ("specimen != straw-7", "bc"),  # a run without a specimen is not straw-7
         ('specimen = ""', "c"),
         ("specimen ~ straw", "ab"),
         ("specimen !~ straw", "c"),
         ("cycle >= 20", "a"),
         ("cycle < 20", "bc"),
-        ("cycle > 2 cycle < 20", "b"),  # beside each other means and
+        ("cycle > 2 cycle < 20", "b"),  # adjacent terms are combined by "and"
         ("rate_hz = 50", "b"),
         ("rate_hz > 10", "b"),  # a number, not a text
         ("tag = good or note ~ leak", "ab"),
@@ -72,17 +72,17 @@ def test_an_invalid_filter_is_an_error_with_its_place(text: str, said: str) -> N
         compiled(text)
 
 
-def test_sorting_puts_what_is_not_there_last_either_way() -> None:
+def test_sorting_puts_missing_values_last_in_either_order() -> None:
     assert [e.name for e in ordered(list(ALL), "specimen")] == ["a", "b", "c"]
     assert [e.name for e in ordered(list(ALL), "-specimen")] == ["b", "a", "c"]
     assert [e.name for e in ordered(list(ALL), "-start")] == ["a", "c", "b"]
 
 
-def test_only_what_differs_is_left_of_the_columns() -> None:
+def test_only_columns_that_differ_are_kept() -> None:
     assert differing([A, B], ["kind", "specimen", "cycle", "duration"]) == ["specimen", "cycle"]
 
 
-def test_the_terminal_has_the_same_filter_and_the_marks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_line_has_the_same_filter_and_the_marks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     recorded(tmp_path / "a.mcap")
     recorded(tmp_path / "b.mcap", "s2", minute=5)
     assert main(["runs", "star", "b", "--dir", str(tmp_path)]) == 0

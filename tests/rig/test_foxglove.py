@@ -1,4 +1,4 @@
-"""Dots on a picture, which are written at once, are what protobuf itself writes, and reads."""
+"""The fast encoder of points on a picture writes the bytes that protobuf itself writes, which protobuf reads."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ NOW_NS = 1_795_000_000_123_456_789
 
 
 @pytest.mark.parametrize(("count", "covered"), [(49, 0), (49, 5), (3, 3), (200, 100)])
-def test_dots_are_byte_for_byte_what_protobuf_writes_of_them(count: int, covered: int) -> None:
+def test_dots_are_encoded_byte_for_byte_as_by_protobuf(count: int, covered: int) -> None:
     rng = np.random.default_rng(0)
     pixels, used = rng.uniform(0, 1920, (count, 2)), np.arange(count) >= covered
     data = dots(NOW_NS, pixels, used)

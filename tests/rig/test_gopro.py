@@ -1,4 +1,4 @@
-"""A GoPro is started, stopped, and its film fetched whole, whatever the cable does; against its specification."""
+"""A GoPro is started and stopped, and its film downloaded whole over an unreliable cable; after its specification."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gopro, "PATIENCE_S", 1.0)
 
 
-def test_the_film_of_a_run_is_what_is_new_on_the_card(camera: GoProEmulator, tmp_path: Path) -> None:
+def test_the_film_of_a_run_is_the_new_file_on_the_card(camera: GoProEmulator, tmp_path: Path) -> None:
     camera.card["GX010099.MP4"] = b"of yesterday"
     with GoPro(camera.url) as told:
         told.start()
-        assert told.state()["status"]["10"] == 1  # it returns when the camera films, not when it said yes
+        assert told.state()["status"]["10"] == 1  # it returns when the camera films, not when it acknowledges
         clips = told.stop()
         assert [clip.name for clip in clips] == ["GX010001.MP4"]
         film = told.fetch(clips[0], tmp_path / "run.MP4")
@@ -37,14 +37,14 @@ def test_the_film_of_a_run_is_what_is_new_on_the_card(camera: GoProEmulator, tmp
     assert camera.asked[0] == "/gopro/camera/control/wired_usb?p=1"
 
 
-def test_chapters_come_in_their_order(camera: GoProEmulator) -> None:
+def test_chapters_are_downloaded_in_order(camera: GoProEmulator) -> None:
     camera.chapter_bytes = 100_000
     with GoPro(camera.url) as told:
         told.start()
         assert [clip.name for clip in told.stop()] == ["GX010001.MP4", "GX020001.MP4", "GX030001.MP4"]
 
 
-def test_a_download_that_ends_early_is_taken_up_where_it_ended(camera: GoProEmulator, tmp_path: Path) -> None:
+def test_a_download_that_ends_early_is_resumed_where_it_ended(camera: GoProEmulator, tmp_path: Path) -> None:
     with GoPro(camera.url) as told:
         told.start()
         (clip,) = told.stop()
@@ -54,7 +54,7 @@ def test_a_download_that_ends_early_is_taken_up_where_it_ended(camera: GoProEmul
     assert not list(tmp_path.glob("*.part"))
 
 
-def test_a_cable_that_breaks_off_again_and_again_leaves_no_file_that_looks_whole(
+def test_a_connection_that_fails_repeatedly_leaves_no_file_that_looks_complete(
     camera: GoProEmulator, tmp_path: Path
 ) -> None:
     with GoPro(camera.url) as told:

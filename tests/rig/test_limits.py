@@ -1,4 +1,4 @@
-"""Limits and the plausibility of readings, below every script: what may not be asked, and what is not believed."""
+"""Limits and the plausibility of readings, below every script: which sets are refused, which readings rejected."""
 
 from collections.abc import Iterator
 
@@ -14,7 +14,7 @@ from straw.rig.limits import Leash, PressureLimits
 from straw.rig.plant import PressurePlant
 
 
-def test_limits_can_only_be_narrowed_and_come_back(controller: Controller) -> None:
+def test_limits_can_only_be_narrowed_and_are_restored_afterwards(controller: Controller) -> None:
     with pytest.raises(AttributeError):
         controller.limits = PressureLimits(-90e3, 90e3)  # type: ignore[misc]
     before = controller.limits
@@ -26,8 +26,8 @@ def test_limits_can_only_be_narrowed_and_come_back(controller: Controller) -> No
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_no_sequence_of_sets_travels_faster_than_the_limit(seed: int) -> None:
-    # An adversary who asks for anything at any time; of what is let through, every stretch of time is checked.
+def test_no_sequence_of_sets_exceeds_the_rate_limit(seed: int) -> None:
+    # Arbitrary sets at arbitrary times; of those that pass, the rate over every time interval is checked.
     random = np.random.default_rng(seed)
     rate, step = 10e3, 100.0
     leash, now_s, at_pa = Leash(step), 0.0, 0.0
@@ -47,11 +47,11 @@ def test_no_sequence_of_sets_travels_faster_than_the_limit(seed: int) -> None:
     assert np.all(travelled[later] - travelled[earlier] <= allowed_pa * (1 + 1e-6))
 
 
-def test_a_set_that_may_have_arrived_counts_as_both() -> None:
+def test_a_set_that_may_not_have_arrived_counts_as_arrived_and_as_not_arrived() -> None:
     leash = Leash(100.0)
     leash.arrived(0.0)
     assert leash.why_not(2e3, 10e3, 1.0) is None  # sent, never acknowledged
-    assert leash.why_not(-2e3, 10e3, 1.3) is not None  # from 2 kPa it would be 4 kPa at once
+    assert leash.why_not(-2e3, 10e3, 1.3) is not None  # from 2 kPa it would be a step of 4 kPa
     assert leash.why_not(1e3, 10e3, 1.3) is None
 
 
@@ -68,7 +68,7 @@ def quick(straw: object) -> Iterator[tuple[Emulation, Controller]]:
 def test_a_sudden_exact_zero_is_rejected(quick: tuple[Emulation, Controller]) -> None:
     emulation, controller = quick
     controller.set_pressure(1, -25e3)
-    controller.read()  # on its way from 0
+    controller.read()  # settling from 0
     controller.clock.sleep(1.0)
     assert controller.read()[0].pressure_pa == -25e3
     plants, emulation.device.plants = emulation.device.plants, {}
@@ -76,13 +76,13 @@ def test_a_sudden_exact_zero_is_rejected(quick: tuple[Emulation, Controller]) ->
         with pytest.raises(RigError, match=r"reads exactly 0 all at once, as a lost link does .*; not used"):
             controller.read()
     emulation.device.plants = plants
-    controller.set_pressure(1, 25e3)  # the way there leads through 0
+    controller.set_pressure(1, 25e3)  # the pressure passes through 0
     for _ in range(40):
         controller.clock.sleep(0.002)
         controller.read()
 
 
-def test_an_implausible_reading_is_rejected_once_and_accepted_when_it_persists(
+def test_an_implausible_reading_is_rejected_once_and_accepted_if_it_persists(
     quick: tuple[Emulation, Controller],
 ) -> None:
     emulation, controller = quick

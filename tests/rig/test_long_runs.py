@@ -1,4 +1,4 @@
-"""Recordings longer than the memory: recovered a chunk at a time, read into arrays only, or refused in a line."""
+"""Recordings larger than the memory: recovered chunk by chunk, read into arrays only, or refused in one line."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ METADATA = {
 }
 STEP_NS = 10_000_000  # 100 Hz
 READINGS = 60_000
-#: A chunk packed and unpacked, read and written, in as many copies as the code that does it makes of each, and the
-#: writer's index of its messages in Python integers; not a fraction of a file.
+#: A chunk, compressed and not, being read and being written, times the copies that the code makes of each, and the
+#: writer's index of its messages in Python integers; it does not grow with the file.
 A_FEW_CHUNKS = 8 * CHUNK_BYTES
 
 
 def recording(path: Path, count: int, raw_bytes: int = 0) -> Path:
-    """A run whose pressure is noise but for a peak and a trough, each of one sample; ``raw_bytes`` do not compress."""
+    """A run whose pressure is noise with one peak and one trough of one sample each; ``raw_bytes`` do not compress."""
     noise = np.random.default_rng(0)
     pressures = noise.normal(0.0, 100.0, count)
     pressures[count // 3], pressures[count // 2] = 5000.0, -4000.0
@@ -55,7 +55,7 @@ def recording(path: Path, count: int, raw_bytes: int = 0) -> Path:
 
 
 def peak_bytes(do: Callable[[], object]) -> int:
-    """Most memory that was taken at once meanwhile."""
+    """Peak memory during the call."""
     tracemalloc.start()
     try:
         do()
@@ -66,7 +66,7 @@ def peak_bytes(do: Callable[[], object]) -> int:
 
 @pytest.fixture(scope="module")
 def noisy(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A file of four times the memory that it may take to recover it: its bytes do not compress."""
+    """A file four times as large as the memory allowed for its recovery: its bytes do not compress."""
     return recording(tmp_path_factory.mktemp("noisy") / "run.mcap", 4 * A_FEW_CHUNKS // 4096, raw_bytes=4096)
 
 
@@ -101,11 +101,11 @@ def test_a_manifest_is_checked_in_the_memory_of_a_few_chunks(noisy: Path) -> Non
 def test_a_run_is_read_in_the_memory_of_its_samples(long: Path, read: Callable[[Path], object]) -> None:
     sample_bytes = empty("/pressure/measured").sample_bytes
     assert sample_bytes == 4 * 8  # time, pressure, sigma, channel
-    # A page reads the file for the run and for all of its channels, and has the run's arrays meanwhile.
+    # A page reads the file for the run and again for all its channels, while it holds the run's arrays.
     assert peak_bytes(lambda: read(long)) < PEAK * READINGS * sample_bytes + A_FEW_CHUNKS
 
 
-def test_a_file_says_at_its_end_what_is_in_it(long: Path, tmp_path: Path) -> None:
+def test_a_files_summary_states_its_contents(long: Path, tmp_path: Path) -> None:
     said = summary_of(long)
     assert said is not None
     assert said.counts == {"/pressure/measured": READINGS, "/events": 1}
@@ -117,7 +117,7 @@ def test_a_file_says_at_its_end_what_is_in_it(long: Path, tmp_path: Path) -> Non
     assert [summary_of(path) for path in (cut, changed, tmp_path / "none.mcap")] == [None] * 3
 
 
-def test_what_does_not_fit_is_refused_in_one_line_with_a_step_that_does(
+def test_what_does_not_fit_into_memory_is_refused_in_one_line_with_a_step_that_fits(
     long: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     room = READINGS * 20
@@ -127,7 +127,7 @@ def test_what_does_not_fit_is_refused_in_one_line_with_a_step_that_does(
     monkeypatch.setattr("straw.rig.run_decode._CHECKED", 1000)
     data = long.read_bytes()
     part = tmp_path / "run.mcap.part"
-    part.write_bytes(data[: len(data) * 9 // 10])  # has no end that says how many there are
+    part.write_bytes(data[: len(data) * 9 // 10])  # has no summary with the number of messages
     for path in (long, part):
         with pytest.raises(TooLongError, match=r"holds [0-9,]+ samples.*read it thinned: read_run.*every_s=") as caught:
             read_run(path)

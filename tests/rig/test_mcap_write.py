@@ -1,4 +1,4 @@
-"""Files of the project's own MCAP writer are what the mcap package's writer would have made, to every reader of it."""
+"""To every reader of the mcap package, files of this project's MCAP writer equal those of the package's own writer."""
 
 import random
 from io import BytesIO
@@ -14,7 +14,7 @@ from straw.rig.mcap_write import McapWriter
 
 
 def written() -> tuple[bytes, bytes]:
-    """The same schemas, channels, messages, metadata and attachments by ours and by theirs."""
+    """The same schemas, channels, messages, metadata and attachments, written by this project and by the package."""
     noise = random.Random(1)
     ours_stream, theirs_stream = BytesIO(), BytesIO()
     ours = McapWriter(ours_stream, "straw", "test")
@@ -32,7 +32,7 @@ def written() -> tuple[bytes, bytes]:
         number = ours.add_channel(topic, "protobuf", schema_id, {"unit": "Pa"})
         assert number == theirs.register_channel(topic, "protobuf", schema_id, {"unit": "Pa"})
     for k in range(3000):
-        data = noise.randbytes(noise.choice((0, 10, 2000)))  # 2 MB in all: chunks that are full as well
+        data = noise.randbytes(noise.choice((0, 10, 2000)))  # 2 MB in all, so that some chunks are full
         log_ns = 10**18 + k * 1000 + noise.randrange(5000)  # not in order
         channel = noise.choice((1, 1, 1, 2, 3))
         ours.add_message(channel, log_ns, log_ns - 5, data)
@@ -81,7 +81,7 @@ def test_statistics_metadata_and_attachments_are_the_same(readers: tuple[Any, An
     assert readers[0].get_header() == readers[1].get_header()
 
 
-def test_every_checksum_holds_and_all_records_but_for_the_packing_are_the_same() -> None:
+def test_every_checksum_is_valid_and_all_records_but_for_their_compression_are_the_same() -> None:
     ours, theirs = (
         list(StreamReader(BytesIO(data), emit_chunks=True, validate_crcs=True).records) for data in written()
     )
@@ -93,7 +93,7 @@ def test_every_checksum_holds_and_all_records_but_for_the_packing_are_the_same()
             assert mine == other
 
 
-def test_a_file_without_messages_is_whole() -> None:
+def test_a_file_without_messages_is_valid() -> None:
     stream = BytesIO()
     McapWriter(stream, "straw", "test").finish()
     stream.seek(0)

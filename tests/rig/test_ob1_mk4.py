@@ -34,7 +34,7 @@ def test_the_emulator_answers_as_the_wire_text_says() -> None:
         assert emulator.answer(sent.encode(), 0.0) == answer.encode()
 
 
-def test_every_answer_in_the_wire_text_is_read_and_every_refusal_is_an_error() -> None:
+def test_every_answer_in_the_wire_text_is_parsed_and_every_refusal_is_an_error() -> None:
     for sent, answer in PAIRS:
         assert is_answer_to(sent.encode(), answer.encode())
         if "|OK|" in answer:
@@ -56,7 +56,7 @@ def test_a_set_is_written_in_whole_mbar_from_channel_zero() -> None:
 @pytest.mark.parametrize(
     "reply", [b"", b"\n", b">PINGA?|OK|1:2:3\n", b">PINGA?|OK|" + b"x:" * 12, b"\xff" * 9, b"junk\n"]
 )
-def test_a_damaged_reading_is_refused_never_guessed(reply: bytes) -> None:
+def test_a_damaged_reading_is_refused_and_never_guessed(reply: bytes) -> None:
     with pytest.raises(RigError):
         decode_readings(reply)
     with pytest.raises(RigError):
@@ -92,13 +92,13 @@ def test_the_paper_s_settling_is_seen_through_the_wire(controller: Controller) -
     def expected_pa(time_s: float) -> float:
         return 30e3 * (1 - math.exp(-50.0 * max(time_s, 0.0)))
 
-    for time_s, pressure_pa, width_s in curve:  # the stamps promise how well the time is known: hold them to it
+    for time_s, pressure_pa, width_s in curve:  # the error of a stamp must lie within its stated uncertainty
         assert expected_pa(time_s - width_s) - 100.0 <= pressure_pa <= expected_pa(time_s + width_s) + 100.0
     assert curve[-1][1] == 30e3
 
 
 @pytest.mark.parametrize("pressure_pa", [60.1e3, -40.1e3, math.nan, math.inf, -math.inf, 1e300])
-def test_nothing_beyond_the_limits_reaches_the_wire(
+def test_no_set_beyond_the_limits_reaches_the_wire(
     controller: Controller, sets: Callable[[], list[int]], pressure_pa: float
 ) -> None:
     controller.set_pressure(1, 60e3)
@@ -109,14 +109,14 @@ def test_nothing_beyond_the_limits_reaches_the_wire(
     assert sets() == [0, 600, -400]  # the first is the vent on opening
 
 
-def test_rounding_never_steps_over_a_limit(emulation: Emulation, sets: Callable[[], list[int]]) -> None:
+def test_rounding_never_exceeds_a_limit(emulation: Emulation, sets: Callable[[], list[int]]) -> None:
     with make_controller("ob1-mk4", emulation.url, limits=PressureLimits(-1060.0, 1060.0)) as controller:
         assert controller.set_pressure(1, 1060.0).pressure_pa == 1000.0
         assert controller.set_pressure(1, -1060.0).pressure_pa == -1000.0
     assert sets() == [0, 10, -10, 0]
 
 
-def test_the_operator_cannot_widen_what_the_regulator_can_do(emulation: Emulation) -> None:
+def test_the_operator_cannot_widen_the_regulators_range(emulation: Emulation) -> None:
     controller = make_controller("ob1-mk4", emulation.url, limits=PressureLimits(-1e6, 1e6))
     assert controller.limits == PressureLimits(-90e3, 100e3)
     small = make_controller("ob1-mk4", emulation.url, range_mbar=(0.0, 200.0))
@@ -143,14 +143,14 @@ def test_a_channel_that_is_not_in_use_cannot_be_set(controller: Controller) -> N
         make_controller("ob1-mk4", "socket://127.0.0.1:1", channels=(5,))
 
 
-def test_a_late_answer_is_not_taken_for_the_next_one() -> None:
+def test_a_late_answer_is_not_taken_for_that_of_the_next_request() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
 
         def device() -> None:
             with server.accept()[0] as link:
                 link.recv(64)
                 link.sendall(b">PRESS!|OK|0:0\n>PINGA?|OK|77" + b":0" * 11 + b"\n")
-                link.recv(64)  # the client's hanging up
+                link.recv(64)  # the client closes the connection
 
         thread = threading.Thread(target=device)
         thread.start()
@@ -164,7 +164,7 @@ def test_a_late_answer_is_not_taken_for_the_next_one() -> None:
         thread.join()
 
 
-def test_a_vent_is_tried_again_when_neither_the_set_before_nor_its_own_first_request_was_taken(
+def test_a_vent_is_repeated_when_neither_the_previous_set_nor_its_own_first_request_was_accepted(
     controller: Controller, sets: Callable[[], list[int]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     controller.set_pressure(1, 30e3)
@@ -185,7 +185,7 @@ def test_a_vent_is_tried_again_when_neither_the_set_before_nor_its_own_first_req
     assert set(sets()[2:]) == {0}
 
 
-def test_a_pulled_cable_is_one_clear_line(emulation: Emulation) -> None:
+def test_a_pulled_cable_is_reported_in_one_line(emulation: Emulation) -> None:
     controller = make_controller("ob1-mk4", emulation.url)
     controller.open()
     emulation.wire.close()
@@ -198,14 +198,14 @@ def test_a_pulled_cable_is_one_clear_line(emulation: Emulation) -> None:
 @pytest.mark.parametrize(
     "port", ["/dev/no-such-port", "socket://127.0.0.1:1", "socket://nohost", "gopher://x", "COM999"]
 )
-def test_a_port_that_does_not_open_is_one_clear_line(port: str) -> None:
+def test_a_port_that_does_not_open_is_reported_in_one_line(port: str) -> None:
     with pytest.raises(RigError, match=r"does not open: .*plug it in") as caught:
         make_controller("ob1-mk4", port).open()
     assert "\n" not in str(caught.value)
     assert port in str(caught.value)
 
 
-def test_a_silent_instrument_is_named_with_the_time_waited() -> None:
+def test_the_error_of_a_silent_instrument_names_it_and_the_time_waited() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = f"socket://127.0.0.1:{server.getsockname()[1]}"
         with pytest.raises(RigError, match=r"nothing within 0\.1 s"):
@@ -219,7 +219,7 @@ def test_controllers_are_found_by_name() -> None:
 
 
 @pytest.mark.parametrize("name", controller_names())
-def test_every_controller_says_what_it_is_and_what_it_can(name: str) -> None:
+def test_every_controller_describes_itself_and_its_capabilities(name: str) -> None:
     controller = make_controller(name, "socket://127.0.0.1:1")
     assert controller.name == name
     assert controller.resolution_pa > 0

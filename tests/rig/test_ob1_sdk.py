@@ -1,4 +1,4 @@
-"""The OB1 MK3 through the vendor's library: a stand-in with its signatures, compiled here from C, both generations."""
+"""The OB1 MK3 through the vendor's library: a stand-in with its signatures, compiled from C, in both generations."""
 
 import os
 import shutil
@@ -42,7 +42,7 @@ def dll(
 
 @pytest.fixture
 def log(tmp_path: Path) -> Callable[[], list[str]]:
-    """What reached the instrument so far."""
+    """Returns the calls that have reached the instrument."""
     return lambda: [line for line in (tmp_path / "log").read_text().splitlines() if line != "get"]
 
 
@@ -58,7 +58,7 @@ def test_what_is_set_is_what_is_read_in_both_generations(dll: str, log: Callable
     assert log() == [*expected, "set 1 0", "set 2 0", "close"]
 
 
-def test_the_generation_is_told_by_what_the_library_exports(libraries: dict[str, str]) -> None:
+def test_the_generation_is_recognised_by_the_functions_the_library_exports(libraries: dict[str, str]) -> None:
     for generation, dll in libraries.items():
         with Ob1Sdk("01F64B3B", dll=dll) as controller:
             assert controller.snapshot()["sdk"] == generation
@@ -90,7 +90,7 @@ def test_error_codes_are_errors_and_a_silent_zero_is_rejected(
     assert log()[-2:] == ["set 1 0", "close"]
 
 
-def test_a_library_that_is_missing_or_another_is_one_line(tmp_path: Path, libraries: dict[str, str]) -> None:
+def test_a_missing_or_wrong_library_is_reported_in_one_line(tmp_path: Path, libraries: dict[str, str]) -> None:
     for dll in ("", str(tmp_path / "Elveflow64.dll"), str(SOURCE)):
         with pytest.raises(RigError, match=r"needs the vendor's library|does not load") as caught:
             Ob1Sdk("01F64B3B", dll=dll).open()
@@ -101,14 +101,14 @@ def test_a_library_that_is_missing_or_another_is_one_line(tmp_path: Path, librar
         Ob1Sdk("01F64B3B", dll=next(iter(libraries.values())), calibration="none.txt").open()
 
 
-def test_the_library_lives_in_the_guardian_when_it_is_guarded(dll: str, log: Callable[[], list[str]]) -> None:
+def test_under_a_guardian_the_library_is_loaded_in_its_process(dll: str, log: Callable[[], list[str]]) -> None:
     with GuardedController("ob1-sdk", "01F64B3B", dll=dll) as controller:
         controller.set_pressure(1, -25e3)
         assert controller.read()[0].pressure_pa == -25e3
     assert log()[-2:] == ["set 1 0", "close"]
 
 
-def test_a_library_that_does_not_return_ends_its_guardian_and_the_standby_vents(
+def test_where_the_library_does_not_return_the_guardian_is_ended_and_the_standby_vents(
     dll: str, log: Callable[[], list[str]], tmp_path: Path
 ) -> None:
     with GuardedController("ob1-sdk", "01F64B3B", dll=dll) as controller:
@@ -122,5 +122,7 @@ def test_a_library_that_does_not_return_ends_its_guardian_and_the_standby_vents(
         while log()[-1] != "close" or log()[-2] != "set 1 0":  # by the standby: this script has not vented yet
             assert time.monotonic() < start_s + 4.0
             time.sleep(0.01)
-        assert time.monotonic() - start_s < 3.0  # 0.5 s until the guardian counts as stuck, 1 s of silence, a start
+        assert (
+            time.monotonic() - start_s < 3.0
+        )  # 0.5 s until the guardian counts as hanging, 1 s without a heartbeat, and the start of a process
     assert log()[-2:] == ["set 1 0", "close"]

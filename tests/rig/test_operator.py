@@ -1,4 +1,4 @@
-"""A person holds, resumes, stops and vents a run from another thread or process; every end vents and is on record."""
+"""An operator holds, resumes, stops and vents a run from another thread or process; every end vents and is recorded."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from straw.rig.run_read import read_run
 from straw.rig.session import run_protocol
 
 
-class At(Operator):
-    """Gives each order once, so long (s) after the start or the order before, however slow the machine is."""
+class TimedOrders(Operator):
+    """Gives each order once, at its delay (s) after the start or the previous order, on however slow a machine."""
 
     def __init__(self, *orders: tuple[float, str]) -> None:
         super().__init__()
@@ -31,27 +31,27 @@ class At(Operator):
             self.order(self.waiting.pop(0)[1], "Ada")
 
 
-def test_a_hold_keeps_the_pressure_and_the_protocol_goes_on_where_it_stood(
+def test_a_hold_keeps_the_pressure_and_the_protocol_continues_where_it_was_held(
     controller: Controller, short: PressureProtocol, tmp_path: Path
 ) -> None:
-    person = At((0.2, "hold"), (0.3, "resume"))
+    person = TimedOrders((0.2, "hold"), (0.3, "resume"))
     outcome = run_protocol(controller, short, tmp_path / "run.mcap", operator=person)
     run = read_run(outcome.path)
     times = {event.kind: event.time_s for event in run.events if event.kind in ("hold", "resume", "stop")}
-    # Whatever a busy machine makes of the cycles: the protocol ends after its own length and the time it was held.
+    # However late the cycles of a busy machine are, the protocol takes its own duration plus the time it was held.
     assert times["stop"] + short.zero_s >= short.duration_s + person.held_s - 1e-3
     assert person.held_s > 0.15
     assert run.pressure is not None
     held = (run.pressure.time_s > times["hold"]) & (run.pressure.time_s < times["resume"])
-    assert held.sum() > 1  # recorded all the while
+    assert held.sum() > 1  # readings are recorded during the hold
     assert outcome.stopped == ""
 
 
 @pytest.mark.parametrize("how", ["stop", "vent"])
-def test_a_stop_vents_and_says_who(
+def test_a_stop_vents_and_records_who_gave_it(
     controller: Controller, short: PressureProtocol, tmp_path: Path, how: str, sets: Callable[[], list[int]]
 ) -> None:
-    outcome = run_protocol(controller, short, tmp_path / "run.mcap", operator=At((0.2, how), (0.2, "resume")))
+    outcome = run_protocol(controller, short, tmp_path / "run.mcap", operator=TimedOrders((0.2, how), (0.2, "resume")))
     run = read_run(outcome.path)
     assert sets()[-2:] == [-250, 0]
     assert outcome.stopped.endswith("by Ada")
@@ -59,7 +59,7 @@ def test_a_stop_vents_and_says_who(
     assert outcome.stopped == run.metadata["exit_reason"]
 
 
-def test_a_vent_cannot_be_taken_back_and_a_second_one_changes_nothing() -> None:
+def test_a_vent_cannot_be_revoked_and_a_second_one_changes_nothing() -> None:
     person = Operator()
     assert person.order("vent", "Ada") == "ending"
     assert person.order("resume", "Bea") == "ending"

@@ -1,4 +1,4 @@
-"""The outlet's pressure in closed form is what the emulated controller's plant does when it is told often."""
+"""The outlet's pressure in closed form agrees with the emulated controller's plant under frequent commands."""
 
 import numpy as np
 import pytest
@@ -26,13 +26,13 @@ def test_it_is_the_plants_pressure(main: str) -> None:
     for now_s, told_pa in zip(grid.tolist(), protocol(grid + step_s / 2).tolist(), strict=True):
         plant.command(now_s, told_pa)
         pressure_pa.append(plant.pressure(now_s))
-    # Steps of a ramp or sine told in their middle: second order in the step; a step command is late by half of one.
+    # A ramp or sine commanded in steps at their midpoints errs to second order in the step; a step is half of one late.
     fastest = max(np.abs(np.diff(protocol(grid))).max() / step_s, 1.0)
     jump = 60e3 * plant.rate_per_s * step_s
     np.testing.assert_allclose(Outlet(protocol)(grid), pressure_pa, atol=max(jump, fastest * step_s**2))
 
 
-def test_a_command_beyond_the_supply_is_answered_by_the_supply() -> None:
+def test_a_command_beyond_the_supply_is_clipped_to_the_supply() -> None:
     protocol = protocol_from_toml(
         HEAD + "limits = { max = 300 }\nmain = [{ ramp = [0, 200], for_s = 2.0 }, { hold = 50, for_s = 1.0 }]", "p.toml"
     )
@@ -41,7 +41,7 @@ def test_a_command_beyond_the_supply_is_answered_by_the_supply() -> None:
     np.testing.assert_allclose(outlet_pa, [48e3, 100e3, 50e3], atol=1.0)
 
 
-def test_sixty_days_cost_what_their_points_cost() -> None:
+def test_the_cost_of_sixty_days_is_that_of_their_points() -> None:
     protocol = protocol_from_toml(HEAD + f"main = [{{ hold = 10, for_s = {60 * 86400} }}]", "long.toml")
     outlet = Outlet(protocol)
     assert len(outlet._start_s) == 1

@@ -1,4 +1,4 @@
-"""The plant behind the wire settles as the paper measured, and the straw behind it keeps time with its clock."""
+"""The plant behind the wire settles as the paper measured, and the straw behind it follows its clock."""
 
 import math
 import os
@@ -24,11 +24,11 @@ def test_a_step_has_settled_to_97_percent_after_70_ms() -> None:
     plant.command(1.0, -25e3)
     assert plant.pressure(0.9) == 0.0
     assert plant.pressure(1.07) / -25e3 == pytest.approx(0.97, abs=0.001)
-    plant.command(1.01, 10e3)  # before it has settled: continues from where it is
+    plant.command(1.01, 10e3)  # before it has settled: it continues from its present pressure
     half_way = plant.pressure(1.01)
     assert half_way == pytest.approx(-25e3 * (1 - math.exp(-0.5)))
     assert plant.pressure(1.03) == pytest.approx(10e3 + (half_way - 10e3) * math.exp(-1.0))
-    assert plant.pressure(1.005) == pytest.approx(-25e3 * (1 - math.exp(-0.25)))  # the past stays as it was
+    assert plant.pressure(1.005) == pytest.approx(-25e3 * (1 - math.exp(-0.25)))  # the past is unchanged
 
 
 def test_commands_beyond_the_supply_are_clipped() -> None:
@@ -39,7 +39,7 @@ def test_commands_beyond_the_supply_are_clipped() -> None:
     assert plant.pressure(20.0) == pytest.approx(-5e3)
 
 
-def test_the_sensor_has_the_noise_and_resolution_it_was_given_and_repeats_with_its_seed() -> None:
+def test_the_sensor_has_the_noise_and_resolution_it_was_given_and_is_reproducible_from_its_seed() -> None:
     readings = np.array([PressurePlant(noise_pa=0.0, resolution_pa=100.0).reading(0.0) for _ in range(3)])
     assert readings.tolist() == [0.0, 0.0, 0.0]
     noisy = PressurePlant(noise_pa=40.0, resolution_pa=0.0, seed=3)
@@ -58,7 +58,7 @@ def test_a_leak_makes_a_droop_while_regulated_and_a_decay_while_the_valves_are_h
     assert plant.pressure(5.0) == pytest.approx(20e3 * 50 / 52)  # where 50 (P_set - P) = 2 P
     plant.hold(5.0, closed=True)
     assert plant.pressure(5.5) == pytest.approx(20e3 * 50 / 52 * math.exp(-1.0))
-    plant.command(6.0, -10e3)  # held valves do nothing about it
+    plant.command(6.0, -10e3)  # held valves do not compensate it
     assert plant.pressure(6.5) == pytest.approx(20e3 * 50 / 52 * math.exp(-3.0))
     plant.hold(7.0, closed=False)
     assert plant.pressure(9.0) == pytest.approx(-10e3 * 50 / 52)
@@ -76,7 +76,7 @@ def test_what_the_straw_takes_in_expands_the_air_in_the_line_and_shows_as_flow()
     assert plant.flow(1.0) == pytest.approx(1e-4)
 
 
-def test_the_straw_follows_the_outlet_pressure_millisecond_by_millisecond(straw: object) -> None:
+def test_the_straw_follows_the_outlet_pressure_in_steps_of_a_millisecond(straw: object) -> None:
     plant, clock = PressurePlant(), SteppedClock()
     twin = Twin(straw, plant, clock)
     plant.command(0.05, -25e3)
@@ -97,7 +97,7 @@ def test_the_models_straw_can_stand_behind_the_wire() -> None:
     clock.sleep(0.1)
     twin.advance_to(twin.now())
     history = twin.history
-    assert history.volume_m3[-1] < history.volume_m3[0]  # suction draws fluid out
+    assert history.volume_m3[-1] < history.volume_m3[0]  # suction removes fluid
     assert history.pressure_pa[-1] < -1e3
     np.testing.assert_allclose(np.diff(history.time_s), 1e-3, atol=1e-9)
 
@@ -112,7 +112,7 @@ def test_the_twin_keeps_real_time_and_knows_its_wall_clock(straw: object) -> Non
     np.testing.assert_array_less(np.diff(twin.history.time_s), 1.001e-3)
 
 
-def test_an_error_of_the_straw_model_comes_out_when_the_twin_is_stopped(straw: object) -> None:
+def test_an_error_of_the_straw_model_is_raised_when_the_twin_is_stopped(straw: object) -> None:
     def diverge(time_s: float, pressure_start_pa: float, pressure_end_pa: float) -> None:
         raise FloatingPointError("the straw flew away")
 
@@ -124,8 +124,8 @@ def test_an_error_of_the_straw_model_comes_out_when_the_twin_is_stopped(straw: o
         twin.stop()
 
 
-def test_the_wire_takes_as_long_as_the_real_line(straw: object) -> None:
-    # 8 + 27 bytes at 115200 baud are 3.0 ms, the latency comes on top.
+def test_the_wire_has_the_transmission_time_of_the_real_line(straw: object) -> None:
+    # 8 + 27 bytes at 115200 baud take 3.0 ms, to which the latency is added.
     with Emulation(straw, latency_s=5e-3) as emulation:
         line = Line(emulation.url)
         line.open()
@@ -137,7 +137,7 @@ def test_the_wire_takes_as_long_as_the_real_line(straw: object) -> None:
     assert took_s > 5e-3 + 10 * (8 + len(reply)) / 115200
 
 
-def test_a_wire_or_emulator_that_cannot_be_made_is_one_line(straw: object) -> None:
+def test_an_invalid_wire_or_emulator_is_refused_in_one_line(straw: object) -> None:
     with pytest.raises(RigError, match="cannot listen on 'nowhere'"):
         Emulation(straw, "ob1-mk4", "nowhere")
     with pytest.raises(RigError, match=r"has no emulator; known: .*ob1-mk4"):
@@ -160,7 +160,7 @@ def test_one_emulated_controller_answers_on_a_pty_and_on_tcp_at_once() -> None:
         assert seen.pressure_pa == pytest.approx(5e3, abs=300)
 
 
-def test_an_emulator_left_on_remembers_only_its_last_minutes() -> None:
+def test_an_emulator_left_running_keeps_only_its_last_minutes() -> None:
     straw = Stepper(StrawParameters(), [])
     twin = Twin(straw, PressurePlant(), SteppedClock(), remember_s=0.05)
     twin.advance_to(0.2)
@@ -168,11 +168,11 @@ def test_an_emulator_left_on_remembers_only_its_last_minutes() -> None:
     assert twin.history.time_s[-1] == pytest.approx(0.2, abs=2e-3)
 
 
-def test_a_plant_told_without_end_keeps_the_recent_past_exact() -> None:
+def test_a_plant_that_is_commanded_endlessly_keeps_the_recent_past_exact() -> None:
     plant, short = PressurePlant(), PressurePlant()
     for k in range(50_000):
         plant.command(k * 0.01, 1e3 * (k % 7))
     for k in range(49_990, 50_000):
         short.command(k * 0.01, 1e3 * (k % 7))
-    # after ten time constants the beginning is forgotten: exp(-50 * 0.09) of at most 6 kPa
+    # after some time constants the initial state has decayed: exp(-50 * 0.09) of at most 6 kPa
     assert plant.pressure(499.99) == pytest.approx(short.pressure(499.99), abs=6e3 * math.exp(-4.5))

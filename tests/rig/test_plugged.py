@@ -1,4 +1,4 @@
-"""Users' controllers and emulators are loaded from a file, without an edit of the package."""
+"""Users' controllers and emulators are loaded from a file, without a change to the package."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ CONTROLLER = Mine
 PROTOCOL = 'name = "p"\npressure_unit = "kPa"\ninitial_deployed = [1, 4]\n[[main]]\nhold = -1\nfor_s = 0.05\n'
 
 
-def test_a_driver_in_a_file_is_driven_behind_its_guardian_and_is_on_record(tmp_path: Path) -> None:
+def test_a_driver_from_a_file_runs_behind_its_guardian_and_is_recorded(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(DRIVER)
     (tmp_path / "p.toml").write_text(PROTOCOL)
     run = ["rig", "run", str(tmp_path / "p.toml"), "--emulate", "--controller", str(tmp_path / "mine.py")]
@@ -42,7 +42,7 @@ def test_a_driver_in_a_file_is_driven_behind_its_guardian_and_is_on_record(tmp_p
         (DRIVER.replace("(Ob1)", "(Ob1, 3)"), "TypeError"),
     ],
 )
-def test_what_is_wrong_with_a_driver_is_one_line_with_its_file(
+def test_an_error_in_a_driver_is_one_line_with_its_file(
     tmp_path: Path, text: str, words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "mine.py"
@@ -55,7 +55,7 @@ def test_what_is_wrong_with_a_driver_is_one_line_with_its_file(
     assert len(capsys.readouterr().err.strip().splitlines()) == 1
 
 
-def test_check_says_that_a_driver_is_good(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_reports_that_a_driver_is_valid(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "mine.py").write_text(DRIVER)
     assert main(["check", str(tmp_path / "mine.py")]) == 0
     assert "controller mine is good" in capsys.readouterr().out

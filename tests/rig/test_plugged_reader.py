@@ -1,4 +1,4 @@
-"""Users' readers: by file, mapping, straw file and entry point, and one line where they are wrong."""
+"""Users' readers: named by file, mapping, straw file and entry point; an error in one is reported in one line."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ START = ("--start", "2026-05-03 14:02:11Z")
 
 @pytest.fixture
 def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder with a reader and a log of 50 rows, 10 ms apart, falling to -49 mbar; nothing plugged in."""
+    """A folder with a reader and a log of 50 rows, 10 ms apart, falling to -49 mbar; no readers are registered."""
     monkeypatch.setenv(READERS.variable, "")
     (tmp_path / "my_reader.py").write_text(READER)
     (tmp_path / "log.daq").write_bytes(b"DAQ1" + b"".join(struct.pack("<If", 10 * k, -k) for k in range(50)))
@@ -50,7 +50,7 @@ def imported(place: Path, *more: str) -> int:
     return main(["import", str(place / "log.daq"), "-o", str(place / "r.mcap"), *START, *more])
 
 
-def test_a_reader_named_on_the_command_line_is_followed_and_is_on_record(place: Path) -> None:
+def test_a_reader_named_on_the_command_line_is_used_and_recorded(place: Path) -> None:
     assert imported(place, "--format", str(place / "my_reader.py")) == 0
     run = read_run(place / "r.mcap")
     assert run.pressure is not None
@@ -63,7 +63,7 @@ def test_a_reader_named_on_the_command_line_is_followed_and_is_on_record(place: 
 def test_a_mapping_a_straw_file_and_the_environment_name_readers_too(
     place: Path, monkeypatch: pytest.MonkeyPatch, how: str
 ) -> None:
-    assert imported(place) == 2  # nobody knows what it is
+    assert imported(place) == 2  # no known format
     (place / "m.toml").write_text('[[table]]\nformat = "my_reader.py"\n')
     (place / "s.toml").write_text('readers = ["my_reader.py"]\n')
     more = {"mapping": ["--map", str(place / "m.toml")], "straw file": ["--straw", str(place / "s.toml")]}
@@ -105,7 +105,7 @@ def test_a_reader_of_an_installed_package_is_known(place: Path) -> None:
         (RETURNS, 'return {"t": [], "p": []}', "have no rows"),
     ],
 )
-def test_what_is_wrong_with_a_reader_is_one_line_with_its_file(place: Path, old: str, new: str, words: str) -> None:
+def test_an_error_in_a_reader_is_one_line_with_its_file(place: Path, old: str, new: str, words: str) -> None:
     assert old in READER
     path = place / "my_reader.py"
     path.write_text(READER.replace(old, new))
@@ -129,7 +129,7 @@ def test_check_tries_a_reader_on_a_table_and_damaged_copies(place: Path, capsys:
     assert "ValueError: no DAQ1 at its start" in capsys.readouterr().err
 
 
-def test_a_name_that_straw_has_already_is_refused(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_name_of_a_built_in_reader_is_refused(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (place / "my_reader.py").write_text(READER.replace('"daq1"', '"esi"'))
     monkeypatch.setenv(READERS.variable, str(place / "my_reader.py"))
     with pytest.raises(RigError, match="there is a format of this name"):

@@ -1,4 +1,4 @@
-"""A protocol file says exactly what will be commanded, or one line says why not."""
+"""A protocol file determines exactly what is commanded, or is refused in one line that says why."""
 
 import tracemalloc
 from importlib.resources import files
@@ -29,7 +29,7 @@ def test_the_papers_folding_run_is_compiled_as_written() -> None:
     np.testing.assert_array_equal(protocol.steps_s, [0.5, 5.5])
 
 
-def test_every_protocol_that_is_shipped_loads() -> None:
+def test_every_shipped_protocol_loads() -> None:
     shipped = sorted(Path(str(files("straw.rig") / "protocols")).glob("*.toml"))
     assert len(shipped) >= 2
     assert [load_protocol(path).name for path in shipped] == [path.stem for path in shipped]
@@ -57,7 +57,7 @@ def test_a_last_row_without_for_s_marks_the_end() -> None:
 MAIN = HEAD + "main = ["
 
 
-def test_a_sine_is_drawn_to_a_thousandth_of_its_amplitude() -> None:
+def test_a_sine_is_approximated_to_a_thousandth_of_its_amplitude() -> None:
     entry = "{ sine = { mean = 2, amplitude = 10, frequency_hz = 0.7, phase_deg = 30 }, for_s = 3.3 }]"
     protocol = protocol_from_toml(MAIN + entry, "p.toml")
     time_s = np.linspace(0, 3.3, 20_001)[:-1]
@@ -73,8 +73,8 @@ def test_a_chirp_is_scipys_and_ends_on_time(sweep: str, f0: float, f1: float) ->
     protocol = protocol_from_toml(MAIN + f"{{ {chirp}, for_s = 10 }}, {{ hold = 1, for_s = 1 }}]", "p.toml")
     time_s = np.linspace(0, 10, 40_001)[:-1]
     truth_pa = 5e3 * scipy.signal.chirp(time_s, f0, 10.0, f1, method=sweep, phi=-90)
-    # A chord of phase step d misses a sine by d^2 / 8; where a linear sweep starts slow, its phase is a parabola
-    # within the chord, which bends it by up to d / 4 more.
+    # A chord over a phase step d deviates from a sine by d^2 / 8; where a linear sweep starts slowly, its phase is a
+    # parabola within the chord, which adds up to d / 4.
     step = 2 * np.pi / 72
     assert np.abs(protocol(time_s) - truth_pa).max() <= 5e3 * (step**2 / 8 + (step / 4 if sweep == "linear" else 1e-4))
     assert protocol.duration_s == 11.0
@@ -88,7 +88,7 @@ def test_a_prbs_is_balanced_white_and_the_same_for_the_same_seed() -> None:
 
     one = bits(3)
     assert set(one) == {-1.0, 1.0}
-    assert abs(one.sum()) == 1  # a maximum-length sequence has one more of the one than of the other
+    assert abs(one.sum()) == 1  # a maximum-length sequence has one more of one level than of the other
     correlation = [float(np.dot(one, np.roll(one, k))) for k in range(1, 127)]
     assert correlation == [-1.0] * 126
     assert np.array_equal(one, bits(3))
@@ -103,7 +103,7 @@ def test_repeats_nest_and_are_checked_inside() -> None:
 
 
 @pytest.mark.parametrize(("unit", "pa"), [("Pa", 2.0), ("mbar", 200.0), ("kPa", 2000.0)])
-def test_units_are_honoured(unit: str, pa: float) -> None:
+def test_units_are_converted(unit: str, pa: float) -> None:
     text = f'pressure_unit = "{unit}"\ninitial_deployed = []\nmain = [{{ hold = 2, for_s = 1 }}]'
     assert protocol_from_toml(text, "p.toml")(0.5) == pa
 
@@ -166,7 +166,7 @@ def test_units_are_honoured(unit: str, pa: float) -> None:
         ("not toml at all", ["not valid TOML"]),
     ],
 )
-def test_what_is_wrong_is_said_in_one_line_that_names_the_place(text: str, words: list[str]) -> None:
+def test_an_error_is_one_line_that_names_its_place(text: str, words: list[str]) -> None:
     with pytest.raises(RigError) as caught:
         protocol_from_toml(text, "bad.toml")
     message = str(caught.value)
@@ -185,12 +185,14 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
         load_protocol(tmp_path / "binary.toml")
 
 
-def test_limits_only_ever_narrow_each_other() -> None:
+def test_combined_limits_are_never_wider_than_either() -> None:
     both = PressureLimits(-10e3, 50e3, 5e3).and_also(PressureLimits(-20e3, 30e3))
     assert both == PressureLimits(-10e3, 30e3, 5e3)
 
 
-def test_sixty_days_are_shown_for_what_their_points_cost(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_cost_of_showing_sixty_days_is_that_of_their_points(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "long.toml"
     cycle = "{ hold = -25, for_s = 43200 }, { ramp = [-25, 35], for_s = 20000 }, { hold = 35, for_s = 23200 }"
     path.write_text(HEAD + f"[[main]]\nrepeat = 60\ndo = [{cycle}]\n")
@@ -198,15 +200,15 @@ def test_sixty_days_are_shown_for_what_their_points_cost(tmp_path: Path, capsys:
     assert main(["rig", "show", str(path), "-o", str(tmp_path / "long.png")]) == 0
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert peak < 100e6  # the picture's own pixels, not 41 GB at a sample a millisecond
+    assert peak < 100e6  # the pixels of the picture, not 41 GB for a sample per millisecond
     assert "5.184e+06 s (60 days)" in capsys.readouterr().out
     assert len(load_protocol(path).time_s) == 360
 
 
-def test_protocols_with_something_changed_end_with_0_or_with_2_and_one_line() -> None:
-    assert [one.problem for one in map(show, range(12)) if one.problem] == []  # a thousand: the benchmark
+def test_mutated_protocols_end_with_0_or_with_2_and_one_line() -> None:
+    assert [one.problem for one in map(show, range(12)) if one.problem] == []  # the benchmark tries a thousand
 
 
-def test_a_protocol_of_ages_is_refused() -> None:
+def test_a_protocol_of_excessive_duration_is_refused() -> None:
     with pytest.raises(RigError, match="longer than 1e\\+09 s; check for_s"):
         protocol_from_toml(HEAD + "[[main]]\nhold = 0\nfor_s = 1e300", "bad.toml")

@@ -1,4 +1,4 @@
-"""A run that was killed, cut, damaged or met a full disk is a readable run again, and says what it lost."""
+"""A run that was killed, cut, damaged or ended by a full disk is recovered, with a report of what was lost."""
 
 import os
 import random
@@ -23,7 +23,7 @@ SECONDS = 30
 
 
 def recording(path: Path) -> Path:
-    """A run of thirty seconds, a chunk a second, as a live run makes it."""
+    """A run of thirty seconds with one chunk per second, as a live run writes it."""
     file = RunFile(path, {**METADATA, "zero_time_ns": str(ZERO_NS)}, {"protocol.toml": b"name = 'p'"})
     noise = random.Random(0)
     for second in range(SECONDS):
@@ -36,7 +36,7 @@ def recording(path: Path) -> Path:
     return path
 
 
-def test_a_part_becomes_the_run_it_was_to_be_with_all_that_was_flushed(tmp_path: Path) -> None:
+def test_a_part_file_is_recovered_as_its_run_with_everything_that_was_flushed(tmp_path: Path) -> None:
     data = recording(tmp_path / "whole.mcap").read_bytes()
     part = tmp_path / "run.mcap.part"
     part.write_bytes(data[: len(data) * 2 // 3])
@@ -54,13 +54,13 @@ def test_a_part_becomes_the_run_it_was_to_be_with_all_that_was_flushed(tmp_path:
     assert (run.run_id, run.specimen, run.initial_deployed) == ("r1", "s1", (1, 4))
     assert run.metadata["exit_status"] == "fail"
     assert "never finished" in run.metadata["recovered_lost"]
-    with done.path.open("rb") as stream:  # and every other reader takes it, too
+    with done.path.open("rb") as stream:  # and every other reader accepts it
         messages = list(make_reader(stream, validate_crcs=True).iter_messages())
     assert len(messages) == n
     assert all(message.log_time == message.publish_time + 1000 for *_, message in messages)
 
 
-def test_a_file_damaged_in_the_middle_keeps_both_its_ends(tmp_path: Path) -> None:
+def test_a_file_damaged_in_the_middle_keeps_the_data_before_and_after(tmp_path: Path) -> None:
     path = recording(tmp_path / "run.mcap")
     data = bytearray(path.read_bytes())
     data[len(data) // 2] ^= 0xFF
@@ -74,7 +74,7 @@ def test_a_file_damaged_in_the_middle_keeps_both_its_ends(tmp_path: Path) -> Non
     assert any("fails its checksum" in line for line in done.lost)
 
 
-def test_what_needs_no_recovery_or_allows_none_is_one_line(tmp_path: Path) -> None:
+def test_a_file_that_needs_no_recovery_or_allows_none_is_one_line(tmp_path: Path) -> None:
     path = recording(tmp_path / "run.mcap")
     with pytest.raises(RigError, match="is whole: nothing to recover"):
         recover(path)
@@ -114,7 +114,7 @@ def started(emulation: Emulation, path: Path, limit: int = 0) -> subprocess.Pope
 
 
 @pytest.mark.skipif(os.name != "posix", reason="limits the size of files, which stands for a full disk, by POSIX means")
-def test_a_disk_that_fills_up_vents_ends_the_run_and_keeps_what_was_written(
+def test_when_the_disk_fills_up_the_run_vents_and_ends_and_keeps_what_was_written(
     emulation: Emulation, tmp_path: Path
 ) -> None:
     process = started(emulation, tmp_path / "run.mcap", limit=12_000)

@@ -1,4 +1,4 @@
-"""After silence, late and spoilt answers: no answer to an earlier question is taken for the present one's."""
+"""After silence and late or corrupted answers, no answer to an earlier request is taken for the present one's."""
 
 import pytest
 
@@ -8,13 +8,13 @@ from straw.rig.faults import SeededFaults
 from straw.rig.wire import Sent
 from tests.rig.stepped_port import PROMPT, Delays, stepped
 
-# All but "zero", which looks like a right answer, and "unplug", which this port cannot. Garbled and cut answers that
-# are spelt like right ones count as answers, as they are compared with what was sent.
+# All but "zero", which looks like a right answer, and "unplug", which this port cannot do. Garbled and cut answers that
+# are well-formed count as answers, since readings are compared with what was sent.
 KINDS = ("garble", "truncate", "merge", "late", "nak", "silence", "deaf", "reboot")
 
 
-def test_a_vent_sent_blindly_leaves_no_answer_behind_for_the_next_reading(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The vent is repeated while the answer to a mark, asked before, is on its way: that answer covers less."""
+def test_no_answer_to_an_unconfirmed_vent_is_taken_for_the_next_reading(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The vent is repeated while the answer to an earlier mark is in flight: that answer confirms less."""
 
     class LateOnce:
         """The first cancelled hold is not answered, and the mark after it 80 ms late."""
@@ -46,7 +46,7 @@ def test_a_vent_sent_blindly_leaves_no_answer_behind_for_the_next_reading(monkey
     ],
     ids=["on time", "busy computer", "slow instrument", "both"],
 )
-def test_every_reading_answers_the_last_question_however_slow_computer_and_instrument_are(
+def test_every_reading_answers_the_last_request_however_slow_computer_and_instrument_are(
     monkeypatch: pytest.MonkeyPatch, name: str, delays: Delays
 ) -> None:
     faults = SeededFaults(0.05, seed=1, kinds=KINDS, late_s=(0.0, 0.18), away_s=0.15)
@@ -73,7 +73,7 @@ def test_every_reading_answers_the_last_question_however_slow_computer_and_instr
 
 
 @pytest.mark.parametrize("name", ["alicat", "ob1-mk4"])
-def test_an_instrument_that_was_silent_for_long_is_understood_soon_after(
+def test_communication_resumes_soon_after_a_long_silence_of_the_instrument(
     monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     class Silent:
@@ -95,5 +95,7 @@ def test_an_instrument_that_was_silent_for_long_is_understood_soon_after(
                 assert controller.read()[0].raw == port.asked[-1][1]
                 break
             except RigError:
-                assert port.clock.monotonic_s() < silent.to_s + 2.6  # the latest answer that is waited for, LATE_S
+                assert (
+                    port.clock.monotonic_s() < silent.to_s + 2.6
+                )  # LATE_S, the longest delay of an answer that is waited for
         assert port.clock.monotonic_s() > silent.to_s

@@ -1,4 +1,4 @@
-"""A rig file says what stands on the table, or one line says what is wrong with it."""
+"""A rig file describes the set-up, or is refused in one line that says what is wrong."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_a_rig_file_describes_the_whole_set_up(bench: Path) -> None:
         (("[limits]", "[limits"), "not valid TOML"),
     ],
 )
-def test_what_is_wrong_is_said_with_its_place(bench: Path, change: tuple[str, str], said: str) -> None:
+def test_an_error_is_reported_with_its_place(bench: Path, change: tuple[str, str], said: str) -> None:
     bench.write_text(BENCH.replace(*change))
     with pytest.raises(RigError, match=said) as error:
         load_rig(bench)
@@ -86,10 +86,10 @@ def test_a_protocol_drives_two_channels_and_every_channel_and_flow_is_recorded(b
     found = read_run(run)
     assert (found.specimen, found.cycle) == ("s9", 4)
     assert found.pressure is not None
-    assert found.pressure.pressure_pa.min() < 0 < 600  # the straw's channel is still the one that drives the model
+    assert found.pressure.pressure_pa.min() < 0 < 600  # the straw's channel is the one that drives the model
 
 
-def test_limits_of_the_table_bind_whatever_a_flag_says(
+def test_the_rig_files_limits_hold_whatever_a_flag_says(
     bench: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "two.toml").write_text(TWO.replace("-5]", "-35]"))

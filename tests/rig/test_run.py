@@ -1,4 +1,4 @@
-"""What is written is what is read, in the project's own protobuf and in another logger's JSON."""
+"""Recordings read back as written, in the project's own protobuf and in another logger's JSON."""
 
 import json
 import subprocess
@@ -33,7 +33,7 @@ def assert_same_tip(found: TipTrace | None, truth: TipTrace) -> None:
 
 
 def json_file(path: Path, messages: list[tuple[str, int, Any]], metadata: dict[str, str] | None = None) -> Path:
-    """A recording as another logger would make it."""
+    """A recording as another logger would write it."""
     with path.open("wb") as stream:
         writer = Writer(stream)
         writer.start()
@@ -48,7 +48,7 @@ def json_file(path: Path, messages: list[tuple[str, int, Any]], metadata: dict[s
     return path
 
 
-def test_a_live_run_comes_back_as_it_was_written(tmp_path: Path) -> None:
+def test_a_live_run_reads_back_as_it_was_written(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     meta = {**METADATA, "zero_time_ns": str(ZERO_NS)}
     before_ns = time.time_ns()
@@ -93,7 +93,7 @@ def test_viewers_find_schemas_and_units_in_the_file(tmp_path: Path, trace: TipTr
     assert (decoded.z_m, decoded.valid, message.publish_time) == (0.08, True, ZERO_NS)
 
 
-def test_a_tracked_tip_comes_back_with_its_parent(tmp_path: Path, trace: TipTrace) -> None:
+def test_a_tracked_tip_reads_back_with_its_parent(tmp_path: Path, trace: TipTrace) -> None:
     write_tip(tmp_path / "tip.mcap", trace, METADATA, "ab" * 32, ZERO_NS)
     run = read_run(tmp_path / "tip.mcap")
     assert run.lost == ()
@@ -101,7 +101,7 @@ def test_a_tracked_tip_comes_back_with_its_parent(tmp_path: Path, trace: TipTrac
     assert_same_tip(run.tip, trace)
 
 
-def test_a_prediction_comes_back_under_its_models_name(tmp_path: Path, trace: TipTrace) -> None:
+def test_a_prediction_reads_back_under_its_models_name(tmp_path: Path, trace: TipTrace) -> None:
     times, pressures = np.arange(50) * 0.01, np.linspace(0, -25e3, 50)
     path = tmp_path / "sim.mcap"
     write_prediction(
@@ -120,7 +120,7 @@ def test_a_prediction_comes_back_under_its_models_name(tmp_path: Path, trace: Ti
     assert run.metadata["model"] == "base"
 
 
-def test_a_derived_file_that_fails_leaves_nothing_behind(tmp_path: Path, trace: TipTrace) -> None:
+def test_a_derived_file_that_fails_leaves_no_file(tmp_path: Path, trace: TipTrace) -> None:
     with pytest.raises(RigError, match="not a time since 1970"):
         write_tip(tmp_path / "tip.mcap", trace, METADATA, "", 0)
     with pytest.raises(RigError, match="would be empty"):
@@ -130,7 +130,7 @@ def test_a_derived_file_that_fails_leaves_nothing_behind(tmp_path: Path, trace: 
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_value_that_does_not_fit_is_told_to_the_caller_and_harms_nothing(tmp_path: Path) -> None:
+def test_a_value_of_the_wrong_type_raises_an_error_and_leaves_the_recording_intact(tmp_path: Path) -> None:
     with RunWriter(tmp_path / "run.mcap", METADATA) as writer:
         writer.add("/pressure/measured", ZERO_NS, pressure_pa=1.0)
         for topic, values in [("/pressure/measured", {"pressure_pa": "1"}), ("/tip/state", {"y_m": 1.0}), ("/x", {})]:
@@ -143,7 +143,7 @@ def test_a_value_that_does_not_fit_is_told_to_the_caller_and_harms_nothing(tmp_p
     assert np.all(np.isnan(run.pressure.sigma_pa))
 
 
-def test_recordings_of_another_logger_read_whole(recordings: Path) -> None:
+def test_recordings_of_another_logger_are_read_completely(recordings: Path) -> None:
     paths = sorted(recordings.glob("*/*.mcap"))
     assert len(paths) >= 32
     for path in paths[::5]:
@@ -187,7 +187,7 @@ def test_fields_may_be_absent_or_null(tmp_path: Path) -> None:
     assert run.pressure.pressure_pa.tolist() == [5.0]
 
 
-def test_missing_metadata_is_said_not_guessed_in_silence(tmp_path: Path) -> None:
+def test_missing_metadata_is_reported_and_not_silently_guessed(tmp_path: Path) -> None:
     messages = [("/pressure/measured", ZERO_NS + i, {"pressure_pa": i}) for i in (3000, 4000)]
     run = read_run(json_file(tmp_path / "a.mcap", messages))
     assert (run.run_id, run.initial_deployed, run.cycle, run.cells) == ("a", None, 0, 9)
@@ -206,7 +206,7 @@ def test_missing_metadata_is_said_not_guessed_in_silence(tmp_path: Path) -> None
         ("cells", "?"),
     ],
 )
-def test_metadata_that_make_no_sense_are_said(tmp_path: Path, key: str, value: str) -> None:
+def test_invalid_metadata_are_reported(tmp_path: Path, key: str, value: str) -> None:
     messages = [("/pressure/measured", ZERO_NS, {"pressure_pa": 1})]
     metadata = {**METADATA, "zero_time_ns": str(ZERO_NS), key: value}
     run = read_run(json_file(tmp_path / "a.mcap", messages, metadata))
@@ -235,7 +235,7 @@ def test_messages_of_a_wrong_type_are_counted(tmp_path: Path) -> None:
     assert run.lost == ("6 messages on /pressure/measured could not be decoded and were left out",)
 
 
-def test_a_zero_far_from_the_data_is_said_and_breaks_nothing(tmp_path: Path) -> None:
+def test_a_zero_far_from_the_data_is_reported_and_does_no_harm(tmp_path: Path) -> None:
     messages = [("/pressure/measured", ZERO_NS + i, {"pressure_pa": i}) for i in range(5)]
     run = read_run(json_file(tmp_path / "a.mcap", messages, {**METADATA, "zero_time_ns": "0"}))
     assert any("check the clocks" in line for line in run.lost)
@@ -261,7 +261,7 @@ def test_a_minute_of_data_reads_in_under_a_second(tmp_path: Path) -> None:
     assert min(took_s) < 1.0
 
 
-def test_a_measured_pressure_is_interpolated_and_a_command_is_held() -> None:
+def test_a_measured_pressure_is_interpolated_linearly_and_a_command_is_held() -> None:
     time_s, pressure_pa, sigma_pa = np.array([0.0, 1.0]), np.array([0.0, 100.0]), np.full(2, np.nan)
     at_s = np.array([-1.0, 0.5, 1.0, 2.0])
     np.testing.assert_array_equal(PressureLog(time_s, pressure_pa, sigma_pa)(at_s), [0, 50, 100, 100])

@@ -1,4 +1,4 @@
-"""A run is recorded as it happened, and every way out of it vents."""
+"""A run is recorded as it happened, and every way it can end vents."""
 
 import os
 import signal
@@ -49,7 +49,7 @@ def test_a_run_is_recorded_as_it_happened(
     assert run.command is not None
     assert run.pressure is not None
     assert len(run.pressure) == outcome.cycles == len(seen)
-    # Time 0 is the start of the main part: the step is there, within a cycle or two of a busy machine.
+    # Time 0 is the start of the main part: the step is there, to within a cycle or two on a busy machine.
     first = int(np.argmax(run.command.pressure_pa != 0.0))
     assert run.command.pressure_pa[first] == -25e3
     assert 0.0 <= run.command.time_s[first] < 0.1
@@ -57,7 +57,7 @@ def test_a_run_is_recorded_as_it_happened(
     assert run.pressure(0.35) == pytest.approx(-25e3, abs=100.0)
 
 
-def test_what_is_logged_is_the_reading_never_the_command(
+def test_the_logged_pressure_is_the_reading_and_never_the_command(
     emulation: Emulation, short: PressureProtocol, tmp_path: Path
 ) -> None:
     emulation.plant.min_pa = -10e3  # a supply that cannot follow
@@ -70,7 +70,7 @@ def test_what_is_logged_is_the_reading_never_the_command(
     assert run.pressure.pressure_pa.min() == -10e3
 
 
-def test_a_computer_that_stood_still_while_it_asked_misses_an_answer_and_goes_on(
+def test_a_computer_that_stalls_during_a_request_misses_an_answer_and_the_run_continues(
     emulation: Emulation, short: PressureProtocol, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked = 0
@@ -80,7 +80,7 @@ def test_a_computer_that_stood_still_while_it_asked_misses_an_answer_and_goes_on
         nonlocal asked
         asked += 1
         sent: int | None = send(port, request)
-        if asked == 20:  # pyserial says so although all bytes are out, when it was its own computer that stood still
+        if asked == 20:  # pyserial reports a timeout although all bytes were sent, when its own computer stalled
             raise SerialTimeoutException("Write timeout")
         return sent
 
@@ -103,7 +103,7 @@ def test_the_straw_behind_the_wire_moves_with_the_run(
     assert run.pressure is not None
     at_s = (run.zero_time_ns - history.zero_wall_ns) * 1e-9 + run.pressure.time_s
     truth_pa = np.interp(at_s, history.time_s, history.external_pa)
-    # Two clocks, one wall: 50 ms between them would be 7 kPa rms.
+    # An offset of 50 ms between the two clocks would be 7 kPa rms.
     assert np.sqrt(np.mean((truth_pa - run.pressure.pressure_pa) ** 2)) < 3000.0
     assert np.max(np.diff(history.time_s)) < 1.001e-3
     assert history.x_m.min() == pytest.approx(-0.025, abs=1e-4)
@@ -111,7 +111,7 @@ def test_the_straw_behind_the_wire_moves_with_the_run(
 
 def test_the_loop_keeps_its_rate(controller: Controller, short: PressureProtocol, tmp_path: Path) -> None:
     outcome = run_protocol(controller, short, tmp_path / "run.mcap", rate_hz=50.0)
-    assert 25.0 < outcome.rate_hz <= 51.5  # never faster; slower only as far as a busy machine forces it
+    assert 25.0 < outcome.rate_hz <= 51.5  # never faster; slower only as far as a busy machine requires
     assert outcome.missed == 0
 
 
@@ -136,7 +136,7 @@ def test_a_script_that_fails_is_vented_and_its_data_kept(
 @pytest.mark.parametrize(
     ("number", "raised"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit)], ids=["Ctrl-C", "kill"]
 )
-def test_ctrl_c_and_kill_vent_first_even_when_they_come_again(
+def test_ctrl_c_and_kill_vent_first_even_when_they_are_repeated(
     controller: Controller,
     short: PressureProtocol,
     sets: Sets,
@@ -169,7 +169,7 @@ def test_ctrl_c_and_kill_vent_first_even_when_they_come_again(
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends POSIX signals")
-def test_a_process_that_is_told_to_end_vents_on_its_way_out(emulation: Emulation, sets: Sets, tmp_path: Path) -> None:
+def test_a_process_that_receives_sigterm_vents_before_it_ends(emulation: Emulation, sets: Sets, tmp_path: Path) -> None:
     script = f"""
 from straw.rig.drivers import make_controller
 from straw.rig.protocol_toml import protocol_from_toml
@@ -189,7 +189,7 @@ with make_controller("ob1-mk4", "{emulation.url}") as controller:
     assert read_run(tmp_path / "run.mcap").metadata["exit_status"] == "abort"
 
 
-def test_a_lost_link_ends_the_run_with_the_data_kept(
+def test_a_lost_connection_ends_the_run_and_keeps_the_data(
     emulation: Emulation, short: PressureProtocol, tmp_path: Path
 ) -> None:
     controller = make_controller("ob1-mk4", emulation.url)
@@ -209,7 +209,7 @@ def test_a_lost_link_ends_the_run_with_the_data_kept(
         controller.close()
 
 
-def test_a_link_that_comes_back_is_used_to_vent(
+def test_a_connection_that_returns_is_used_to_vent(
     controller: Controller, emulation: Emulation, short: PressureProtocol, sets: Sets, tmp_path: Path
 ) -> None:
     def unplug(time_s: float, duration_s: float, pressure_pa: float) -> None:
@@ -233,7 +233,7 @@ def test_a_controller_that_is_not_open_runs_nothing_and_leaves_no_file(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_one_garbled_reading_is_on_record_and_the_run_goes_on(
+def test_one_garbled_reading_is_recorded_and_the_run_continues(
     controller: Controller, emulation: Emulation, short: PressureProtocol, tmp_path: Path
 ) -> None:
     answer, count = emulation.wire.device.answer, 0
@@ -266,7 +266,7 @@ def test_an_instrument_that_refuses_everything_ends_the_run(
     assert emulation.wire.received[-1][1] == b"<PRESS!:0:0\n"
 
 
-def test_a_protocol_beyond_the_controller_moves_nothing_and_leaves_no_file(
+def test_a_protocol_beyond_the_controllers_limits_moves_nothing_and_leaves_no_file(
     emulation: Emulation, short: PressureProtocol, sets: Sets, tmp_path: Path
 ) -> None:
     with make_controller("ob1-mk4", emulation.url, limits=PressureLimits(-20e3, 20e3)) as controller:
@@ -278,7 +278,7 @@ def test_a_protocol_beyond_the_controller_moves_nothing_and_leaves_no_file(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_protocols_limits_bind_while_it_runs_and_no_longer(
+def test_the_protocols_limits_apply_only_while_it_runs(
     controller: Controller, short: PressureProtocol, tmp_path: Path
 ) -> None:
     narrow = replace(short, limits=PressureLimits(-26e3, 1e3))

@@ -1,4 +1,4 @@
-"""Tables of other loggers: every format is read, guesses are said, what cannot be is one line with place and cure."""
+"""Tables of other loggers: every format is read, guesses are reported, errors are one line with place and cure."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def values(mapping: Mapping, *paths: Path) -> list[tuple[int, str, dict[str, obj
     return messages(plan)
 
 
-def test_every_format_has_a_table_that_somebody_else_drew() -> None:
+def test_every_format_has_a_table_that_another_program_wrote() -> None:
     assert set(OF) == set(formats())
 
 
@@ -76,7 +76,9 @@ def test_a_format_recognises_its_own_tables(form: str, name: str) -> None:
 
 
 @pytest.mark.parametrize(("form", "name"), FILES)
-def test_a_table_cut_anywhere_or_of_rubbish_is_a_table_or_one_line(form: str, name: str, tmp_path: Path) -> None:
+def test_a_table_cut_anywhere_or_of_random_bytes_is_read_or_refused_in_one_line(
+    form: str, name: str, tmp_path: Path
+) -> None:
     whole = (HERE / name).read_bytes()
     rng = np.random.default_rng(1)
     for k in range(12):
@@ -91,7 +93,7 @@ def test_a_table_cut_anywhere_or_of_rubbish_is_a_table_or_one_line(form: str, na
             assert path.name in problem or not problem
 
 
-def test_esi_logs_are_in_mbar_and_tell_targets_from_readings() -> None:
+def test_esi_logs_are_in_mbar_and_distinguish_targets_from_readings() -> None:
     path = HERE / "esi_targets.txt"
     found = values(said(path), path)
     assert [(t, f["pressure_pa"]) for _, t, f in found if f["pressure_pa"]][-2:] == [
@@ -121,7 +123,7 @@ def test_two_points_give_the_tip_and_its_angle_in_the_straws_frame() -> None:
 
 
 @pytest.mark.parametrize("name", ["dlc.csv", "dlc.h5", "dlc_fixed.h5"])
-def test_deeplabcut_counts_pixels_downwards_and_doubts_by_likelihood(name: str) -> None:
+def test_deeplabcuts_pixels_count_downwards_and_points_of_low_likelihood_are_invalid(name: str) -> None:
     path = HERE / name
     mapping = said(path, points=("mount", "tip"), mm_per_px=0.1, origin_px=(100.0, 300.0), rate_hz=240.0)
     found = values(mapping, path)
@@ -154,7 +156,7 @@ def test_vectors_of_mat_files_are_columns(name: str, time: str) -> None:
     assert [f["pressure_pa"] for _, _, f in found] == [0.0, 5000.0, 10150.0, 15000.0]
 
 
-def test_a_serial_log_says_which_lines_were_torn() -> None:
+def test_incomplete_lines_of_a_serial_log_are_reported() -> None:
     table = read_table(HERE / "serial.csv")
     assert table.notes == ("2 torn lines are left out (2, 6)",)
     assert len(table.lines) == 55
@@ -172,13 +174,13 @@ def test_a_serial_log_says_which_lines_were_torn() -> None:
         ("t p\n0 1,5\n1 2,25\n", [1.5, 2.25]),
     ],
 )
-def test_ways_to_write_numbers(text: str, numbers: list[float], tmp_path: Path) -> None:
+def test_numbers_are_read_in_every_notation(text: str, numbers: list[float], tmp_path: Path) -> None:
     table = read_table(written(tmp_path, "t.csv", text))
     np.testing.assert_array_equal(list(table.columns.values())[1].values, numbers)
     assert not table.doubts
 
 
-def test_numbers_that_could_be_read_two_ways_are_a_doubt(tmp_path: Path) -> None:
+def test_ambiguous_numbers_are_reported_as_a_doubt(tmp_path: Path) -> None:
     assert read_table(written(tmp_path, "a.csv", "t;p\n0;1,234\n1;2,345\n")).doubts
     dots = read_table(written(tmp_path, "b.csv", "0.000;3.897\n273.000;3.897\n1.075.000;3.899\n"))
     assert dots.columns["column 1"].values.tolist() == [0.0, 273.0, 1075.0]
@@ -221,7 +223,7 @@ def test_a_guess_is_not_written_unless_it_is_accepted(tmp_path: Path) -> None:
     assert read_run(tmp_path / "run.mcap").pressure is not None
 
 
-def test_two_tables_with_clocks_of_their_own_make_one_run(tmp_path: Path) -> None:
+def test_two_tables_with_separate_clocks_make_one_run(tmp_path: Path) -> None:
     pressure = written(tmp_path, "p.csv", "t [ms],P [mbar]\n0,0\n1000,250\n")
     tip = written(tmp_path, "tip.csv", "t [s],x [mm],z [mm],phi [deg]\n0,10,20,90\n0.5,11,21,45\n")
     roles = ("time", "x", "z", "phi")
@@ -253,7 +255,7 @@ def test_two_tables_with_clocks_of_their_own_make_one_run(tmp_path: Path) -> Non
     assert load_mapping(written(tmp_path, "m.toml", run.attachments["import.toml"].decode())) == mapping
 
 
-def test_a_mapping_file_says_what_the_mapping_says(tmp_path: Path) -> None:
+def test_a_mapping_file_reads_back_exactly(tmp_path: Path) -> None:
     one = TableMap(
         "a.csv", Reading(decimal=","), {"pressure": (Use("P", "mbar", 1.5, -1.0), Use("Q")), "x": ()}, 240.0, 0.1,
         "wrap", 0.1, (1.0, 2.0), ("a", "b"), "px", 0.9, 8.8, "dmy",
@@ -281,7 +283,7 @@ def test_a_mapping_file_says_what_the_mapping_says(tmp_path: Path) -> None:
         ("t [s],q\n0,1\n1,2\n", {}, {}, "no column to import"),
     ],
 )
-def test_what_cannot_be_is_one_line_with_place_and_cure(
+def test_an_impossible_import_is_one_line_with_place_and_cure(
     text: str, uses: dict[str, str], more: dict[str, object], words: str, tmp_path: Path
 ) -> None:
     path = written(tmp_path, "bad.csv", text)
@@ -293,7 +295,7 @@ def test_what_cannot_be_is_one_line_with_place_and_cure(
     assert not list(tmp_path.glob("run*"))
 
 
-def test_vectors_of_different_length_are_named_with_both(tmp_path: Path) -> None:
+def test_vectors_of_different_lengths_are_reported_with_both_lengths(tmp_path: Path) -> None:
     from scipy.io import savemat
 
     path = tmp_path / "run.mat"
@@ -311,14 +313,14 @@ def test_vectors_of_different_length_are_named_with_both(tmp_path: Path) -> None
         ("part:1", [65500, 65530]),
     ],
 )
-def test_time_that_runs_back_is_put_right_as_told(back: str, ms: list[int], tmp_path: Path) -> None:
+def test_time_that_runs_backwards_is_corrected_as_specified(back: str, ms: list[int], tmp_path: Path) -> None:
     path = written(tmp_path, "t.csv", "t [ms],p [kPa]\n65500,1\n65530,2\n24,3\n")
     plan = understand([read_table(path)], said(path, back=back))
     assert (plan.parts[0].times.ns // 10**6).tolist() == ms
 
 
 @pytest.mark.parametrize(("name", "library"), [("run.parquet", "pyarrow"), ("dlc.h5", "h5py"), ("run73.mat", "h5py")])
-def test_a_library_that_is_not_installed_is_named_with_its_cure(
+def test_a_library_that_is_not_installed_is_named_with_the_command_that_installs_it(
     name: str, library: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, library, None)
@@ -326,7 +328,7 @@ def test_a_library_that_is_not_installed_is_named_with_its_cure(
         read_table(HERE / name)
 
 
-def test_an_h5_that_would_run_something_is_refused(tmp_path: Path) -> None:
+def test_an_h5_file_that_would_execute_code_is_refused(tmp_path: Path) -> None:
     import pickle
 
     import h5py

@@ -1,4 +1,4 @@
-"""Every instrument can be vented and read, whatever drove it before: straw rig vent, read and ports."""
+"""Every instrument can be vented and read, whatever program drove it: straw rig vent, read and ports."""
 
 import json
 import os
@@ -23,21 +23,23 @@ LEFT_UNDER_PRESSURE = 30e3
 
 @pytest.fixture(autouse=True)
 def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A computer that has driven nothing yet."""
+    """A computer without a record of driven instruments."""
     monkeypatch.setenv("STRAW_STATE_DIR", str(tmp_path / "state"))
-    monkeypatch.setattr("serial.tools.list_ports.comports", list)  # the real ones may have real instruments on them
+    monkeypatch.setattr(
+        "serial.tools.list_ports.comports", list
+    )  # the computer's own ports may have instruments connected
     return tmp_path / "state"
 
 
 @pytest.fixture
 def pressed(emulation: Emulation) -> Emulation:
-    """An instrument that somebody left under pressure, with nobody connected."""
+    """An instrument left under pressure, with no client connected."""
     emulation.plant.command(emulation.twin.now(), LEFT_UNDER_PRESSURE)
     time.sleep(0.2)
     return emulation
 
 
-def test_vent_lets_the_pressure_out_and_read_changes_nothing(
+def test_vent_releases_the_pressure_and_read_changes_nothing(
     pressed: Emulation, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     at = ["--port", pressed.url]
@@ -69,14 +71,16 @@ def test_without_a_port_every_port_that_was_driven_is_vented(
     assert rows[pressed.url] == "ob1-mk4"
 
 
-def test_ports_asks_what_is_connected_and_sets_nothing(pressed: Emulation, capsys: pytest.CaptureFixture[str]) -> None:
+def test_ports_identifies_connected_instruments_and_sets_nothing(
+    pressed: Emulation, capsys: pytest.CaptureFixture[str]
+) -> None:
     remember(pressed.url, "ob1-mk4", {}, 0)
     assert main(["rig", "ports", "--identify"]) == 0
     assert "firmware 1.4.1" in capsys.readouterr().out
     assert pressed.plant._told_pa == LEFT_UNDER_PRESSURE
 
 
-def test_an_instrument_that_refuses_or_stays_under_pressure_is_no_success(
+def test_a_vent_that_is_refused_or_leaves_the_pressure_fails(
     pressed: Emulation, capsys: pytest.CaptureFixture[str]
 ) -> None:
     answer = pressed.device.answer
@@ -102,7 +106,9 @@ def test_a_vent_that_is_not_confirmed_names_the_command(emulation: Emulation) ->
         controller.close()
 
 
-def test_settings_of_the_driver_are_remembered_and_guardians_that_are_gone_are_told_apart(emulation: Emulation) -> None:
+def test_settings_of_the_driver_are_remembered_and_guardians_that_have_ended_are_recognised(
+    emulation: Emulation,
+) -> None:
     with GuardedController("ob1-mk4", emulation.url, channels=(1,), timeout_s=0.4) as controller:
         known = known_ports()[0]
         assert known.settings == {"channels": (1,), "timeout_s": 0.4}
@@ -112,7 +118,7 @@ def test_settings_of_the_driver_are_remembered_and_guardians_that_are_gone_are_t
     while is_guarded(known_ports()[0]):
         assert time.monotonic() < deadline
         time.sleep(0.01)
-    assert not is_guarded(Known("x", "y", guardian_pid=os.getpid()))  # a number that was used again
+    assert not is_guarded(Known("x", "y", guardian_pid=os.getpid()))  # a process id in use by another process
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends POSIX signals")
