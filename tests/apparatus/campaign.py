@@ -19,7 +19,7 @@ from .layout import CELLS
 from .plans import PLANS, Plan, regulated
 from .straw import Motion, Straw, move
 
-FINE_S = 5e-4  # of the true pressure
+FINE_S = 5e-4  # time step of the true pressure
 FORKED_SIGMA = 25.0  # repeats of a straw that snaps into one state differ by 1 to 20 sigma, into two by 50 to 70
 
 

@@ -1,4 +1,4 @@
-"""Runs whose steps are held: for central differences that see what the integrator's tangents see, to ten digits."""
+"""Runs with prescribed steps: central differences of the same map that the integrator's tangents differentiate."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from straw.model.step import DONE, take_step
 
 Floats = NDArray[np.float64]
 
-#: A tolerance that refuses no step of a finer run, and a share of it at which Newton stops: 1e-15 m. It stops as well
-#: at corrections of `straw.model.step.ROUNDING` of the tolerance, 1e-14 m. A looser one leaves out a share of what
-#: Newton's matrix lacks, of drag above all: in proportion to its strength, so that no choice of the differences' step
-#: shows it.
+#: A tolerance that refuses no step of a finer run, and the share of it at which Newton stops: 1e-15 m. It stops as well
+#: at corrections of `straw.model.step.ROUNDING` of the tolerance, 1e-14 m. A looser one leaves an error from the terms
+#: that Newton's matrix omits, above all of drag: it is proportional to their strength, so that no choice of the
+#: differences' step reveals it.
 LOOSE_M, CLOSE = 1e-8, 1e-7
 
 
@@ -45,7 +45,7 @@ def times_of(c, state, table, end_s, tolerance_m, max_step_s):
 
 @compiled
 def along(c, state, table, ends, output_s, out_q, out_v, out_pa):
-    """Take just these steps."""
+    """Take exactly these steps."""
     sums, counts = summed(table), np.zeros(4, np.int64)
     s, w = stages_for(c, len(state.q)), work_for(c, len(state.q))
     filled = fill_start(state, output_s, out_q, out_v, out_pa)
@@ -61,7 +61,7 @@ def along(c, state, table, ends, output_s, out_q, out_v, out_pa):
 
 @dataclass(frozen=True)
 class Held:
-    """The steps of a run, to be taken by straws and under pressures that are slightly others."""
+    """The steps of a run, to be repeated by slightly different straws and under slightly different pressures."""
 
     time_s: Floats
     deployed: Collection[int]

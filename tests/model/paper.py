@@ -1,4 +1,4 @@
-"""Equations 1 to 7 of the paper typed in once more, literally, at 50 digits: the truth for the compiled ones.
+"""Equations 1 to 7 of the paper, transcribed literally, at 50 digits: the reference for the compiled ones.
 
 Shares nothing with the model package: positions come from the printed sums, velocities and Lagrange's equations from
 numerical differentiation in high precision, forces from virtual work.
@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from mpmath import atan2, cos, log, mp, mpf, pi, sin
 
 mp.dps = 50
-STEP = mpf(10) ** -14  # central differences are off by STEP squared, rounding by 1e-50 / STEP
+STEP = mpf(10) ** -14  # central differences err by STEP squared, rounding by 1e-50 / STEP
 
 
 class PaperStraw:

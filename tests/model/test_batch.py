@@ -1,4 +1,4 @@
-"""Batches give the same numbers in the same order wherever they run; one bad job does not spoil the rest."""
+"""Batches give the same numbers in the same order wherever they run; one failed job does not affect the rest."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TIME_S = np.arange(0, 0.3, 1 / 240)
 
 
 def jobs() -> list[Job]:
-    """Four straws that differ, under pressures that do not pickle, the third in a configuration it does not have."""
+    """Four different straws, under pressures that cannot be pickled, the third in a configuration it does not have."""
     return [
         Job(
             StrawParameters().replace(c_zeta_n_s_per_m=500.0 + 40 * i),
@@ -37,7 +37,7 @@ def jobs() -> list[Job]:
 
 @pytest.fixture(scope="module")
 def alone() -> list[Prediction | ModelError]:
-    """What the jobs give here, one after the other."""
+    """The results of the jobs in this process, one after the other."""
     return list(simulate_many(jobs()))
 
 
@@ -71,7 +71,7 @@ def test_threads_give_the_same_numbers(alone: list[Prediction | ModelError]) -> 
 
 
 def test_processes_give_the_same_numbers(alone: list[Prediction | ModelError]) -> None:
-    """Started anew, as on Windows: all they know came through a pickle and the machine code on disk."""
+    """Spawned, as on Windows: all they have comes through a pickle and the machine code on disk."""
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:
         assert_same(list(simulate_many(jobs(), executor)), alone)
 
@@ -89,8 +89,8 @@ def test_a_dask_cluster_gives_the_same_numbers(alone: list[Prediction | ModelErr
         assert_same(list(simulate_many(jobs(), executor)), alone)
 
 
-class Immediately(Executor):
-    """Runs what is submitted at once and counts it."""
+class ImmediateExecutor(Executor):
+    """Runs each job when it is submitted, and counts the jobs."""
 
     def __init__(self) -> None:
         self.submitted = 0
@@ -112,7 +112,7 @@ def test_an_endless_batch_is_consumed_only_a_bounded_number_of_jobs_ahead() -> N
             taken += 1
             yield jobs()[0]
 
-    executor = Immediately()
+    executor = ImmediateExecutor()
     results = simulate_many(endless(), executor, ahead=3)
     for _ in range(2):
         assert isinstance(next(results), Prediction)
@@ -120,8 +120,8 @@ def test_an_endless_batch_is_consumed_only_a_bounded_number_of_jobs_ahead() -> N
     results.close()
 
 
-class Only(Executor):
-    """Answers with the futures it was given: a cluster in any state."""
+class GivenFutures(Executor):
+    """Returns the futures it was given, which stand for a cluster in any state."""
 
     def __init__(self, *futures: Future[Any]) -> None:
         self.waiting = list(futures)
@@ -131,10 +131,10 @@ class Only(Executor):
 
 
 @pytest.mark.usefixtures("alone")
-def test_jobs_not_started_are_cancelled_when_nobody_waits_for_them() -> None:
+def test_jobs_not_started_are_cancelled_when_the_results_are_closed() -> None:
     done, queued, also_queued = futures = [Future[Any]() for _ in range(3)]
     done.set_result("first")
-    results = simulate_many(jobs() * 2, Only(*futures), ahead=2)
+    results = simulate_many(jobs() * 2, GivenFutures(*futures), ahead=2)
     assert next(results) == "first"  # type: ignore[comparison-overlap]
     results.close()
     assert queued.cancelled()
@@ -146,11 +146,11 @@ def test_anything_but_a_model_error_is_raised() -> None:
     dead: Future[Any] = Future()
     dead.set_exception(RuntimeError("the worker died"))
     with pytest.raises(RuntimeError, match="the worker died"):
-        next(simulate_many(jobs(), Only(dead), ahead=0))
+        next(simulate_many(jobs(), GivenFutures(dead), ahead=0))
 
 
 def test_a_straw_that_was_pickled_is_the_same_to_the_compiled_model() -> None:
-    """Arrays come back read-only, as they were: a writable one is another type, compiled for half a minute."""
+    """Arrays stay read-only: a writable one is another type, whose compilation takes half a minute."""
     straw = jobs()[0].straw.with_term("cohesion", force_n=1.0)
     back = pickle.loads(pickle.dumps(straw))
     assert back.to_toml() == straw.to_toml()
@@ -163,7 +163,7 @@ def test_a_straw_that_was_pickled_is_the_same_to_the_compiled_model() -> None:
 
 @pytest.mark.usefixtures("alone")
 def test_read_only_arrays_do_not_compile_the_model_again() -> None:
-    """What a cluster sends may be read-only, and so is what a constant pressure broadcasts to."""
+    """Arrays from a cluster may be read-only, and so are those broadcast from a constant pressure."""
     known = list(integrate.signatures)
     times = TIME_S.copy()
     times.setflags(write=False)

@@ -1,6 +1,6 @@
-"""Derivatives are those of the runs: by every constant of the straw and of every term, by pressure, start and time.
+"""Derivatives of a run by every constant of the straw and of every term, and by pressure, start and time.
 
-Judged by central differences between runs that take the same steps, over a snap.
+Checked against central differences between runs that take the same steps, over a snap.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ from tests.model.held import Held
 
 LIVELY = StrawParameters(cells=2, c_zeta_n_s_per_m=2.0, c_phi_n_m_s_per_rad=3e-3, r_ch_m=0.6e-3, F_X_n=0.2)
 TIME_S = np.linspace(0.0, 0.12, 25)
-#: So fine that what Newton leaves out of the run itself does not show in its derivatives.
+#: So fine that the error of Newton's iteration in the run itself does not show in its derivatives.
 TOLERANCE_M = 3e-11
 CHANNELS = ("x_m", "z_m", "phi_rad", "pressure_pa", "volume_m3", "zeta_m", "frustum_phi_rad")
-#: What is asked for, as a share of the largest derivative of a channel of this unit.
+#: Required accuracy, as a share of the largest derivative of a channel of this unit.
 WITHIN = 1e-5
-#: How well differences have to know it to be a test at all.
+#: Accuracy that the differences must have to be a valid reference.
 KNOWN = 3e-4
-#: Next to no gas takes less than a step to be compressed: its pressure is linear in its volume below 1e-11 m^3 only,
-#: where steps are refused; at 1e-10 m^3 differences know the pressure to 6e-3, all else to 2e-5.
+#: A very small volume of gas is compressed within one step: its pressure is linear in its volume only below 1e-11 m^3,
+#: where steps are refused; at 1e-10 m^3 differences give the pressure to 6e-3, all else to 2e-5.
 KNOWN_OF_GAS = 1e-2
-#: The largest difference moves the frusta by this much; each further one by a third of that before.
+#: The largest difference moves the frusta by this much; each further one by a third of the previous.
 MOVED_M, STEPS = 1e-6, 10
-#: No difference moves a constant by more than this share of itself, or of what is typical.
+#: No difference changes a constant by more than this share of its value, or of a typical value.
 REACH = 0.1
-#: Points, their weights: central, and ahead of where there is nothing behind. Both leave out terms of fifth order.
+#: Points and weights: central, and one-sided where the range ends. Both err to fifth order.
 CENTRAL = {-2: 1 / 12, -1: -8 / 12, 1: 8 / 12, 2: -1 / 12}
 AHEAD = {0: -25 / 12, 1: 4.0, 2: -3.0, 3: 4 / 3, 4: -1 / 4}
 
@@ -63,17 +63,17 @@ def assert_true(
     room: float = np.inf,
     reach: float = np.inf,
 ) -> None:
-    """The column is the derivative of the runs that ``play`` plays, by its argument: to ``room`` below zero, and by
+    """Assert that the column is the derivative of ``play``'s runs by its argument; ``room`` below zero is allowed, and
     steps up to ``reach``.
 
-    Differences are taken with steps of several sizes, and that counts which changes least with its size; how much it
-    changes is how well it is known (Ridders, Adv. Eng. Software 4, 75, 1982).
+    Differences are taken with steps of several sizes; the one that changes least with the size counts, and its change
+    is its uncertainty (Ridders, Adv. Eng. Software 4, 75, 1982).
     """
     largest = min(MOVED_M / float(np.abs(got.zeta_m[..., column]).max()), reach)
     weights = CENTRAL if 2 * largest <= room else AHEAD
     differences: list[dict[str, np.ndarray]] = []
     for step in largest * 10 ** (-np.arange(STEPS) / 2):
-        with suppress(ModelError):  # as a law can be stiff beside nothing
+        with suppress(ModelError):  # since a law can be stiff close to zero strength
             runs = {at: play(at * step) for at in weights}
             differences.append(
                 {c: sum(weight * getattr(runs[at], c) for at, weight in weights.items()) / step for c in CHANNELS}
@@ -90,20 +90,20 @@ def assert_true(
         assert off <= WITHIN * size + 3 * unsure, f"{what}: {channel} off by {off / size:.1e} of {size:.3g}"
 
 
-#: The drag of air moves a straw of two cells by less than what Newton leaves out; that of water is felt.
+#: The drag of air moves a straw of two cells by less than Newton's error; that of water is large enough.
 FELT = {"ambient_drag": {"fluid_kg_per_m3": 1000.0}}
 
 
 def plausible(constant: Constant, strength: bool, random: np.random.Generator) -> float:
-    """A value off its default that every law can stand."""
+    """A value off its default that is valid in every law."""
     if strength:
         return typical(constant)
     return constant.default + 0.1 * random.uniform(0.5, 1.0) * (constant.high - constant.default)
 
 
 def with_all(name: str) -> StrawParameters:
-    """A straw in which every constant of a term matters. Tables are straight lines, as differences across a bend tell
-    little, and none of their points is where the run starts."""
+    """A straw in which every constant of a term has an effect. Tables are straight lines, as differences across a kink
+    are inaccurate, and none of their points is where the run starts."""
     random, term = np.random.default_rng(3), TERMS[name]
     if not term.rising:
         values = {c.name: plausible(c, c.name in term.strengths, random) for c in term.constants} | FELT.get(name, {})
@@ -120,7 +120,7 @@ def with_all(name: str) -> StrawParameters:
 
 
 @pytest.mark.parametrize("name", list(TERMS))
-def test_a_run_changes_with_every_constant_of_a_term_as_its_derivative_says(name: str) -> None:
+def test_derivatives_by_every_constant_of_a_term_agree_with_differences(name: str) -> None:
     straw, term = with_all(name), TERMS[name]
     held = Held.of(straw, pressure, TIME_S, (), TOLERANCE_M)
     names = [c.name for c in term.constants]
@@ -138,7 +138,7 @@ def test_a_run_changes_with_every_constant_of_a_term_as_its_derivative_says(name
                 reach=REACH * abs(value[k]) if constant.low > 0 else np.inf,
             )
         return
-    # tables: directions by chance through all of their points and values at once
+    # tables: random directions through all of their points and values at once
     random = np.random.default_rng(5)
     for _ in range(2):
         share = random.normal(0, 1, len(names)) * np.array(
@@ -159,8 +159,8 @@ def test_a_run_changes_with_every_constant_of_a_term_as_its_derivative_says(name
 
 
 @pytest.mark.parametrize("name", [n for n in TERMS if not TERMS[n].rising])
-def test_a_term_of_no_strength_has_a_derivative_by_its_strength(name: str) -> None:
-    """What a candidate would do, before it does anything."""
+def test_a_term_of_zero_strength_has_a_derivative_by_its_strength(name: str) -> None:
+    """The first-order effect of a candidate law."""
     term, felt = TERMS[name], FELT.get(name, {})
     straw = LIVELY.with_term(name, **felt) if felt else LIVELY
     held = Held.of(straw, pressure, TIME_S, (), TOLERANCE_M)
@@ -177,13 +177,13 @@ def test_a_term_of_no_strength_has_a_derivative_by_its_strength(name: str) -> No
 
 
 @pytest.mark.parametrize("form", ["truncated", "full"])
-def test_a_run_changes_with_every_constant_of_the_straw_as_its_derivative_says(form: str) -> None:
+def test_derivatives_by_every_constant_of_the_straw_agree_with_differences(form: str) -> None:
     straw = LIVELY.replace(form=form, cycle=1.0).with_term("viscoelasticity", k1_n_per_m=200.0, tau_s=0.05)
     held = Held.of(straw, pressure, TIME_S, (), TOLERANCE_M)
     names = sorted(NUMBERS)
     got = differentiated(straw, [Direction.of(straw, name) for name in names])
     for column, name in enumerate(names):
-        if name != "cycle":  # which matters to terms only
+        if name != "cycle":  # which affects terms only
             value = getattr(straw, name)
             play = lambda x, n=name, v=value: held.play(straw.replace(**{n: v + x}), pressure)  # noqa: E731
             assert_true(
@@ -201,10 +201,10 @@ def test_walls_by_finite_elements_have_derivatives_too(name: str) -> None:
 
 
 @pytest.mark.parametrize(("elasticity", "share"), [("equation 7", 0.0), ("equation 7", 0.4), ("shell", 0.0)])
-def test_the_way_between_equation_7_and_finite_elements_has_a_derivative_at_both_ends(
+def test_the_share_between_equation_7_and_finite_elements_has_a_derivative_at_both_ends(
     elasticity: str, share: float
 ) -> None:
-    """As the diagnosis asks for it: also from a share of zero, where there is no row to move."""
+    """As the diagnosis uses it: also at a share of zero, where there is no row to change."""
     straw = LIVELY.replace(elasticity=elasticity)
     start, end = (straw.with_term("wall_elasticity", share=share + x) for x in (0.0, 1e-3))
     held = Held.of(start, pressure, TIME_S, (), TOLERANCE_M)
@@ -213,7 +213,7 @@ def test_the_way_between_equation_7_and_finite_elements_has_a_derivative_at_both
     assert_true(got, 0, play, elasticity, room=share, reach=REACH)
 
 
-def test_one_cell_or_frustum_is_moved_alone() -> None:
+def test_a_constant_of_one_cell_or_frustum_is_differentiated_alone() -> None:
     straw = LIVELY.with_term("cohesion", force_n=2.0)
     held = Held.of(straw, pressure, TIME_S, (), TOLERANCE_M)
     whole, second, even, cohesion = differentiated(

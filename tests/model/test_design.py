@@ -1,4 +1,4 @@
-"""Designs have the wanted properties by the reduced model, and an invalid wish is refused by name."""
+"""Designs have the required properties in the reduced model, and an invalid requirement is refused by name."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def test_the_papers_frustum_is_found_from_its_snap_pressures_and_lengths() -> No
     assert gives(with_varied(straw, best.varied))["stable_states"] == 4
 
 
-def test_cells_snap_one_after_another_in_the_order_wanted() -> None:
+def test_cells_snap_one_after_another_in_the_required_order() -> None:
     wish = Wish(order=(2, 3, 1), first_kpa=20.0, apart_kpa=2.0)
     straw, seen = in_order(wish, StrawParameters(cells=3))
     assert [cell for cell, _ in seen] == [2, 3, 1]
@@ -50,7 +50,7 @@ def test_an_order_that_leaves_out_a_cell_is_named() -> None:
         ("[wanted\n", "not TOML"),
     ],
 )
-def test_an_invalid_wish_is_named_in_one_line(tmp_path: Path, text: str, said: str) -> None:
+def test_an_invalid_requirement_is_named_in_one_line(tmp_path: Path, text: str, said: str) -> None:
     path = tmp_path / "wish.toml"
     path.write_text(text)
     with pytest.raises(ModelError, match=said) as error:

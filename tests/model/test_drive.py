@@ -1,4 +1,4 @@
-"""Steps see all of the pressure, at no cost in their number."""
+"""Steps integrate the whole pressure signal without an increase in their number."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def noisy(rng, points=2000, sd_pa=100.0):
 
 
 def mean_pa(table, start_s, end_s):
-    """Mean of the table between two times, by a grid so fine that its kinks do not matter."""
+    """Mean of the table between two times, on a grid so fine that kinks do not matter."""
     time_s = np.linspace(start_s, end_s, 20001)
     grid_s = table.start_s + table.step_s * np.arange(len(table.pressure_pa))
     pressure_pa = np.interp(time_s, grid_s, table.pressure_pa)
@@ -27,14 +27,14 @@ def mean_pa(table, start_s, end_s):
 
 
 def missed_pa(table, start_s, step_s):
-    """What a step's stages, weighed as the step does, miss of the table's impulse, by the time it takes to be felt."""
+    """Error of a step's weighted stages in the table's impulse, over the longer of the step and FELT_S, Pa."""
     grid_s = table.start_s + table.step_s * np.arange(len(table.pressure_pa))
     stages_pa = np.interp(start_s + TIMES * step_s, grid_s, table.pressure_pa)
     impulse = (COEFFICIENTS[-1] @ stages_pa - mean_pa(table, start_s, start_s + step_s)) * step_s
     return abs(impulse) / max(step_s, FELT_S)
 
 
-def test_sums_of_a_table_are_its_integral_also_beyond_its_ends():
+def test_the_sums_of_a_table_are_its_integral_also_beyond_its_ends():
     table = noisy(np.random.default_rng(1))
     sums = summed(table)
     assert summed_to(table, sums, -0.1) == 0.0
@@ -61,7 +61,7 @@ def test_a_steady_ramp_shortens_no_step():
     assert seen(table, summed(table), 0.1234, 0.02, 1e-3) == 0.02
 
 
-def test_a_pulse_shorter_than_a_step_is_felt_wherever_it_falls():
+def test_a_pulse_shorter_than_a_step_has_its_effect_wherever_it_falls():
     straw, time_s = StrawParameters(), np.linspace(0.0, 1.2, 1201)
 
     def swing_m(at_s, tolerance_m):
@@ -80,7 +80,7 @@ def test_a_pulse_shorter_than_a_step_is_felt_wherever_it_falls():
         assert abs(swing_m(at_s, TOLERANCE_M) - truth) < TOLERANCE_M
 
 
-def test_noise_too_fast_for_the_straw_does_not_use_up_the_steps():
+def test_noise_too_fast_for_the_straw_does_not_exhaust_the_allowed_steps():
     noise_pa = np.random.default_rng(3).normal(0.0, 300.0, 8001)
     time_s = np.linspace(0.0, 2.0, 481)
     predicted = simulate(StrawParameters(), lambda t: np.interp(t, np.arange(8001) * STEP_S, noise_pa), time_s, (1, 4))
@@ -89,8 +89,8 @@ def test_noise_too_fast_for_the_straw_does_not_use_up_the_steps():
 
 
 @pytest.mark.parametrize("swing_pa", [20.0, 200.0])
-def test_water_that_turns_round_in_a_narrow_channel_makes_no_step_fail(swing_pa):
-    # what is lost grows with the flow squared: its slope at a step's start says nothing of its slope at the end
+def test_flow_reversal_in_a_narrow_channel_makes_no_step_fail(swing_pa):
+    # the loss grows with the flow squared: its slope at the start of a step is no estimate of its slope at the end
     straw, time_s = StrawParameters(r_ch_m=0.2e-3), np.linspace(0.0, 2.0, 3)
     table = sampled(lambda t: swing_pa * np.sin(2 * np.pi * 7 * t), time_s)
     q = rest_state(straw, (1, 4))

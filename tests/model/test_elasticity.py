@@ -1,4 +1,4 @@
-"""The elasticity by finite elements as part of the model: exact derivatives, an end, and what the table was made of."""
+"""The elasticity by finite elements in the model: exact derivatives, the end of its range, its table's equilibria."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ R_I = SHELL.r_i_m
 @pytest.mark.parametrize(
     "at", [(1e-3, 0.1), (-2.2e-3, 0.0), (3.7e-3, 0.05), (4.4e-3, 0.0), (3e-3, 0.2), (-4.6e-3, 0.1), (-1e-3, -0.4)]
 )
-def test_force_and_stiffness_are_the_energys_slopes_within_and_beyond_its_end(at: tuple[float, float]) -> None:
+def test_force_and_stiffness_are_derivatives_of_the_energy_within_and_beyond_its_range(at: tuple[float, float]) -> None:
     zeta, phi = at
     dz, df = 1e-7, 1e-5
     F, M = shell_force(zeta, phi, R_I, ROW)
@@ -40,7 +40,7 @@ def test_force_and_stiffness_are_the_energys_slopes_within_and_beyond_its_end(at
     np.testing.assert_allclose((zf, ff), by_phi, rtol=1e-5, atol=1e-5 * abs(ff) + 1e-6)
 
 
-def test_beyond_the_end_the_restoring_force_grows() -> None:
+def test_beyond_the_range_the_restoring_force_grows() -> None:
     for phi in (0.0, 0.1, 0.3):
         for side in (1, -1):
             reach = side * (ROW[0] - R_I * phi + np.linspace(0, 4e-3, 200))
@@ -50,7 +50,7 @@ def test_beyond_the_end_the_restoring_force_grows() -> None:
 
 
 def test_the_shipped_table_has_the_equilibria_of_the_finite_elements() -> None:
-    """facts/fe.md by NGSolve: (zeta mm, phi, mJ); the fit may be off by 0.03 mJ, heights by what that moves."""
+    """facts/fe.md by NGSolve: (zeta mm, phi, mJ); the fit may err by 0.03 mJ, heights by the displacement of that."""
     found = [e for e in frustum_of(SHELL).equilibria() if e.phi_rad >= 0]
     energies = [1e3 * float(frustum_of(SHELL).energy(np.array(e.zeta_m), np.array(e.phi_rad))) for e in found]
     wanted = [(2.087, 0, 11.76), (0.232, 0, 21.19), (-2.28, 0, 0.0), (1.035, 0.104, 17.31), (-0.130, 0.215, 10.01)]
@@ -62,7 +62,7 @@ def test_the_shipped_table_has_the_equilibria_of_the_finite_elements() -> None:
         assert energy == pytest.approx(mj, abs=0.08)  # the pilot's mesh left 0.06 mJ on the bent state
 
 
-def test_half_a_share_lies_between_equation_7_and_finite_elements() -> None:
+def test_a_share_of_one_half_lies_between_equation_7_and_finite_elements() -> None:
     at = np.array(2.5e-3), np.array(0.02)
     low, middle, high = (
         float(frustum_of(s).energy(*at))
@@ -71,7 +71,7 @@ def test_half_a_share_lies_between_equation_7_and_finite_elements() -> None:
     assert middle == pytest.approx((low + high) / 2, rel=1e-9)
 
 
-def test_a_straw_rests_deployed_where_its_walls_store_least() -> None:
+def test_a_straw_rests_deployed_at_the_minimum_of_its_walls_energy() -> None:
     q = rest_state(SHELL.replace(g_m_per_s2=0.0), [1])
     assert 1e3 * q[0] == pytest.approx(2.085, abs=1e-3)
     c = SHELL.replace(g_m_per_s2=0.0).constants()
@@ -82,7 +82,7 @@ def test_a_straw_rests_deployed_where_its_walls_store_least() -> None:
 
 
 def test_a_straw_of_other_thickness_scales_the_table_to_first_order() -> None:
-    """Modulus exactly; thickness: bending and stretching apart, as their cubes and firsts."""
+    """The modulus exactly; the thickness by bending and stretching separately, cubic and linear."""
     other = frustum_of(SHELL.replace(E_pa=np.array(1.84e9)))
     at = np.array(1e-3), np.array(0.05)
     assert float(other.energy(*at)) == pytest.approx(2 * float(frustum_of(SHELL).energy(*at)), rel=1e-12)

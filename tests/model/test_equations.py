@@ -34,7 +34,7 @@ def test_accelerations_of_the_truncated_form_match_an_independent_derivation_to_
         np.testing.assert_allclose(got, case["acceleration"], rtol=1e-8)
 
 
-def test_accelerations_of_the_full_form_satisfy_our_equations_to_rounding_though_inertia_does_not_fix_them(
+def test_accelerations_of_the_full_form_satisfy_the_equations_to_rounding_although_inertia_is_singular(
     shared: Path,
 ) -> None:
     """M has rank 30 of 36, so a forward comparison of M^-1 F is a comparison of rounding errors; see acceleration."""
@@ -97,7 +97,7 @@ def test_the_truncated_form_is_the_full_form_with_odd_frusta_held_at_rest() -> N
     np.testing.assert_allclose(mass_at(small, q2), mass_at(full, q4)[np.ix_(even, even)], rtol=1e-12)
 
 
-def test_constants_of_the_papers_specimen_are_the_checked_numbers() -> None:
+def test_constants_of_the_papers_specimen_are_the_verified_numbers() -> None:
     c = StrawParameters().constants()
     assert c.C1[0, 1] == pytest.approx(3.36335e8, rel=1e-5)
     assert c.C2[0, 1] == pytest.approx(695.26, rel=1e-5)
@@ -106,8 +106,8 @@ def test_constants_of_the_papers_specimen_are_the_checked_numbers() -> None:
     assert pytest.approx(c.C3 + math.pi * c.r_i**2, rel=1e-12) == c.S
 
 
-def test_constants_of_single_frusta_reach_the_equations() -> None:
-    """A cell with a third of the stiffness pushes back with a third of the force."""
+def test_constants_of_single_frusta_enter_the_equations() -> None:
+    """A cell with a third of the stiffness has a third of the restoring force."""
     E = np.full((9, 2), 0.92e9)
     E[3, 1] /= 3
     q = np.concatenate([np.full(9, 1e-3), np.zeros(9)])

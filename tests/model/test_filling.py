@@ -1,4 +1,4 @@
-"""The channel's radius from filling tests: a planted one comes back inside its interval as often as it should."""
+"""The channel's radius from filling tests: a planted one lies inside its interval as often as stated."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ def planted(r_ch_m: float, scatter: float, seed: int, tests: int = 38) -> Fillin
     return FillingTests(np.full(tests, 90e-6), pressure, time * (1 + scatter * noise))
 
 
-def test_without_scatter_the_planted_radius_comes_back_exactly() -> None:
+def test_without_scatter_the_planted_radius_is_recovered_exactly() -> None:
     found = channel_radius(planted(0.315e-3, 0.0, 1))
     assert found.r_ch_m == pytest.approx(0.315e-3, rel=1e-12)
     assert found.exponent == pytest.approx(0.5, abs=1e-9)
 
 
-def test_nineteen_of_twenty_intervals_hold_the_planted_radius() -> None:
+def test_nineteen_of_twenty_intervals_contain_the_planted_radius() -> None:
     found = [channel_radius(planted(0.52e-3, 0.02, seed)) for seed in range(400)]
     held = np.mean([f.low_m <= 0.52e-3 <= f.high_m for f in found])
     assert held == pytest.approx(0.95, abs=3 * np.sqrt(0.95 * 0.05 / 400))
@@ -35,7 +35,7 @@ def test_nineteen_of_twenty_intervals_hold_the_planted_radius() -> None:
     assert np.mean(np.array(free) < 2) > 0.9
 
 
-def test_the_shipped_sample_is_what_its_header_says_and_gives_the_papers_radius(repository: Path) -> None:
+def test_the_shipped_sample_agrees_with_its_header_and_gives_the_papers_radius(repository: Path) -> None:
     tests = read_filling_tests(repository / "model" / "samples" / "filling.csv")
     pressure = np.repeat(np.linspace(5e3, 90e3, 19), 2)
     flow = np.pi * 0.52e-3**2 * np.sqrt(2 * pressure / 1000)
@@ -70,6 +70,6 @@ def test_an_invalid_table_is_refused_with_its_line(tmp_path: Path, text: str, wo
         read_filling_tests(tmp_path / "t.csv")
 
 
-def test_two_tests_are_too_few() -> None:
+def test_two_filling_tests_are_too_few() -> None:
     with pytest.raises(ModelError, match="three at least"):
         channel_radius(planted(0.52e-3, 0.0, 1, tests=2))

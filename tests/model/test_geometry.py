@@ -1,4 +1,4 @@
-"""Constants from lengths and snap pressures: the paper's from the paper's readings, and any planted ones again."""
+"""Constants from lengths and snap pressures: the paper's from the paper's readings, and planted ones recovered."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def test_the_papers_readings_give_the_papers_constants_to_the_last_digit() -> No
 
 @pytest.mark.parametrize("held", [True, False])
 def test_a_planted_straw_is_recovered_from_its_readings(held: bool) -> None:
-    """Lengths from the roots of equation 6a by hand; pressures from the statics, which have tests of their own."""
+    """Lengths from the roots of equation 6a by hand; pressures from the statics, which are tested elsewhere."""
     zeta0, h, E = np.array([4.1e-3, -2.4e-3]), 0.45e-3, 1.3e9
     straw = STRAW.replace(zeta0_m=zeta0, h_m=np.array(h), E_pa=np.array(E), cells=4)
     c = straw.constants()
@@ -38,7 +38,7 @@ def test_a_planted_straw_is_recovered_from_its_readings(held: bool) -> None:
 
 
 def test_sigmas_agree_with_the_scatter_of_readings_within_their_resolution() -> None:
-    """Pressures alone, which rule in h and E. A sigma from 16 draws is itself known to 1 / sqrt(2 * 15) = 18 %."""
+    """Pressures alone, which dominate in h and E. A sigma from 16 draws is itself known to 1 / sqrt(2 * 15) = 18 %."""
     straw = STRAW.replace(cells=1)
     best = Readings(1.5e-3, 5.8e-3, -13.5e3, 24e3, length_resolution_m=0.0)
     stated = identify_geometry(best, straw)

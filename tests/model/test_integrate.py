@@ -1,4 +1,4 @@
-"""The tableau has the order that is stated."""
+"""The tableau has its stated order."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_the_method_is_of_order_four(order: int) -> None:
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
-def test_the_formula_inside_it_is_of_order_three(order: int) -> None:
+def test_the_embedded_formula_is_of_order_three(order: int) -> None:
     for left, right in conditions(LOWER)[order]:
         assert left == pytest.approx(right, abs=1e-13)
     assert any(abs(left - right) > 1e-3 for left, right in conditions(LOWER)[4])

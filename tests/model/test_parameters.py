@@ -1,4 +1,4 @@
-"""Straw files read back what was written, and bad ones are refused by name."""
+"""Straw files read back as written, and invalid ones are refused by name."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_an_empty_straw_file_is_the_papers_specimen() -> None:
         ("r_ch_m = ", "not TOML"),
     ],
 )
-def test_a_bad_straw_file_is_refused_in_one_line_that_names_the_constant(text: str, words: str) -> None:
+def test_an_invalid_straw_file_is_refused_in_one_line_that_names_the_constant(text: str, words: str) -> None:
     with pytest.raises(ModelError) as caught:
         straw_from_toml(text, "specimen.toml")
     message = str(caught.value)
@@ -63,6 +63,6 @@ def test_a_bad_straw_file_is_refused_in_one_line_that_names_the_constant(text: s
     assert "\n" not in message
 
 
-def test_a_straw_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+def test_a_missing_straw_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match=r"none\.toml: cannot read the straw file: No such file"):
         load_straw(tmp_path / "none.toml")

@@ -1,4 +1,4 @@
-"""Users' laws are part of the model without an edit of the package; a file that is no law is refused in one line."""
+"""Users' laws are part of the model without a change to the package; a file that is no law is refused in one line."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ PROTOCOL = 'name = "p"\npressure_unit = "kPa"\ninitial_deployed = [1, 4]\n[[main
 RETURNS = "return -k[0] * math.exp(-((x / k[1]) ** 2)), 0.0"
 
 
-def test_a_good_law_is_read_and_compiles(tmp_path: Path) -> None:
+def test_a_valid_law_is_read_and_compiles(tmp_path: Path) -> None:
     (tmp_path / "sticky.py").write_text(STICKY)
     (law,) = laws_in(tmp_path / "sticky.py")
     assert law.strengths == ("force_n",)
@@ -74,7 +74,7 @@ def test_a_good_law_is_read_and_compiles(tmp_path: Path) -> None:
         ("force=force", "force=3", "force is no function"),
     ],
 )
-def test_what_is_wrong_with_a_law_is_one_line_with_its_file(tmp_path: Path, old: str, new: str, words: str) -> None:
+def test_an_error_in_a_law_is_one_line_with_its_file(tmp_path: Path, old: str, new: str, words: str) -> None:
     path = tmp_path / "sticky.py"
     path.write_text(STICKY.replace(old, new))
     with pytest.raises(ModelError) as refused:
@@ -102,7 +102,7 @@ def test_a_law_added_after_loading_the_model_is_an_error_with_its_cure(tmp_path:
 
 
 @pytest.mark.parametrize("given", ["sticky.py", [3], [{}], [{"file": 3}]])
-def test_laws_that_a_straw_file_names_wrongly_are_shown_how(given: object) -> None:
+def test_the_error_of_a_straw_file_that_names_laws_wrongly_shows_the_right_form(given: object) -> None:
     with pytest.raises(ModelError, match=r'laws = \["my_law.py"\]'):
         laws_of(given, Path(), "s.toml")
 
@@ -117,7 +117,7 @@ def place(tmp_path: Path) -> Path:
 
 
 def ran(place: Path, *command: str, path: Path | None = None) -> subprocess.CompletedProcess[str]:
-    """A process of its own, as laws are part of the model from its start; interpreted, as compiling takes a minute."""
+    """A separate process, since laws join the model when it is loaded; interpreted, as compiling takes a minute."""
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"} | ({"PYTHONPATH": str(path)} if path else {})
     return subprocess.run(
         [sys.executable, "-P", *command], cwd=place, env=environment, capture_output=True, text=True, check=False
@@ -125,14 +125,14 @@ def ran(place: Path, *command: str, path: Path | None = None) -> subprocess.Comp
 
 
 def simulated(place: Path, *more: str, path: Path | None = None) -> str:
-    """What `straw simulate` says; it must end well."""
+    """Output of `straw simulate`, which must succeed."""
     (place / "o.mcap").unlink(missing_ok=True)
     done = ran(place, "-m", "straw", "simulate", "--protocol", "p.toml", "-o", "o.mcap", *more, path=path)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
 
-def test_a_straw_file_with_a_law_of_ones_own_predicts_another_motion_and_remembers_the_law(place: Path) -> None:
+def test_a_straw_file_with_a_users_law_predicts_another_motion_and_records_the_law(place: Path) -> None:
     assert simulated(place, "--straw", "s.toml") != simulated(place)
     simulated(place, "--straw", "s.toml")
     code = "import straw; print(straw.read_recording('o.mcap').metadata['straw'])"
@@ -164,7 +164,7 @@ def test_a_law_of_an_installed_package_is_part_of_the_model(place: Path) -> None
     assert 'package = "sticky 1.0"' in ran(place, "-c", code, path=site).stdout
 
 
-def test_a_law_of_ones_own_is_a_hypothesis_whose_unknowns_come_from_its_constants(place: Path) -> None:
+def test_a_users_law_is_a_hypothesis_whose_unknowns_come_from_its_constants(place: Path) -> None:
     code = """
 import numpy as np, straw
 straw.add_laws("sticky.py")
@@ -179,14 +179,14 @@ for start in what.starts:
     done = ran(place, "-c", code)
     lines = done.stdout.splitlines()
     assert lines[0] == "['term.sticky.force_n', 'term.sticky.range_m'] 0.5 0.001", done.stderr
-    found = [eval(line) for line in lines[1:]]  # plain dicts that were printed
+    found = [eval(line) for line in lines[1:]]  # printed as plain dicts
     forces = [one["force_n"] for one in found]
     assert forces == sorted(forces)
     np.testing.assert_allclose([forces[0], forces[-1]], [0.15, 10.0])
     assert {one["range_m"] for one in found} == {0.3e-3}
 
 
-def test_check_says_that_a_law_is_good_and_what_a_file_without_one_lacks(place: Path) -> None:
+def test_check_reports_a_valid_law_and_what_a_file_without_one_lacks(place: Path) -> None:
     done = ran(place, "-m", "straw", "check", "sticky.py")
     assert done.returncode == 0, done.stderr
     assert "law sticky is good" in done.stdout

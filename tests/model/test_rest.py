@@ -1,4 +1,4 @@
-"""Rest states are equilibria, on the branch that was asked for."""
+"""Rest states are equilibria on the requested branch."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from straw.model.straw import residual
 STRAW = StrawParameters()
 
 
-def test_without_gravity_folded_and_deployed_cells_rest_at_the_checked_equilibria() -> None:
+def test_without_gravity_folded_and_deployed_cells_rest_at_the_known_equilibria() -> None:
     q = rest_state(STRAW.replace(g_m_per_s2=0.0), [2, 7])
     want = np.full(9, -2.2800e-3)
     want[[1, 6]] = 2.0248e-3
@@ -24,7 +24,7 @@ def test_without_gravity_folded_and_deployed_cells_rest_at_the_checked_equilibri
 
 @pytest.mark.parametrize("form", ["truncated", "full"])
 @pytest.mark.parametrize("deployed", [[], [1, 4], list(range(1, 10))])
-def test_a_rest_state_leaves_no_force(form: str, deployed: list[int]) -> None:
+def test_a_rest_state_is_free_of_force(form: str, deployed: list[int]) -> None:
     straw = STRAW.replace(form=form)
     q = rest_state(straw, deployed, 5e3)
     left = residual(straw.constants(), q, 0 * q, 0 * q, 5e3)
@@ -40,7 +40,7 @@ def test_a_long_deployed_straw_stays_on_its_branch() -> None:
     assert np.all(np.abs(q[9:]) < 0.05)
 
 
-def test_a_configuration_that_cannot_rest_names_itself_and_the_load() -> None:
+def test_the_error_of_a_configuration_without_rest_state_names_it_and_the_load() -> None:
     with pytest.raises(ModelError, match=r"cells 1 deployed.*-30 kPa"):
         rest_state(STRAW, [1], -30e3)
 
@@ -63,7 +63,7 @@ def test_each_cell_may_also_rest_bent_to_either_side(form: str) -> None:
     assert stability(straw, q, 1e3)[0].real > 0
 
 
-def test_a_straw_too_long_to_carry_itself_is_an_error_that_names_the_buckling_cell() -> None:
+def test_a_straw_too_long_to_carry_its_weight_is_an_error_that_names_the_buckling_cell() -> None:
     with pytest.raises(ModelError, match=r"cells 1-30 deployed: no rest state at 0 kPa: cell 1 gives way"):
         rest_state(STRAW.replace(cells=30), range(1, 31))
 
@@ -77,7 +77,7 @@ def test_an_invalid_configuration_is_refused(deployed: list[int], bent: dict[int
         rest_state(STRAW, deployed, 0.0, bent)
 
 
-def test_a_cell_without_the_state_asked_for_is_named() -> None:
+def test_a_cell_without_the_requested_state_is_named() -> None:
     h_m = np.tile([0.508e-3, 0.508e-3], (9, 1))
     h_m[3, 1] = 5e-3
     with pytest.raises(ModelError, match="cell 4 has no deployed state"):

@@ -1,4 +1,4 @@
-"""The director shell: exact derivatives, known limits, the pilot's figures, and what cannot be solved is said."""
+"""The director shell: exact derivatives, known limits, figures of independent codes, and reports of unsolved points."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def _one_thread():
         yield
 
 
-def test_gradient_and_hessian_are_the_slopes_of_the_energy() -> None:
+def test_gradient_and_hessian_are_derivatives_of_the_energy() -> None:
     shell = Shell(CONE, E_PA, NU, COARSE)
     random = np.random.default_rng(1)
     q = shell.unloaded + 1e-5 * random.normal(size=shell.size)
@@ -47,7 +47,7 @@ def test_gradient_and_hessian_are_the_slopes_of_the_energy() -> None:
     np.testing.assert_allclose(H, H.T, atol=1e-9 * np.abs(H).max())
 
 
-def test_a_turned_and_moved_cone_stores_nothing() -> None:
+def test_a_rigid_motion_of_the_cone_stores_no_energy() -> None:
     shell = Shell(CONE, E_PA, NU, COARSE)
     c = shell.coefficients(shell.unloaded, 0)
     turned, angle = np.zeros_like(c), 0.4
@@ -55,11 +55,11 @@ def test_a_turned_and_moved_cone_stores_nothing() -> None:
         turned[:, place] = np.cos(angle) * c[:, place] + np.sin(angle) * c[:, place + 2]
         turned[:, place + 2] = -np.sin(angle) * c[:, place] + np.cos(angle) * c[:, place + 2]
         turned[:, place + 1] = c[:, place + 1]
-    turned[[0, -1], 0, 0] += 1e-3  # the functions of the ends add up to one, inner ones are zero there
+    turned[[0, -1], 0, 0] += 1e-3  # at the ends the end functions sum to one and the inner ones vanish
     assert sum(shell.energy(turned.ravel())) < 1e-20
 
 
-def test_a_thin_ring_pulled_out_stores_what_a_bar_does() -> None:
+def test_an_expanded_thin_ring_stores_the_energy_of_a_stretched_bar() -> None:
     """A short cylinder of radius R forced to radius R + u by its bases: E h A (u / R)^2 / 2, with nu = 0."""
     r, u, height = 10e-3, 1e-5, 2e-3
     ring = Profile((Meridian(np.array([[r, 0.0], [r, height]]), np.full(2, 0.2e-3)),))
@@ -86,7 +86,7 @@ def test_the_straight_cone_has_the_forces_and_heights_of_three_other_codes() -> 
     assert 11.1e-3**2 / 2 * unloaded[0, 0] == pytest.approx(2.07, abs=0.01)
 
 
-def test_a_cone_snaps_straight_before_it_tilts() -> None:
+def test_a_cone_loses_axial_stiffness_before_bending_stiffness() -> None:
     """Coming from outside, axial stiffness is lost at 1.33 mm, bending stiffness not before 1.23 mm (facts/fe.md)."""
     axial, bending = softening_heights(Problem(CONE, E_PA, NU))
     np.testing.assert_allclose(axial, [-1.328e-3, 1.324e-3], atol=1e-5)
@@ -103,7 +103,7 @@ def test_the_bent_state_has_the_energy_of_two_other_codes() -> None:
 
 @pytest.mark.parametrize("hold", [Hold(), Hold("plane"), Hold(bases=1e6)])
 @pytest.mark.parametrize("pressure_pa", [0.0, 20e3])
-def test_force_moment_and_stiffness_are_the_energys_derivatives(hold: Hold, pressure_pa: float) -> None:
+def test_force_moment_and_stiffness_are_derivatives_of_the_energy(hold: Hold, pressure_pa: float) -> None:
     profile = Profile(CONE.walls, crease_n=2.0)
     model = Model(profile, E_PA, NU, COARSE, hold, pressure_pa)
     at, dz, df = (-0.4e-3, 0.12), 1e-6, 1e-3
@@ -119,13 +119,13 @@ def test_force_moment_and_stiffness_are_the_energys_derivatives(hold: Hold, pres
     np.testing.assert_allclose(point.stiffness, differences, rtol=1e-3)
 
 
-def test_pressure_does_work_on_the_volume_it_encloses() -> None:
+def test_pressure_does_work_on_the_enclosed_volume() -> None:
     model = Model(CONE, E_PA, NU, COARSE)
     point = model.at(-1.0e-3, 0.1)
     more = model.under(100.0).at(-1.0e-3, 0.1, point)
     assert (more.energy_j - point.energy_j) / 100 == pytest.approx(-point.volume_m3, rel=1e-4)
     assert more.force_n - point.force_n == pytest.approx(-100 * point.volume_slope[0], rel=1e-3)
-    # unloaded, the cone's own volume and no more
+    # unloaded, exactly the cone's volume
     flat = model.at(-2.28e-3, 0.0)
     r_i, r_o = 11.1e-3, 14.65e-3
     assert flat.volume_m3 == pytest.approx(-np.pi / 3 * 2.28e-3 * (r_i**2 + r_i * r_o + r_o**2), rel=1e-9)
@@ -141,12 +141,12 @@ def test_tied_rims_make_a_cell_nearly_twice_as_strong() -> None:
             point = model.at(float(zeta), 0.0, point)
             energies.append(point.energy_j)
         tops[rims] = 1e3 * max(energies)
-    assert tops["free"] == pytest.approx(21.18, abs=0.05)  # that of the even frustum alone
+    assert tops["free"] == pytest.approx(21.18, abs=0.05)  # of the even frustum alone
     assert tops["tied"] == pytest.approx(32.97, abs=0.02)
 
 
 def test_a_tied_rim_needs_a_finer_mesh_than_a_free_one_and_converges_from_above() -> None:
-    """Energies at 3.5455 mm, mJ: minimised over shapes that contain those before. The pilot's 33.2 is on the way."""
+    """Energies at 3.5455 mm, mJ, minimised over nested spaces of shapes. The pilot study's 33.2 lies in between."""
     profile = cell(11.1e-3, 14.65e-3, (3.78e-3, -2.28e-3), (0.508e-3, 0.508e-3))
     energies = []
     for mesh in (Mesh(1, 2, 1), Mesh(2, 2, 1), Mesh(4, 2, 1), Mesh(2, 5, 1), Mesh(4, 5, 1)):
@@ -170,7 +170,7 @@ def test_an_interrupted_landscape_continues_where_it_ended(tmp_path: Path) -> No
         landscape(replace(problem, nu=0.3), grid, path)
 
 
-def test_an_unreachable_point_is_reported_and_the_others_are_kept() -> None:
+def test_a_point_that_does_not_converge_is_reported_and_the_others_are_kept() -> None:
     problem = Problem(CONE, E_PA, NU, Mesh(1, 3, 3))
 
     class Far(Grid):
@@ -207,7 +207,7 @@ def test_an_invalid_profile_is_named_in_one_line(tmp_path: Path, text: str, said
     assert "\n" not in str(error.value)
 
 
-def test_a_measured_straight_profile_is_the_cone(tmp_path: Path) -> None:
+def test_a_straight_measured_profile_gives_the_cone(tmp_path: Path) -> None:
     path = tmp_path / "p.csv"
     rows = [f"{14.65e-3 - 3.55e-3 * s},{-2.28e-3 * s},{0.508e-3}" for s in np.linspace(0, 1, 6)]
     path.write_text("r_m,z_m,thickness_m\n" + "\n".join(rows) + "\n")
@@ -215,7 +215,7 @@ def test_a_measured_straight_profile_is_the_cone(tmp_path: Path) -> None:
     assert other.energy_j == pytest.approx(one.energy_j, rel=1e-9)
 
 
-def test_a_frustum_has_the_creases_it_is_given_and_a_crease_of_less_than_nothing_is_refused() -> None:
+def test_a_frustum_has_the_creases_it_is_given_and_a_negative_crease_is_refused() -> None:
     straw = StrawParameters()
     plain, creased = (Model(profile_of(straw, crease_n=k), E_PA, NU, COARSE) for k in (0.0, 20.0))
     assert creased.at(-1.8e-3, 0.0).energy_j > 1.01 * plain.at(-1.8e-3, 0.0).energy_j
@@ -223,6 +223,6 @@ def test_a_frustum_has_the_creases_it_is_given_and_a_crease_of_less_than_nothing
         profile_of(straw, crease_n=-1.0)
 
 
-def test_a_problem_survives_its_file() -> None:
+def test_a_problem_reads_back_from_its_file() -> None:
     problem = Problem(CONE, E_PA, NU, COARSE, Hold("plane", 1e5, "held"), 1e3)
     assert Problem.from_described(json.loads(json.dumps(problem.described()))).key == problem.key

@@ -1,4 +1,4 @@
-"""Simulations agree with tight solutions by another solver, and failures say what to do."""
+"""Simulations agree with accurate solutions by another solver, and errors say what to do."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_the_papers_two_validation_runs_match_the_reference_solutions(shared: Pa
         assert abs(ours - theirs) < 1e-3
 
 
-def test_a_smaller_tolerance_changes_the_run_by_less_than_the_tolerance_promises() -> None:
+def test_a_smaller_tolerance_changes_the_run_by_less_than_the_tolerance_allows() -> None:
     straw, steady_pa, deployed = RUNS["fold"]
     time_s = np.arange(0, 2, 1 / 240)
     coarse, fine = (
@@ -103,7 +103,7 @@ def test_stepping_through_a_run_ends_where_simulating_it_at_once_does() -> None:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_stepper_at_rest_stays_at_rest(seed: int) -> None:
-    # At rest Newton's corrections are rounding and shrink no further; an emulator left on must not trip over that.
+    # At rest Newton's corrections are rounding errors and shrink no further; an emulator left running must not fail.
     twin, random, before_pa = Stepper(FOLDING, [1, 4]), np.random.default_rng(seed), 0.0
     rest = twin.tip
     for k in range(1, 4000):
@@ -113,7 +113,7 @@ def test_a_stepper_at_rest_stays_at_rest(seed: int) -> None:
     assert twin.tip == pytest.approx(rest, abs=1e-9)
 
 
-def test_a_twin_does_not_go_back_in_time() -> None:
+def test_a_stepper_does_not_go_back_in_time() -> None:
     twin = Stepper(FOLDING, [])
     twin.advance(0.1, 0.0, 0.0)
     with pytest.raises(ModelError, match="cannot go back"):
@@ -131,7 +131,7 @@ def test_times_that_do_not_increase_are_refused() -> None:
 
 
 def test_constants_that_the_integrator_cannot_follow_are_an_error_and_never_hang() -> None:
-    """No damping and no channel: nothing holds a frustum from swinging through its neighbours."""
+    """Without damping and channel nothing prevents a frustum from swinging through its neighbours."""
     wild = FOLDING.replace(c_zeta_n_s_per_m=0.0, c_phi_n_m_s_per_rad=0.0, r_ch_m=1.0)
     with pytest.raises(ModelError, match="out of range"):
         simulate(wild, lambda t: -25e3 * (1 - np.exp(-50 * t)), np.linspace(0, 2, 480), [1, 4])

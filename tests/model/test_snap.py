@@ -1,4 +1,4 @@
-"""Snap pressures: where the paper's equations stop having the rest state, and where its motion leaves it."""
+"""Snap pressures: where the rest state of the paper's equations ends, and where the motion leaves it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_the_first_cell_snaps_where_the_paper_saw_it_in_steps_of_half_a_kilopasc
 
 
 @pytest.mark.parametrize(("deployed", "towards_pa"), [([1], -50e3), ([2, 3], 50e3)])
-def test_at_a_snap_the_papers_equations_balance_and_have_a_direction_without_stiffness(
+def test_at_a_snap_the_papers_equations_are_in_equilibrium_with_one_direction_of_zero_stiffness(
     deployed: list[int], towards_pa: float
 ) -> None:
     """The equations are those of tests/model/paper.py, in the full form, differentiated at 50 digits."""
@@ -57,7 +57,7 @@ def test_at_a_snap_the_papers_equations_balance_and_have_a_direction_without_sti
 def test_a_pressure_ramped_slowly_snaps_the_moving_straw_just_beyond_that_pressure_and_not_just_before(
     deployed: list[int],
 ) -> None:
-    """50 Pa on either side, held for 6 s; passing the neck of a fold takes about a second there."""
+    """50 Pa on either side, held for 6 s; passing the bottleneck of a fold bifurcation takes about a second there."""
     straw = STRAW.replace(c_zeta_n_s_per_m=5.0)
     snap_pa = snap_of(straw, deployed, 1).pressure_pa
     for beyond_pa, snapped in ((-50.0, False), (50.0, True)):
@@ -66,7 +66,7 @@ def test_a_pressure_ramped_slowly_snaps_the_moving_straw_just_beyond_that_pressu
         assert (np.sign(run.zeta_m[-1, 0, 1]) != np.sign(run.zeta_m[0, 0, 1])) is np.bool_(snapped)
 
 
-def test_every_cell_snaps_and_the_outer_ones_which_carry_less_hold_longer() -> None:
+def test_every_cell_snaps_and_the_outer_ones_which_carry_less_snap_later() -> None:
     pairs = [snap_pair(STRAW, cell) for cell in range(1, 9)]
     down, up = np.array([[s.pressure_pa for s in pair] for pair in pairs]).T
     assert np.all(np.diff(down) < 0)
@@ -80,7 +80,7 @@ def test_without_gravity_a_cell_snaps_where_its_frustum_alone_does() -> None:
     for snap, side in ((down, 1), (up, -1)):
         z = side * np.sqrt((4 * zeta0**2 - C2 / C1) / 12)
         want = (8 * C1 * z * (z**2 - zeta0**2) + 2 * C2 * (z - zeta0)) / S
-        assert snap.pressure_pa == pytest.approx(want, rel=1e-4)  # the constants have five digits
+        assert snap.pressure_pa == pytest.approx(want, rel=1e-4)  # the constants are given to five digits
 
 
 def test_cells_snap_in_order_and_one_that_is_asked_for_names_those_before_it() -> None:
@@ -91,12 +91,12 @@ def test_cells_snap_in_order_and_one_that_is_asked_for_names_those_before_it() -
     assert next_snap(STRAW, [1, 4], -10e3) is None
 
 
-def test_a_bent_cell_gives_way_where_its_antisymmetric_state_ends() -> None:
+def test_a_bent_cell_snaps_where_its_antisymmetric_state_ends() -> None:
     down, up = (next_snap(STRAW, [], p, {3: 1}) for p in (-25e3, 25e3))
     assert down is not None
     assert up is not None
     assert (down.lost, up.lost) == ("bent", "bent")
-    # the inner bifurcations of a frustum that carries the sealed end, moved by gravity by far less than the next one
+    # the inner bifurcations of a frustum with the sealed end; gravity shifts them far less than their distance
     assert down.pressure_pa == pytest.approx(-2.90e3, abs=500)
     assert up.pressure_pa == pytest.approx(15.00e3, abs=1000)
 
@@ -119,7 +119,7 @@ def test_a_cell_that_does_not_snap_or_exist_is_named_in_the_error() -> None:
         snap_of(STRAW, [1], 2, limit_pa=5e3)
 
 
-def test_a_snap_pressure_costs_a_few_hundred_stiffness_matrices(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_snap_pressure_takes_at_most_a_few_hundred_stiffness_matrices(monkeypatch: pytest.MonkeyPatch) -> None:
     """At 0.1 ms each, well under a second; identification asks for hundreds of snaps."""
     calls = 0
 

@@ -1,4 +1,4 @@
-"""A straw as a body: closed, of the right volume, and read by another program where one is at hand."""
+"""A straw as a solid: closed, of the right volume, and read by another program where one is installed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from straw.replay.cli import main
 STRAW = StrawParameters(cells=3)
 
 
-def test_the_triangles_close_and_enclose_the_bodys_volume() -> None:
+def test_the_triangles_form_a_closed_surface_of_the_right_volume() -> None:
     around = 180
     corners = section(STRAW)
     facets = triangles(corners, around)
@@ -47,7 +47,7 @@ def test_the_wall_is_as_thick_as_the_straw_says() -> None:
     slants = [np.hypot(3.55e-3, z) for z in (3.78e-3, 2.28e-3)]
     middle = np.pi * (STRAW.r_i_m + STRAW.r_o_m)
     thin = 0.508e-3 * (3 * middle * sum(slants) + 2 * np.pi * STRAW.r_i_m * Flange().collar_m)
-    assert wall_m3 == pytest.approx(thin, rel=0.02)  # the lid cuts the last wall, corners overlap
+    assert wall_m3 == pytest.approx(thin, rel=0.02)  # the lid intersects the last wall, corners overlap
 
 
 def test_another_program_reads_the_step_as_one_solid_of_that_volume(tmp_path: Path) -> None:
@@ -59,7 +59,7 @@ def test_another_program_reads_the_step_as_one_solid_of_that_volume(tmp_path: Pa
     assert shape.mass == pytest.approx(1e9 * volume_m3(section(STRAW)), rel=1e-9)
 
 
-def test_walls_that_would_meet_are_named() -> None:
+def test_walls_that_would_intersect_are_named() -> None:
     with pytest.raises(ModelError, match="walls meet"):
         section(STRAW.replace(h_m=np.array(1.2e-3)), folded=True)
     assert volume_m3(section(STRAW, folded=True)) > 0

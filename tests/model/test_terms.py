@@ -1,4 +1,4 @@
-"""The contract of every term: nothing at zero strength, energy accounted for, never energy out of friction."""
+"""The contract of every term: no effect at zero strength, energy balance, no energy from friction."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def surrounded_by_water(straw: StrawParameters) -> StrawParameters:
 
 
 def some_frusta(count: int) -> list[Frustum]:
-    """Frusta anywhere a run takes them, moving."""
+    """Moving frusta, at random states of the range of a run."""
     random = np.random.default_rng(7)
     c = FOLDING.constants()
     own = (c.zeta0[0, 1], c.C1[0, 1], c.C2[0, 1], c.c_zeta[0, 1], c.c_phi[0, 1], c.r_i, c.r_o, 0.0)
@@ -66,7 +66,7 @@ def test_a_term_of_zero_strength_changes_nothing(name: str) -> None:
 
 @EVERY
 def test_a_term_of_plausible_strength_changes_a_validation_run(name: str) -> None:
-    """By more than a camera's noise; drag only under water, as in air it moves the tip by some 2 um."""
+    """By more than a camera's noise; drag only under water, as in air it moves the tip by about 2 um."""
     time_s = np.linspace(0, 3.0, 721)
     changes = []
     for straw, steady_pa, deployed in ((FOLDING, -25e3, [1, 4]), (DEPLOYMENT, 35e3, [2, 3, 5, 6, 7, 8, 9])):
@@ -75,11 +75,11 @@ def test_a_term_of_plausible_strength_changes_a_validation_run(name: str) -> Non
             for s in (straw, surrounded_by_water(with_typical(straw, TERMS[name])))
         ]
         changes.append(np.abs(runs[1].z_m - runs[0].z_m).max())
-    assert max(changes) > 30e-6  # a camera sees 5 to 30 um
+    assert max(changes) > 30e-6  # a camera resolves 5 to 30 um
 
 
 @pytest.mark.parametrize("name", [n for n in FRUSTUM if TERMS[n].energy is not None])
-def test_a_force_that_stores_energy_is_its_slope(name: str) -> None:
+def test_a_force_that_stores_energy_is_the_derivative_of_that_energy(name: str) -> None:
     term, k = TERMS[name], constants_of(TERMS[name])
     for f in some_frusta(50):
         force, moment = term.force(f, k)
@@ -91,7 +91,7 @@ def test_a_force_that_stores_energy_is_its_slope(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", [n for n in FRUSTUM if TERMS[n].energy is None])
-def test_a_force_without_energy_only_ever_takes_some_out(name: str) -> None:
+def test_a_force_without_stored_energy_only_dissipates(name: str) -> None:
     term, k = TERMS[name], constants_of(TERMS[name])
     for f in some_frusta(200):
         force, moment = term.force(f, k)
@@ -100,8 +100,8 @@ def test_a_force_without_energy_only_ever_takes_some_out(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", MEMORY_TERMS)
-def test_a_force_with_memory_never_gives_back_more_than_it_took(name: str) -> None:
-    """Along any motion from rest the work done against it stays above zero, whatever the step."""
+def test_a_force_with_memory_never_returns_more_energy_than_it_received(name: str) -> None:
+    """Along any motion from rest the work done against it stays positive, whatever the step."""
     term, k = TERMS[name], constants_of(TERMS[name])
     random = np.random.default_rng(3)
     base, step_s = some_frusta(1)[0], 1e-3
@@ -114,7 +114,7 @@ def test_a_force_with_memory_never_gives_back_more_than_it_took(name: str) -> No
     assert taken_j > 0
 
 
-def test_an_asymmetric_frustum_is_pushed_between_its_wells_only() -> None:
+def test_the_asymmetry_of_a_frustum_acts_between_its_wells_only() -> None:
     k = np.array([2e-3, 0.9, 0.0, 2.0])
     at = [frustum(zeta_m) for zeta_m in (-2.28e-3, -1e-3, 0.0, 2.2e-3)]
     moments = [TERMS["asymmetry"].force(f, k)[1] for f in at]
@@ -123,7 +123,7 @@ def test_an_asymmetric_frustum_is_pushed_between_its_wells_only() -> None:
     assert moments[1] == pytest.approx(-2e-3 * (1 - (1 / (0.9 * 2.28)) ** 2) ** 2)
 
 
-def test_cohesion_pulls_most_at_its_peak_and_each_cycle_weakens_it_less_than_the_one_before() -> None:
+def test_cohesion_is_largest_at_its_peak_and_each_cycle_weakens_it_less_than_the_previous_one() -> None:
     k = np.array([4.0, 0.2e-3, 0.5, 0.1e-3, 2.0, 1.0])
     pulls = [TERMS["cohesion"].force(frustum(-2.28e-3 + 0.1e-3, cycle), k)[0] for cycle in range(4)]
     assert pulls == pytest.approx([-4.0 / (1 + cycle) ** 0.5 for cycle in range(4)])
@@ -132,7 +132,7 @@ def test_cohesion_pulls_most_at_its_peak_and_each_cycle_weakens_it_less_than_the
     assert TERMS["cohesion"].force(frustum(-2.28e-3, 2), steady)[0] == pytest.approx(-4.0 * np.exp(-1.0))
 
 
-def test_cohesion_that_rises_fast_is_narrow_below_its_peak_and_as_wide_as_before_beyond() -> None:
+def test_cohesion_that_rises_fast_is_narrow_below_its_peak_and_unchanged_beyond() -> None:
     even, steep = (np.array([4.0, 0.2e-3, 0.0, 0.1e-3, 0.0, rises]) for rises in (1.0, 0.25))
     below, beyond = (frustum(-2.28e-3 + 0.1e-3 + side * 0.05e-3) for side in (-1, 1))
     force = TERMS["cohesion"].force
@@ -141,7 +141,7 @@ def test_cohesion_that_rises_fast_is_narrow_below_its_peak_and_as_wide_as_before
     assert force(below, even)[0] == pytest.approx(-4.0 * np.exp(-0.5 / 16))
 
 
-def test_cohesion_that_rises_fast_is_the_slope_of_its_energy_on_both_sides_of_its_peak() -> None:
+def test_cohesion_that_rises_fast_is_the_derivative_of_its_energy_on_both_sides_of_its_peak() -> None:
     term, k, step_m = TERMS["cohesion"], np.array([4.0, 0.2e-3, 0.0, 0.1e-3, 0.0, 0.25]), 1e-8
     for open_m in (0.0, 0.06e-3, 0.1e-3, 0.25e-3):
         up, down = (term.energy(frustum(-2.28e-3 + open_m + side * step_m), k) for side in (1, -1))
@@ -149,11 +149,11 @@ def test_cohesion_that_rises_fast_is_the_slope_of_its_energy_on_both_sides_of_it
 
 
 def frustum(zeta_m: float, cycle: int = 0) -> Frustum:
-    """An even frustum that stands still."""
+    """An even frustum at rest."""
     return Frustum(zeta_m, 0.05, 0.0, 0.0, -2.28e-3, 1.0, 1.0, 0.0, 0.0, 8e-3, 14e-3, float(cycle))
 
 
-def test_drag_takes_energy_out_of_any_motion() -> None:
+def test_drag_dissipates_energy_in_any_motion() -> None:
     random = np.random.default_rng(5)
     straw = with_typical(FOLDING, TERMS["ambient_drag"])
     c = straw.constants()
@@ -167,10 +167,10 @@ def test_drag_takes_energy_out_of_any_motion() -> None:
 
 
 def balance(straw: StrawParameters, steady_pa: float, deployed: list[int], tolerance_m: float) -> tuple[float, float]:
-    """Energy that appears from nowhere in 1.6 s of a run, and what the pressure did, J.
+    """Error of the energy balance over 1.6 s of a run, and the work of the pressure, J.
 
-    In: the pressure inside times the rate it works on. Stored: kinetic and potential. Out: everything else, from the
-    force that is left over without inertia and pressure at the states the integrator passed.
+    In: the inside pressure times the volume rate. Stored: kinetic and potential. Out: everything else, from the
+    residual force without inertia and pressure at the integrator's states.
     """
     c = straw.constants()
     time_s = np.arange(0, 1.6, 2e-4)
@@ -189,7 +189,7 @@ def balance(straw: StrawParameters, steady_pa: float, deployed: list[int], toler
     for i, (x, v) in enumerate(zip(qs, vs, strict=True)):
         pressure_per_pa(c, chain_of(c, motion_of(c, x, v, still)), push)
         power_in[i] = inside[i] * push @ v
-        # what depends on the rates alone: the same state, moving and still; inertia's own part is left out by T
+        # what depends on the rates alone: the same state in motion and at rest; the part of inertia is removed by T
         forces_left(c, x, v, still, 0.0, none, none, 0.0, room, left)
         moving = left @ v
         forces_left(c, x, still, still, 0.0, none, none, 0.0, room, left)
@@ -204,7 +204,7 @@ def balance(straw: StrawParameters, steady_pa: float, deployed: list[int], toler
 
 
 def _taken_by_memories(c, qs: np.ndarray, sample_s: float) -> float:
-    """Work done against walls with memory, J: their laws played once more along the motion."""
+    """Work done against walls with memory, J: their laws evaluated again along the motion."""
     taken, any_frustum = 0.0, some_frusta(1)[0]
     for name in MEMORY_TERMS:
         k = c.terms[0, 1, slice(*COLUMNS[name])]
@@ -219,25 +219,25 @@ def _taken_by_memories(c, qs: np.ndarray, sample_s: float) -> float:
 
 
 def _inertia_power(c, q: np.ndarray, v: np.ndarray) -> float:
-    """Power of the forces of inertia that remain without acceleration: d/dt of T at constant rates, with its sign."""
+    """Power of the inertial forces that remain without acceleration: d/dt of T at constant rates, with its sign."""
     step = 1e-6
     there, here = (kinetic_energy_at(c, q + s * step * v, v) for s in (1, -1))
     return -(there - here) / (2 * step)
 
 
-@pytest.mark.parametrize("name", ["none", *(n for n in TERMS if n != "missing_tip_force")])  # which pushes from outside
+@pytest.mark.parametrize("name", ["none", *(n for n in TERMS if n != "missing_tip_force")])  # which acts from outside
 def test_energy_in_is_energy_stored_and_dissipated(name: str) -> None:
-    """What is missing from the balance is below 0.2 % of what the pressure did (1 % with friction), over every snap."""
+    """The balance closes to 0.2 % of the work of the pressure (1 % with friction), over every snap."""
     straw = DEPLOYMENT if name == "none" else with_typical(DEPLOYMENT, TERMS[name])
     missing, worked = balance(straw, 35e3, [2, 3, 5, 6, 7, 8, 9], 1e-7)
     assert worked > 0
-    # friction is played again at 0.2 ms, in which a snap passes several of its 20 um slips: that costs half a percent
+    # friction is evaluated every 0.2 ms, in which a snap passes several of its 20 um slips: an error of half a percent
     assert abs(missing) < (1e-2 if name == "dry_friction" else 2e-3) * worked
 
 
 @pytest.mark.parametrize("names", [["fluid_inertia"], ["poiseuille_loss"], ["line_lag"], ["trapped_gas"], list(CAUSES)])
-def test_the_inlet_loses_pressure_by_its_laws(names: list[str]) -> None:
-    """Played against a straw that takes water at a given rate; the laws integrated by SciPy are the judge."""
+def test_the_pressure_loss_of_the_inlet_follows_its_laws(names: list[str]) -> None:
+    """With a straw that takes in water at a given rate; the reference is the laws integrated by SciPy."""
     from scipy.integrate import solve_ivp
 
     straw = FOLDING
@@ -310,7 +310,7 @@ def test_a_table_is_linear_between_its_points_and_its_energy_the_area_below() ->
         assert odd == (0.0, 0.0)
 
 
-def test_tables_of_speed_flow_and_the_tip_act_as_they_say() -> None:
+def test_tables_over_speed_flow_and_the_tip_give_their_forces() -> None:
     speeds, forces = np.geomspace(0.01, 0.5, 8), np.array([1, 2, 2, 3, 5, 8, 13, 21]) * 0.1
     straw = FOLDING.with_term("missing_damping", amount=2.0, **curve("speed_{}_m_per_s", speeds, "force_{}_n", forces))
     k = straw.constants().terms[0, 1, slice(*COLUMNS["missing_damping"])]
@@ -330,7 +330,7 @@ def test_tables_of_speed_flow_and_the_tip_act_as_they_say() -> None:
     assert ends[0].z_m[-1] == pytest.approx(ends[1].z_m[-1], abs=1e-7)
 
 
-def test_a_straw_file_carries_its_terms() -> None:
+def test_a_straw_file_contains_its_terms() -> None:
     text = "[terms.cohesion]\nforce_n = 5.0\n[terms.frustum_spread]\nE_relative = [0, 0, 0, -0.1, 0, 0, 0, 0, 0]\n"
     straw = straw_from_toml(text)
     again = straw_from_toml(straw.to_toml())
@@ -354,6 +354,6 @@ def test_a_straw_file_carries_its_terms() -> None:
         ("terms = 3", "terms = 3, expected tables"),
     ],
 )
-def test_a_term_that_makes_no_sense_is_named(text: str, message: str) -> None:
+def test_an_invalid_term_is_named(text: str, message: str) -> None:
     with pytest.raises(ModelError, match=message):
         straw_from_toml(text)

@@ -1,4 +1,4 @@
-"""The way between equation 7 and finite elements: what a straw, its terms and a direction make of a share of it."""
+"""A share between equation 7 and finite elements, as used by a straw, its terms and a direction."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def frustum(straw: StrawParameters, zeta: float, phi: float, row: np.ndarray | N
     return Frustum(zeta, phi, 0.0, 0.0, *own, c.wall[1, 1] if row is None else row)
 
 
-def test_a_share_goes_from_what_the_file_says_to_the_other_of_the_two() -> None:
+def test_a_share_leads_from_the_files_elasticity_to_the_other() -> None:
     there, back = (straw.with_term("wall_elasticity", share=0.3) for straw in (EQUATION_7, SHELL))
     for at in STATES:
         reduced, shell = (np.array(walls_force(frustum(straw, *at))) for straw in (EQUATION_7, SHELL))
@@ -35,10 +35,10 @@ def test_a_share_goes_from_what_the_file_says_to_the_other_of_the_two() -> None:
 
 
 @pytest.mark.parametrize("straw", [EQUATION_7, SHELL, EQUATION_7.with_term("wall_elasticity", share=0.4)])
-def test_a_direction_along_the_share_has_the_slope_of_the_walls_also_where_nothing_of_them_is_there(
+def test_a_direction_along_the_share_has_the_derivative_of_the_walls_also_at_a_share_of_zero(
     straw: StrawParameters,
 ) -> None:
-    """The difference of both energies' forces, exactly, by the rows and steps that the columns are given."""
+    """Exactly the difference of both energies' forces, by the rows and steps given to the columns."""
     at_zero = straw.terms.get("wall_elasticity", {}).get("share", 0.0)
     between = Direction.between(straw, straw.with_term("wall_elasticity", share=at_zero + 1e-3), 1e-3)
     sign = -1.0 if straw is SHELL else 1.0
@@ -53,7 +53,7 @@ def test_a_direction_along_the_share_has_the_slope_of_the_walls_also_where_nothi
             np.testing.assert_allclose((up - down) / (2 * e), sign * wanted, rtol=1e-6, atol=1e-9)
 
 
-def test_cells_that_differ_and_a_curved_straw_do_so_in_the_walls_they_have() -> None:
+def test_differences_between_cells_and_curvature_apply_to_the_walls_the_straw_has() -> None:
     softer = TERMS["frustum_spread"].force
     curved = TERMS["intrinsic_curvature"].force
     for straw in (EQUATION_7, SHELL):
@@ -78,7 +78,7 @@ def test_a_missing_stiffness_is_a_share_of_the_walls_the_straw_has() -> None:
 
 
 @pytest.mark.parametrize("straw", [EQUATION_7, SHELL, EQUATION_7.with_term("wall_elasticity", share=0.4)])
-def test_energies_of_terms_on_the_walls_have_their_forces_as_slopes(straw: StrawParameters) -> None:
+def test_forces_of_terms_on_the_walls_are_derivatives_of_their_energies(straw: StrawParameters) -> None:
     for name, k in (("frustum_spread", (-0.08, 0.02)), ("intrinsic_curvature", (4e-3,))):
         term, dz, df = TERMS[name], 1e-8, 1e-6
         for zeta, phi in STATES:

@@ -1,4 +1,4 @@
-"""What the tracking tests share: the GoPro's lens, a set-up, painted clips, and corners by OpenCV's own formula."""
+"""Shared by the tracking tests: the GoPro's lens, a set-up, painted clips, and corners by OpenCV's own formula."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def setup(hero6: Lens) -> Camera:
 
 @pytest.fixture(scope="session")
 def small(setup: Camera) -> Camera:
-    """The same camera, cropped to 640 x 480 around its axis: quick to paint and decode."""
+    """The same camera, cropped to 640 x 480 around its axis: fast to paint and decode."""
     lens = replace(setup.lens, width=640, height=480, cx=319.2, cy=240.4, name="cropped")
     return replace(setup, lens=lens)
 

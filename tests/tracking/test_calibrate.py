@@ -1,4 +1,4 @@
-"""A planted lens is found again, with an honest sigma; the better model is chosen; thin material is told so."""
+"""A planted lens is recovered within its sigmas; the better model is chosen; too few views are reported."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from straw.tracking.lens_fit import View, fit_lens
 
 
 def views_by_opencv(lens, count=12, noise_px=0.05, seed=0, reach=0.25, tilt=0.6):
-    """Return views of a 9 x 7 board of 30 mm squares, by cv2.fisheye, that lie wholly in the picture."""
+    """Return views of a 9 x 7 board of 30 mm squares, by cv2.fisheye, that lie entirely in the picture."""
     rng = np.random.default_rng(seed)
     i, j = np.meshgrid(np.arange(9) - 4, np.arange(7) - 3, indexing="ij")
     points = np.column_stack((i.ravel(), j.ravel(), np.zeros(63)))
@@ -30,7 +30,7 @@ def views_by_opencv(lens, count=12, noise_px=0.05, seed=0, reach=0.25, tilt=0.6)
     return views
 
 
-def test_a_planted_fisheye_is_found_again_within_its_sigmas(hero6):
+def test_a_planted_fisheye_lens_is_recovered_within_its_sigmas(hero6):
     fit = fit_lens("fisheye", (1920, 1080), views_by_opencv(hero6))
     assert fit.rms_px == pytest.approx(0.05, rel=0.1)
     found = np.array((fit.lens.fx, fit.lens.fy, fit.lens.cx, fit.lens.cy))
@@ -39,7 +39,7 @@ def test_a_planted_fisheye_is_found_again_within_its_sigmas(hero6):
     assert np.all(np.abs(miss) < 0.5)
 
 
-def test_a_wide_lens_is_told_from_brown_conrady_by_views_left_out(hero6):
+def test_a_wide_lens_is_distinguished_from_brown_conrady_by_views_left_out(hero6):
     views = views_by_opencv(hero6, noise_px=0.03)
     fits = {kind: fit_lens(kind, (1920, 1080), views) for kind in ("fisheye", "brown_conrady")}
     crossed = {kind: _crossed(fit, views) for kind, fit in fits.items()}
@@ -55,7 +55,7 @@ def test_the_uncertainty_grows_where_no_board_was(hero6):
     assert many[0, 0] < few[0, 0]
 
 
-def test_real_stills_of_one_camera_calibrate_and_are_told_to_be_few(realdata):
+def test_real_stills_of_one_camera_calibrate_with_a_note_that_they_are_few(realdata):
     paths = sorted((realdata / "caliscope_chess9x6").glob("cam_0_*.jpg"))
     found = calibrate([path for path in paths if "_000" not in path.name])
     assert found.fit.rms_px < 0.6
@@ -82,9 +82,9 @@ def test_the_fit_does_not_depend_on_where_it_starts(hero6):
     assert fit_lens("fisheye", (1920, 1080), views).lens.fx == pytest.approx(1500, abs=2)
 
 
-def test_a_view_that_no_lens_explains_is_left_without_corners_and_without_a_warning(hero6):
+def test_a_view_that_no_lens_explains_loses_its_corners_without_a_warning(hero6):
     views = views_by_opencv(hero6)
-    far_off = np.random.default_rng(0).normal(0.0, 40.0, views[0].pixels.shape)  # px, as corners beside the board are
+    far_off = np.random.default_rng(0).normal(0.0, 40.0, views[0].pixels.shape)  # px, as for false corners
     nonsense = View(views[0].points, views[0].pixels + far_off, "nonsense")
     fit = fit_lens("fisheye", (1920, 1080), [*views, nonsense])
     assert fit.inliers[-1] < 16 <= fit.inliers[:-1].min()

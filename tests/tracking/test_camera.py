@@ -1,4 +1,4 @@
-"""CAMERA.json keeps a camera exactly; a malformed one is refused in one line that names file and field."""
+"""CAMERA.json stores a camera exactly; a malformed one is refused in one line that names file and field."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from straw.tracking.camera import Camera, load_camera, save_camera
 from straw.tracking.errors import TrackingError
 
 
-def test_a_saved_camera_comes_back_exactly(tmp_path, setup):
+def test_a_saved_camera_is_loaded_exactly(tmp_path, setup):
     camera = replace(setup, tip_offset_m=0.0091, board_x_in_image="left", mount="side", line_s=3.7e-6)
     save_camera(tmp_path / "CAMERA.json", camera)
     again = load_camera(tmp_path / "CAMERA.json")
@@ -23,12 +23,12 @@ def test_a_saved_camera_comes_back_exactly(tmp_path, setup):
     assert [path.name for path in tmp_path.iterdir()] == ["CAMERA.json"]
 
 
-def test_a_camera_without_a_place_comes_back_without_one(tmp_path, hero6):
+def test_a_camera_without_a_pose_is_loaded_without_one(tmp_path, hero6):
     save_camera(tmp_path / "c.json", Camera(hero6))
     assert load_camera(tmp_path / "c.json").world_from_camera is None
 
 
-def test_a_lens_profile_will_do_as_a_camera_without_a_place(tmp_path):
+def test_a_lens_profile_serves_as_a_camera_without_a_pose(tmp_path):
     profile = {
         "name": "mine",
         "calib_dimension": {"w": 64, "h": 48},
@@ -100,13 +100,13 @@ def test_a_wrong_field_is_named_in_one_line(tmp_path, setup, place, value):
     assert len(str(caught.value)) < 300 + len(str(path))
 
 
-def test_a_frozen_camera_keeps_its_place(setup):
+def test_a_frozen_camera_keeps_its_pose(setup):
     with pytest.raises(ValueError, match="read-only"):
         setup.world_from_camera[0, 3] = 1.0
 
 
 @pytest.mark.parametrize(("squares", "size_m"), [(41, 0.0385), (2, 0.0385), (8, -1.0), (8, float("nan")), (8, 38.5)])
-def test_a_board_that_cannot_be_is_refused(squares, size_m):
+def test_an_impossible_board_is_refused(squares, size_m):
     with pytest.raises(TrackingError, match="board"):
         Board(squares, size_m)
 

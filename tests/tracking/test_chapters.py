@@ -1,4 +1,4 @@
-"""Chapters are one timeline; the camera's own telemetry is read where it is; nothing broken in it does harm."""
+"""Chapters form one timeline; the camera's telemetry is read where present, and damage in it does no harm."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.painting.film import encode
 from tests.tracking.test_video import pictures, written
 
 
-def test_gopro_chapters_are_put_in_order_and_others_left_alone():
+def test_gopro_chapters_are_sorted_and_other_files_keep_their_order():
     names = ["GX030012.MP4", "GX010012.MP4", "GX020012.MP4"]
     assert [path.name for path in in_order(names)] == sorted(names)
     assert [path.name for path in in_order(["b.mp4", "a.mp4"])] == ["b.mp4", "a.mp4"]
@@ -42,13 +42,13 @@ def test_chapters_that_do_not_belong_together_are_refused_in_one_line(names, say
     assert "\n" not in str(caught.value)
 
 
-def test_chapters_beside_the_first_are_noticed(tmp_path):
+def test_further_chapters_beside_the_first_are_reported(tmp_path):
     for name in ("GH010012.MP4", "GH020012.MP4", "GH020013.MP4", "notes.txt"):
         (tmp_path / name).touch()
     assert [path.name for path in siblings([tmp_path / "GH010012.MP4"])] == ["GH020012.MP4"]
 
 
-def test_two_chapters_are_one_stream_without_a_seam(tmp_path):
+def test_two_chapters_are_one_continuous_stream(tmp_path):
     for name in ("GH010001.MP4", "GH020001.MP4"):
         written(tmp_path / name, 20)
     with Timeline([tmp_path / "GH020001.MP4", tmp_path / "GH010001.MP4"]) as timeline:
@@ -62,7 +62,7 @@ def test_two_chapters_are_one_stream_without_a_seam(tmp_path):
 
 
 @pytest.mark.parametrize("done", [0, 7, 19, 20, 33])
-def test_a_timeline_goes_on_after_any_frame(tmp_path, done):
+def test_a_timeline_can_be_continued_after_any_frame(tmp_path, done):
     for name in ("GH010001.MP4", "GH020001.MP4"):
         written(tmp_path / name, 20)
     times = np.arange(40) * 1001 / 240000
@@ -73,7 +73,7 @@ def test_a_timeline_goes_on_after_any_frame(tmp_path, done):
         assert np.abs(luma.astype(int) - truth).mean() < 3
 
 
-def test_files_of_two_sizes_are_no_recording(tmp_path):
+def test_files_of_two_picture_sizes_are_refused(tmp_path):
     written(tmp_path / "a.mp4", 5)
     with VideoWriter(tmp_path / "b.mp4", 160, 120) as video:
         video.write(np.zeros((120, 160), np.uint8))
@@ -81,7 +81,7 @@ def test_files_of_two_sizes_are_no_recording(tmp_path):
         Timeline([tmp_path / "a.mp4", tmp_path / "b.mp4"])
 
 
-def test_a_real_gopro_says_what_it_is_and_how_long_its_shutter_was_open(realdata):
+def test_a_real_gopros_telemetry_gives_its_model_and_exposure_time(realdata):
     found = read_telemetry(realdata / "gopro" / "hero7.mp4")
     assert found.camera == "Hero7 Black"
     assert 1 / 2000 < found.exposure_s < 1 / 200
@@ -90,7 +90,7 @@ def test_a_real_gopro_says_what_it_is_and_how_long_its_shutter_was_open(realdata
     assert len(raw.exposures_s) == 30
 
 
-def test_broken_telemetry_is_no_reason_to_fail(realdata, tmp_path):
+def test_damaged_telemetry_does_not_stop_the_reading(realdata, tmp_path):
     data = (realdata / "gopro" / "hero6.raw").read_bytes()
     rng = np.random.default_rng(0)
     for length in (0, 3, 9, 1000):
@@ -104,8 +104,8 @@ def test_broken_telemetry_is_no_reason_to_fail(realdata, tmp_path):
     assert read_telemetry(Path(tmp_path / "none.mp4")).exposure_s is None
 
 
-def test_slow_motion_is_told_by_the_files_tags_and_put_right_by_the_rate(tmp_path):
-    """As phones save 240 frames/s for replay at 30."""
+def test_slow_motion_is_recognised_by_the_files_tags_and_corrected_by_the_rate(tmp_path):
+    """Phones save 240 frames/s for playback at 30."""
     with av.open(str(tmp_path / "v.mp4"), "w", options={"movflags": "use_metadata_tags"}) as container:
         container.metadata["com.android.capture.fps"] = "240.000000"
         stream = container.add_stream("libx264", rate=30)
@@ -125,7 +125,7 @@ def camera_of(width, height):
     return Camera(Lens("fisheye", width, height, 200, 200, width / 2, height / 2, (0, 0, 0, 0)), np.eye(4))
 
 
-def test_a_part_of_a_film_keeps_its_times(tmp_path):
+def test_an_excerpt_of_a_film_keeps_its_times(tmp_path):
     written(tmp_path / "v.mp4", 40)
     period = 1001 / 240000
     with Timeline([tmp_path / "v.mp4"], 0.0, 10 * period, 25 * period) as timeline:
@@ -137,7 +137,7 @@ def test_a_part_of_a_film_keeps_its_times(tmp_path):
         Timeline([tmp_path / "v.mp4"], 0.0, 3.0)
 
 
-def test_a_file_named_twice_is_refused_and_one_that_holds_the_same_is_known(tmp_path):
+def test_a_file_named_twice_is_refused_and_a_copy_of_one_is_recognised(tmp_path):
     one = written(tmp_path / "a.mp4", 5)
     (tmp_path / "b.mp4").write_bytes(one.read_bytes())
     with pytest.raises(TrackingError, match="once"):
@@ -145,7 +145,7 @@ def test_a_file_named_twice_is_refused_and_one_that_holds_the_same_is_known(tmp_
     assert copies([one, tmp_path / "b.mp4"]) == [(tmp_path / "b.mp4", one)]
 
 
-def test_a_variable_rate_has_no_holes(tmp_path):
+def test_a_variable_rate_is_not_taken_for_gaps(tmp_path):
     """Every fourth frame comes late by a third of a period, as phones' do: the library then guesses 90000 frames/s."""
     ticks = np.round(1001 * (np.arange(40) + np.where(np.arange(40) % 4 == 3, 0.3, 0.0))).astype(int)
     encode(tmp_path / "v.mp4", pictures(40), ticks=[tick / 1001 for tick in ticks])

@@ -1,4 +1,4 @@
-"""Corners are found on real boards, sharpened to where they truly are, and told from things that are no corners."""
+"""Corners are found on real boards, refined to their true positions, and distinguished from false corners."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def seen_near(printed: Print, picture: np.ndarray, truth: np.ndarray, shift=(0.0
     return printed.sharpen(picture, moved_by(H / H[8], np.array(shift)), None, sign)
 
 
-def test_one_step_reaches_edges_that_are_narrower_than_the_model(printed):
+def test_one_step_converges_on_edges_narrower_than_the_model(printed):
     picture, truth = drawn()
     H = near(truth, printed)
     where = np.empty((49, 8))
@@ -65,25 +65,25 @@ def test_one_step_reaches_edges_that_are_narrower_than_the_model(printed):
     parity = np.where((i + j) % 2 == 0, 1.0, -1.0).ravel()
     measure_all(picture, where, parity, np.full(2, 0.7), 1, pixels, explained, used)
     off, left = where[:, :2] - truth.reshape(-1, 2), pixels - truth.reshape(-1, 2)
-    # An edge as sharp as a pixel: a step of the model's own width would lead a fifth too far. The raster misplaces a
+    # An edge one pixel wide: a step with the model's own width would overshoot by a fifth. Pixel sampling displaces a
     # corner by 0.012 px rms, see ``edges``; the mean of 49 by a seventh of that.
     assert np.abs(left.mean(axis=0)).max() < 3 * 0.012 / 7
     assert np.hypot(*off.mean(axis=0)) > 0.2
 
 
 @pytest.mark.parametrize("smear", [0.0, 6.0, 14.0])
-def test_corners_are_sharpened_to_where_they_are(printed, smear):
+def test_corners_are_refined_to_their_true_positions(printed, smear):
     picture, truth = drawn(smear=smear)
     found = seen_near(printed, picture, truth, (0.2, -0.15))
     assert isinstance(found, Sighting)
     # Rounding to whole grey levels: 0.29 of 150, an edge of 20 px with slope 150/px: 2e-3 / sqrt(20) px. What is left
-    # is the smooth step's misfit to a box-filtered edge, some hundredths of its width.
+    # is the misfit of a smooth step to a box-filtered edge, a few hundredths of its width.
     assert np.abs(found.grid - truth)[found.used].max() < 0.03 + 0.005 * smear
     assert found.used.sum() >= 42
     assert found.contrast > 0
 
 
-def test_a_smear_of_seven_tenths_of_a_square_is_told_by_its_widths(printed):
+def test_a_blur_of_seven_tenths_of_a_square_is_measured_from_the_edge_widths(printed):
     picture, truth = drawn(turn=0.0, smear=14.0)
     found = seen_near(printed, picture, truth)
     assert found.widths[1] > 4 * found.widths[0]  # edges across y, which runs right, are smeared
@@ -100,7 +100,7 @@ def test_a_grid_slipped_by_a_square_is_refused(printed, shift):
     assert isinstance(seen_near(printed, picture, truth, shift), str)
     H = near(truth, printed)
     H = printed.shifted(picture, moved_by(H / H[8], np.array(shift, float)), 1.0)
-    assert np.abs(printed.sharpen(picture, H, None, 1.0).grid - truth).max() < 0.1  # and put right
+    assert np.abs(printed.sharpen(picture, H, None, 1.0).grid - truth).max() < 0.1  # and corrected
 
 
 def test_black_for_white_is_refused(printed):
@@ -111,7 +111,7 @@ def test_black_for_white_is_refused(printed):
     assert isinstance(seen_near(printed, turned, quarter, sign=0.0), Sighting)
 
 
-def test_covered_corners_are_not_used_and_the_others_stay_put(printed):
+def test_covered_corners_are_not_used_and_the_others_are_unaffected(printed):
     picture, truth = drawn()
     picture[:, :110] = 125
     found = seen_near(printed, picture, truth, sign=0.0)
@@ -128,19 +128,19 @@ def test_fewer_than_sixteen_corners_are_no_board(printed):
 
 
 @pytest.mark.parametrize("shrunk", [1, 2, 3])
-def test_a_board_is_found_anywhere_and_laid(printed, shrunk):
+def test_a_board_is_found_anywhere_and_oriented(printed, shrunk):
     picture, truth = drawn()
     room = max(int(0.9 * shrunk * 950_000**0.5) - picture.shape[0], 0) if shrunk > 1 else 0
     picture = np.pad(picture, ((0, room), (0, room)), constant_values=125)
     (grid,) = find_boards(picture)
     laid = [printed.lay(picture, grid, turn, 0.0) for turn in range(4)]
     errors = [np.abs(seen.grid - truth).max() for seen in laid if isinstance(seen, Sighting)]
-    assert len(errors) == 4  # looks the same four times, two of them with black and white swapped
+    assert len(errors) == 4  # looks the same in four orientations, in two of them with black and white swapped
     assert min(errors) < 0.05
     assert sum(seen.contrast > 0 for seen in laid) == 2
 
 
-def test_a_cut_board_is_laid_where_it_belongs(printed):
+def test_a_partly_visible_board_is_located_correctly(printed):
     picture, truth = drawn(turn=0.05)
     cut = picture[:, 78:].copy()
     lens = replace(FLAT, width=cut.shape[1], cx=120.0 - 78)
@@ -155,7 +155,7 @@ def test_a_cut_board_is_laid_where_it_belongs(printed):
     assert min(errors) < 0.1
 
 
-def test_no_board_is_found_in_bright_noise_and_soon():
+def test_no_board_is_found_in_bright_noise_and_the_search_is_short():
     noise = np.random.default_rng(1).normal(200, 20, (1080, 1920)).clip(0, 255).astype(np.uint8)
     start = time.perf_counter()
     assert list(find_boards(noise)) == []

@@ -1,4 +1,4 @@
-"""No wrong pose passes as valid: repeated pictures, lost packets, boards that jump, printed frames."""
+"""No wrong pose is marked valid: repeated pictures, lost packets, boards that jump, printed frames."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from straw.tracking.misprint import Misprint
 from tests.benchmarks.tracking_painted import errors, side_on, tracked
 from tests.painting.film import RATE, encode, film
 
-REPEATS = (58, 59, 77, 100)  # from 0.24 s on: before, the board hardly moves and a repeat does no harm
+REPEATS = (58, 59, 77, 100)  # from 0.24 s on: until then the board hardly moves and a repeat does no harm
 
 
 @pytest.fixture(scope="module")
 def turning():
-    """A board that turns on and on, in a small picture, and its 120 pictures."""
+    """A board that rotates continuously, in a small picture, and its 120 pictures."""
     scene = side_on(3, 0.0, turning=True)
     small = dataclasses.replace(scene, width=560, height=480, centre=(279.3, 238.8), f=620.0)
     return small, list(film(small, 0.5))
 
 
 @pytest.mark.parametrize("b_frames", [0, 2])
-def test_repeated_pictures_are_found_in_a_file_that_was_encoded_again(turning, tmp_path, b_frames):
-    """As converters to a constant rate fill gaps; no two decoded pictures are equal, so only the motion tells."""
+def test_repeated_pictures_are_found_in_a_reencoded_file(turning, tmp_path, b_frames):
+    """Converters to a constant rate fill gaps so; no two decoded pictures are equal, so only the motion shows it."""
     scene, pictures = turning
     for k in REPEATS:
         pictures = [*pictures[:k], pictures[k - 1], *pictures[k + 1 :]]
@@ -36,13 +36,13 @@ def test_repeated_pictures_are_found_in_a_file_that_was_encoded_again(turning, t
     assert np.abs(errors(found, scene)[1]).max() < 6
 
 
-def test_without_repeats_nothing_is_doubted(turning, tmp_path):
+def test_without_repeats_no_frame_is_refused(turning, tmp_path):
     scene, pictures = turning
     found = tracked(encode(tmp_path / "v.mp4", pictures, bitrate=8e6), scene)
     assert not found.invalid
 
 
-def test_pictures_built_on_a_lost_packet_are_not_valid_until_the_codec_begins_again(turning, tmp_path):
+def test_pictures_that_depend_on_a_lost_packet_are_invalid_until_the_next_keyframe(turning, tmp_path):
     scene, pictures = turning
     path = encode(tmp_path / "v.mp4", pictures, bitrate=8e6, gop=30)
     data = bytearray(path.read_bytes())
@@ -57,7 +57,7 @@ def test_pictures_built_on_a_lost_packet_are_not_valid_until_the_codec_begins_ag
 
 
 def moving(count: int, seed: int = 0) -> Courses:
-    """Sightings of a swinging board, with noise."""
+    """Detected corners of a swinging board, with noise."""
     time_s = np.arange(count) / float(RATE)
     rng = np.random.default_rng(seed)
     swing = np.stack(
@@ -80,12 +80,12 @@ def test_a_board_that_jumps_for_one_frame_and_one_whose_corners_disagree_are_ref
 
 
 def test_good_frames_are_hardly_ever_refused():
-    """Ten thousand of them: a false alarm in a million is meant; none is seen in 99 of 100 such tests."""
+    """Ten thousand of them: designed for one false alarm in a million, so none occurs in 99 of 100 such tests."""
     assert not any((doubted(moving(2000, seed)) != "").any() for seed in range(5))
 
 
-def test_a_stop_by_a_blow_is_no_fault():
-    """From 2 px a frame to rest between two frames: one-sided predictions go through it."""
+def test_an_abrupt_stop_is_not_refused():
+    """From 2 px a frame to rest between two frames: one-sided predictions agree with it."""
     seen = moving(400)
     still = np.maximum(np.arange(400) - 200, 0)[:, None]
     seen.course[:] = 2.0 * (np.arange(400)[:, None] - still) / np.sqrt(6) + np.random.default_rng(1).normal(
@@ -95,27 +95,26 @@ def test_a_stop_by_a_blow_is_no_fault():
 
 
 def swinging(count: int = 400, seed: int = 3) -> Courses:
-    """Sightings of a board whose corners all stand still at every turn, 24 frames apart."""
+    """Detected corners of a board that all come to rest at every turning point, 24 frames apart."""
     seen = moving(count, seed)
     swing = 4.0 * np.cos(2 * np.pi * (np.arange(count) - 0.5) / 48)[:, None] / np.sqrt(6)
     seen.course[:] = swing + np.random.default_rng(seed).normal(0, 0.003, (count, 6))
     return dataclasses.replace(seen, rms_px=seen.rms_px * 0.3)
 
 
-@pytest.mark.parametrize("first", [193, 194, 217, 239])  # turns are at 192.5, 216.5, 240.5
-def test_a_run_of_repeats_that_begins_or_ends_at_a_turn_is_found(first):
+@pytest.mark.parametrize("first", [193, 194, 217, 239])  # turning points are at 192.5, 216.5, 240.5
+def test_a_series_of_repeats_that_begins_or_ends_at_a_turning_point_is_found(first):
     seen, rng = swinging(), np.random.default_rng(9)
     seen.course[first : first + 3] = seen.course[first - 1] + rng.normal(0, 2e-4, (3, 6))
     said = doubted(seen)
-    assert (
-        said[first + 1 : first + 3] == REPEATED
-    ).all()  # the first is where it should be, when the turn is amid both
+    # the first is where it should be, if the turning point lies between the two
+    assert (said[first + 1 : first + 3] == REPEATED).all()
     assert np.count_nonzero(said != "") <= 4
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
-def test_a_start_from_rest_is_no_fault(order):
-    """At rest a codec shows the same picture again and again; then it moves at once, or faster and faster."""
+def test_a_start_from_rest_is_not_refused(order):
+    """At rest a codec repeats the same picture; then the board moves at constant speed, or accelerates."""
     seen = moving(400)
     since = np.maximum(np.arange(400) - 200, 0)[:, None]
     noise = np.random.default_rng(1).normal(0, 0.01, (400, 6))
@@ -131,14 +130,14 @@ def test_a_course_is_the_rms_motion_of_the_corners():
     assert np.linalg.norm(other - one) == pytest.approx(np.sqrt(((moved - grid) ** 2).sum(axis=-1).mean()))
 
 
-def test_how_badly_a_board_is_printed_is_learnt():
+def test_the_printing_errors_of_a_board_are_estimated():
     rng = np.random.default_rng(2)
     prior = Misprint((7, 7))
     offsets = prior.lines() @ rng.normal(0, 2e-5, 14) + rng.normal(0, 4e-6, 98)
     for _ in range(60):
         prior = prior.learnt(offsets, np.diag(np.full(98, 1e-7**2)))
-    assert prior.line_m == pytest.approx(2e-5, rel=0.5)  # 14 lines tell a sigma to 19 %
-    assert prior.corner_m == pytest.approx(4e-6, rel=0.25)  # 84 numbers are left: 8 %
+    assert prior.line_m == pytest.approx(2e-5, rel=0.5)  # 14 lines determine a sigma to 19 %
+    assert prior.corner_m == pytest.approx(4e-6, rel=0.25)  # 84 degrees of freedom are left: 8 %
 
 
 def board_with_a_frame() -> np.ndarray:
@@ -163,5 +162,5 @@ def test_corners_of_a_printed_frame_beside_the_board_are_left_out():
     np.testing.assert_array_equal(chequered(board_with_a_frame(), right), right)
 
 
-def test_a_grid_that_takes_every_second_row_is_none():
+def test_a_grid_of_every_second_row_is_refused():
     assert chequered(board_with_a_frame(), grid_of(range(80, 220, 40), range(70, 170, 20))) is None

@@ -1,4 +1,4 @@
-"""The lens projects and un-projects as OpenCV's formulas say, and refuses nonsense in one line."""
+"""The lens projects and un-projects by OpenCV's formulas, and refuses invalid parameters in one line."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ def matrix(lens: Lens) -> np.ndarray:
     return np.array(((lens.fx, 0, lens.cx), (0, lens.fy, lens.cy), (0, 0, 1)))
 
 
-def test_the_shipped_lens_is_the_gopro_of_the_paper():
+def test_the_shipped_lens_is_that_of_the_papers_gopro():
     lens = shipped_lens("gopro_hero6_wide_1080p240")
     assert (lens.kind, lens.width, lens.height) == ("fisheye", 1920, 1080)
     assert lens.rms_px == pytest.approx(0.476, abs=1e-3)
 
 
-def test_a_ray_45_degrees_off_axis_lands_where_pencil_and_paper_put_it():
+def test_a_ray_45_degrees_off_axis_lands_where_computed_by_hand():
     lens = Lens("fisheye", 1000, 1000, 400.0, 500.0, 500.0, 480.0, (0.1, -0.05, 0.02, -0.01))
     t = math.pi / 4
     bent = t + 0.1 * t**3 - 0.05 * t**5 + 0.02 * t**7 - 0.01 * t**9
@@ -54,7 +54,7 @@ def test_brown_conrady_agrees_with_opencv():
 
 
 @pytest.mark.parametrize("kind", ["fisheye", "brown_conrady"])
-def test_every_pixel_comes_back_through_its_ray(hero6, kind):
+def test_every_pixel_maps_to_a_ray_and_back(hero6, kind):
     lens = hero6 if kind == "fisheye" else BROWN
     u, v = np.meshgrid(np.linspace(0, lens.width - 1, 21), np.linspace(0, lens.height - 1, 13))
     pixels = np.column_stack((u.ravel(), v.ravel()))
@@ -63,9 +63,9 @@ def test_every_pixel_comes_back_through_its_ray(hero6, kind):
 
 
 @pytest.mark.parametrize("kind", ["fisheye", "brown_conrady"])
-def test_the_jacobian_is_the_slope_of_the_projection(hero6, kind):
+def test_the_jacobian_is_the_derivative_of_the_projection(hero6, kind):
     lens, h = (hero6 if kind == "fisheye" else BROWN), 1e-6
-    points = np.vstack((cloud(3, 0.4), [(0, 0, 1.0), (1e-6, 0, 1.0)]))  # the axis itself is a 0/0 in the formula
+    points = np.vstack((cloud(3, 0.4), [(0, 0, 1.0), (1e-6, 0, 1.0)]))  # on the axis the formula is 0/0
     _, jacobian = lens.project_with_jacobian(points)
     for axis in range(3):
         step = h * np.eye(3)[axis]
@@ -90,7 +90,7 @@ def test_a_point_behind_the_camera_has_no_pixel_and_a_pixel_beyond_the_lens_no_r
         ({"width": 0}, "size"),
     ],
 )
-def test_a_lens_that_cannot_be_is_refused_in_one_line(hero6, change, says):
+def test_an_impossible_lens_is_refused_in_one_line(hero6, change, says):
     with pytest.raises(TrackingError, match=says) as caught:
         replace(hero6, **change)
     assert "\n" not in str(caught.value)
@@ -110,6 +110,6 @@ def test_a_stretched_or_foreign_profile_is_refused(tmp_path):
             load_lens(path)
 
 
-def test_every_real_gopro_profile_reads_or_says_why_not(realdata):
+def test_every_real_gopro_profile_is_read_or_refused_with_a_reason(realdata):
     for path in sorted((realdata / "hero6_lens_profiles").glob("*.json")):
         assert load_lens(path).kind == "fisheye"

@@ -1,4 +1,4 @@
-"""Poses are mended by hand with the reason kept, and a printed dot on the tip is a second way to X and Z."""
+"""Poses are corrected by hand with the reason recorded, and a printed dot on the tip is a second source of X and Z."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from tests.painting.film import RATE, encode, film
 from tests.painting.motions import snaps
 from tests.painting.scene import Camera
 
-DOT_ON_BOARD_M = (0.0, 0.0235)  # beside the chequered field, on its sheet's edge
+DOT_ON_BOARD_M = (0.0, 0.0235)  # beside the checkerboard, at the edge of its sheet
 HIDDEN = range(45, 62)
 
 
 def seen_at(camera, index, place_m):
-    """Pixel of a point of the board's plane, rows exposed one after another: by fixed point."""
+    """Pixel of a point of the board's plane under a rolling shutter, by fixed-point iteration."""
     s = camera.scene
     row = s.height / 2
     for _ in range(5):
@@ -37,7 +37,7 @@ def seen_at(camera, index, place_m):
 
 
 def soft(away, radius):
-    """A disc of 1 with an edge as a lens leaves it."""
+    """A disc of 1 with the blurred edge of a lens."""
     return 0.5 * (1 - np.tanh((away - radius) / 1.2))
 
 
@@ -69,7 +69,7 @@ def test_a_dot_is_followed_within_its_sigma(dotted):
     found = list(follow_point(pictures, tuple(places[0].round())))
     assert all(point is not None for point in found)
     apart = np.array([point.at_px for point in found]) - places
-    apart -= apart[:5].mean(axis=0)  # it was pointed at to a pixel
+    apart -= apart[:5].mean(axis=0)  # the click is accurate to a pixel
     sigma = np.sqrt([np.diag(point.covariance) for point in found])
     assert np.sqrt((apart**2).mean()) < 0.1
     assert np.mean((apart / sigma) ** 2) < 4
@@ -85,7 +85,7 @@ def test_where_the_board_hides_the_dot_gives_x_and_z_with_their_sigma(dotted):
     assert all(text.startswith(BY_HAND) and "hand before the board" in text for text in more.said[hidden])
     only = dataclasses.replace(more, trace=dataclasses.replace(more.trace, valid=np.isin(more.trace.frame, hidden)))
     error, ratio = errors(only, scene)
-    # 0.1 px at 0.34 mm a pixel, twice that towards the camera; phi, which is between, shifts it by some 24 mm of arm
+    # 0.1 px at 0.34 mm a pixel, twice that towards the camera; phi, interpolated, shifts it by an arm of about 24 mm
     assert np.all(np.sqrt((error**2).mean(axis=0))[:2] < 1.5e-3)
     assert np.all((ratio[:, :2] ** 2).mean(axis=0) < 3)
     assert np.abs(ratio[:, :2]).max() < 6
@@ -93,7 +93,7 @@ def test_where_the_board_hides_the_dot_gives_x_and_z_with_their_sigma(dotted):
     np.testing.assert_array_equal(more.trace.x_m[untouched], found.trace.x_m[untouched])
 
 
-def test_what_is_no_dot_is_not_followed(dotted):
+def test_anything_but_a_dot_is_not_followed(dotted):
     _, _, _, pictures, _ = dotted
     flat = [np.full((480, 560), 128, np.uint8)]
     with pytest.raises(TrackingError, match="choose another"):
@@ -109,7 +109,7 @@ def test_a_point_never_seen_with_the_board_is_refused(dotted):
         with_point(found, [path], edit, 0.0)
 
 
-def test_poses_set_and_refused_by_hand_keep_their_reason(dotted, tmp_path):
+def test_poses_set_and_refused_by_hand_record_their_reason(dotted, tmp_path):
     found = dotted[-1]
     (tmp_path / "m.toml").write_text(
         '[[invalid]]\nframes = "3-5"\nreason = "a fly"\n[[pose]]\nframe = 50\nx_mm = 21.0\nz_mm = -1.0\n'
@@ -144,7 +144,7 @@ def test_poses_set_and_refused_by_hand_keep_their_reason(dotted, tmp_path):
         ("frames = [", "is not TOML"),
     ],
 )
-def test_a_file_that_mends_nothing_sensible_is_refused_in_one_line(dotted, tmp_path, text, said):
+def test_an_invalid_file_of_corrections_is_refused_in_one_line(dotted, tmp_path, text, said):
     (tmp_path / "m.toml").write_text(text)
     with pytest.raises(TrackingError, match=r"m\.toml|mend:") as caught:
         mended(dotted[-1], load_edits(tmp_path / "m.toml"))

@@ -1,4 +1,4 @@
-"""Exposure and codec's lag are read off what a video shows, and the lag is put right."""
+"""Exposure and the codec's lag are estimated from the video itself, and the lag is corrected."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PERIOD_S = 1001 / 240000
 
 
 def frames(count=400, exposure_s=1 / 480, lag_px=0.02, seed=0) -> Frames:
-    """Frames that rest, then move at up to 8 px a frame; the picture lags but at keyframes, every 20th."""
+    """Frames at rest, then moving at up to 8 px a frame; the picture lags except at keyframes, every 20th."""
     rng = np.random.default_rng(seed)
     speed = np.where(np.arange(count) < 40, 0.0, rng.uniform(0.05, 8, count) ** 2 / 8) / PERIOD_S
     sweep = np.column_stack((speed, 0.3 * speed))
@@ -32,28 +32,28 @@ def frames(count=400, exposure_s=1 / 480, lag_px=0.02, seed=0) -> Frames:
 
 
 @pytest.mark.parametrize("exposure_s", [1 / 1000, 1 / 480, 1 / 250])
-def test_the_exposure_is_read_off_the_smear(exposure_s):
+def test_the_exposure_is_estimated_from_the_motion_blur(exposure_s):
     assert exposure_by_smear(frames(exposure_s=exposure_s), PERIOD_S) == pytest.approx(exposure_s, rel=0.1)
 
 
-def test_a_board_that_hardly_moves_tells_no_exposure():
+def test_a_board_that_hardly_moves_gives_no_exposure():
     calm = frames()
     assert exposure_by_smear(replace(calm, sweep=calm.sweep * 0.01), PERIOD_S) == 0.0
 
 
-def test_the_codecs_lag_is_read_off_the_jumps_at_keyframes():
+def test_the_codecs_lag_is_estimated_from_the_jumps_at_keyframes():
     none, some, more = (lag_of(frames(count=4000, lag_px=lag)) for lag in (0.0, 0.02, 0.05))
     assert none < 0.003
     assert some == pytest.approx(0.02, rel=0.2)
     assert more == pytest.approx(0.05, rel=0.2)
 
 
-def test_without_keyframes_in_motion_no_lag_is_put_right():
+def test_without_keyframes_in_motion_no_lag_is_corrected():
     calm = frames()
     assert lag_of(replace(calm, key=calm.key & False)) == 0
 
 
-def test_the_lag_is_put_right_along_the_motion(setup, seen_by_opencv):
+def test_the_lag_is_corrected_along_the_motion(setup, seen_by_opencv):
     truth = np.array([(0.02, 4e-5 * k, 1.55) for k in range(30)])  # down the picture, by 0.17 px a frame
     ahead = seen_by_opencv(setup, 0.02, 4e-5, 1.55) - seen_by_opencv(setup, 0.02, 0, 1.55)
     speed_px = np.sqrt((ahead**2).mean())
@@ -70,14 +70,14 @@ def test_the_lag_is_put_right_along_the_motion(setup, seen_by_opencv):
     # 0.02 px of lag are 5 um here; 0.002 px of noise in 49 corners, 0.24 mm a pixel: 0.07 um, and some more along X
     assert np.median(truth[:, 1] - fits.vector[:, 1]) > 3e-6
     assert np.all(np.abs(np.median(found - truth, axis=0)) < (1e-6, 3e-7, 3e-5))
-    # half of the lag may be left, or half too much be put right; the board moves by 40 um a frame
+    # half of the lag may be left, or half too much corrected; the board moves by 40 um a frame
     assert np.sqrt(np.median(left[:, 1, 1])) == pytest.approx(0.02 / 2 * 4e-5 / speed_px, rel=0.1)
     keyframes, sure = without_lag(fits, by_pose, rate, np.ones(30, bool), 0.02, eye_m)
     np.testing.assert_array_equal(keyframes, fits.vector)
     assert not sure.any()
 
 
-def test_poses_err_by_what_is_claimed_where_the_codec_keeps_or_drops_the_change_by_chance(setup, seen_by_opencv):
+def test_sigmas_are_right_where_the_codec_keeps_or_drops_changes_at_random(setup, seen_by_opencv):
     """A board that comes down by 0.17 px a frame, of which every other picture on average lags by 0.02 px."""
     rng, count = np.random.default_rng(2), 200
     truth = np.array([(0.02, 4e-5 * k, 1.55) for k in range(count)]) - (0, 4e-5 * count / 2, 0)
@@ -92,14 +92,14 @@ def test_poses_err_by_what_is_claimed_where_the_codec_keeps_or_drops_the_change_
     by_pose, rate = plane.slopes(slopes, points, fits.vector), np.gradient(truth, axis=0)
     eye_m = setup.world_from_camera[(0, 2), 3]
     found, left = without_lag(fits, by_pose, rate, np.zeros(count, bool), 0.02, eye_m)
-    # a lag of all or none has a variance of a quarter; not just a half of it is put right, which adds a little
+    # a lag of all or nothing has a variance of a quarter; the correction is not exactly a half, which adds a little
     squared = ((found - truth)[:, 1] ** 2).mean() / left[:, 1, 1].mean()
     assert squared == pytest.approx(4 * np.mean((lag_share(speed_px) - dropped) ** 2), rel=0.1)
     assert 0.9 < squared < 1.4
 
 
-def test_poses_err_by_what_is_claimed_where_rows_are_brought_to_one_moment_at_a_wrong_rate(setup, seen_by_opencv):
-    """A rate that is wrong by 40 px/s in each direction by chance; rows 4 us apart."""
+def test_sigmas_are_right_where_the_rolling_shutter_is_corrected_with_a_wrong_velocity(setup, seen_by_opencv):
+    """A velocity with a random error of 40 px/s in each direction; rows 4 us apart."""
     rng, count, pose = np.random.default_rng(3), 300, (0.0221, 0.0, 1.53)
     pixels = np.tile(seen_by_opencv(setup, *pose), (count, 1, 1))
     late_s = 4e-6 * (pixels[..., 1] - pixels[..., 1].mean(axis=1, keepdims=True))
@@ -110,11 +110,11 @@ def test_poses_err_by_what_is_claimed_where_rows_are_brought_to_one_moment_at_a_
     fits = plane.fit_rays(rays.reshape(count, 49, 2), slopes, points, truth, np.ones((count, 49), bool))
     claimed = of_rate(fits, plane.slopes(slopes, points, fits.vector), late_s, np.full(count, 40.0))
     squared = ((fits.vector - truth) ** 2).mean(axis=0) / np.diagonal(claimed, axis1=1, axis2=2).mean(axis=0)
-    np.testing.assert_allclose(squared, 1.0, atol=3 * np.sqrt(2 / count))  # so many draws tell a variance to this
+    np.testing.assert_allclose(squared, 1.0, atol=3 * np.sqrt(2 / count))  # the accuracy of a variance from the draws
 
 
-def test_a_size_that_lags_is_put_right_however_the_board_shifts(hero6):
-    """Seen from above, the board comes nearer by 0.05 px rms a frame and shifts by 0.5: its size is 0.6 lags late."""
+def test_a_size_that_lags_is_corrected_whatever_the_boards_displacement(hero6):
+    """Seen from above, the board approaches by 0.05 px rms a frame and shifts by 0.5: its size lags by 0.6."""
     above = Camera(hero6, camera_looking_at((0.0251, 0, 0), 0.212, 0.0, np.radians(25)))
     eye_m = above.world_from_camera[(0, 2), 3]
     sight = (eye_m - (0.02, 0.0)) / np.linalg.norm(eye_m - (0.02, 0.0))
@@ -134,13 +134,13 @@ def test_a_size_that_lags_is_put_right_however_the_board_shifts(hero6):
     found, _ = without_lag(fits, plane.slopes(slopes, points, fits.vector), rate, key, 0.02, eye_m)
     behind = (truth - fits.vector)[:, :2] @ sight
     assert np.all(behind > 20e-6)
-    # shifted, the board is also seen from another side: not all its change of shape is a change of size
+    # a shifted board is also seen from another angle: its change of shape is not only a change of size
     assert np.all(np.abs((truth - found)[:, :2] @ sight) < 0.15 * behind)
 
 
 def swaying(setup, seen_by_opencv, share):
-    """Corners of a board that sways slowly along the line of sight; of B pictures, two in three, a share of the corners
-    is where the pictures around have them in the mean. Fits, slopes, chords, truth, and which are B pictures."""
+    """Corners of a board that oscillates slowly along the line of sight; in B pictures, two in three, a share of the
+    corners is the mean of the neighbouring pictures. Fits, slopes, chords, truth, and which are B pictures."""
     rng, k = np.random.default_rng(4), np.arange(90)
     truth = np.column_stack((0.02 + 3e-4 * np.sin(0.5 * k), np.zeros(90), np.full(90, 1.55)))
     pixels = np.array([seen_by_opencv(setup, *pose) for pose in truth]) + rng.normal(0, 0.03, (90, 49, 2))
@@ -158,7 +158,7 @@ def swaying(setup, seen_by_opencv, share):
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
-def test_a_b_picture_that_is_the_mean_of_its_neighbours_claims_no_more_than_it_knows(setup, seen_by_opencv, share):
+def test_the_sigma_of_a_b_picture_that_is_the_mean_of_its_neighbours_is_not_too_small(setup, seen_by_opencv, share):
     fits, by_pose, chord_px, truth, between = swaying(setup, seen_by_opencv, share)
     toward, chord = off_chord(fits, by_pose, chord_px, np.ones(90, bool))
     B = np.flatnonzero(between[6:-6]) + 6
@@ -167,12 +167,12 @@ def test_a_b_picture_that_is_the_mean_of_its_neighbours_claims_no_more_than_it_k
     before = np.abs(fits.vector - truth)[B, 0]
     after = np.abs(fits.vector + toward - truth)[B, 0]
     if share == 1.0:
-        assert (before / plain_sigma).max() > 6  # a turn cut short by 70 um, and no residual says so
+        assert (before / plain_sigma).max() > 6  # the turning point is cut short by 70 um, which no residual shows
     assert (after / sigma).max() < 4
     np.testing.assert_array_equal(toward[~between], 0.0)
 
 
-def test_a_fast_b_picture_is_left_as_it_is(setup, seen_by_opencv):
+def test_a_b_picture_in_fast_motion_is_not_corrected(setup, seen_by_opencv):
     fits, by_pose, chord_px, *_ = swaying(setup, seen_by_opencv, 0.0)
     toward, chord = off_chord(fits, by_pose, chord_px, np.zeros(90, bool))
     assert not toward.any()
@@ -185,8 +185,8 @@ def seen_from(camera, pose, points):
     return camera.lens.project(apply(to_camera, points))
 
 
-def test_a_snap_at_full_exposure_is_not_drawn_inwards(small, tmp_path):
-    """Open for T, the smear's middle lies a T^2 / 24 off: here, at up to 49 m/s^2, 24 um RMS if it were left so."""
+def test_the_amplitude_of_a_snap_is_not_reduced_by_a_full_exposure(small, tmp_path):
+    """For an exposure T the middle of the blur is off by a T^2 / 24: at up to 49 m/s^2, 24 um RMS if uncorrected."""
 
     def ringing(time_s):
         since = np.clip(np.asarray(time_s) - 0.05, 0, None)
@@ -195,6 +195,6 @@ def test_a_snap_at_full_exposure_is_not_drawn_inwards(small, tmp_path):
     paint_video(tmp_path / "v.mp4", small, ringing, 0.3, exposure_s=1 / 245, bitrate=20e6)
     found = track(tmp_path / "v.mp4", replace(small, line_s=0.0), Board())
     assert found.exposure_s == pytest.approx(1 / 245, rel=0.15)
-    assert found.trace.valid[1:].all()  # the first search may have to be made again
+    assert found.trace.valid[1:].all()  # the first search may have to be repeated
     miss = (found.trace.z_m - ringing(found.trace.time_s)[1])[found.trace.valid]
     assert np.sqrt(np.mean(miss**2)) < 12e-6  # the codec's lag: 0.03 px at 0.24 mm

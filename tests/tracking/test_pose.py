@@ -1,4 +1,4 @@
-"""A planted pose is found again from corners that OpenCV's own formula made, with a sigma that tells the truth."""
+"""A planted pose is recovered from corners made by OpenCV's own formula, and its sigma is the scatter of its errors."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ def plane(camera: Camera) -> Plane:
 
 
 @pytest.mark.parametrize("pose", [(0.0103, -0.0037, 1.87), (0.0221, 0.0003, 1.53), (0.016, 0.0, np.pi / 2)])
-def test_a_planted_tip_pose_is_found_again(setup, seen_by_opencv, pose):
+def test_a_planted_tip_pose_is_recovered(setup, seen_by_opencv, pose):
     found = plane(setup).fit(seen_by_opencv(setup, *pose), POINTS, START)
-    # no noise: what is left is the last Gauss-Newton step, below 1e-8, squared by its quadratic convergence
+    # no noise: the remainder is the square of the last Gauss-Newton step, which is below 1e-8
     np.testing.assert_allclose(found.vector, pose, atol=1e-9)
     assert found.rms_px < 1e-6
 
 
-def test_frames_without_a_start_go_on_from_the_last_that_was_fitted(setup, seen_by_opencv):
+def test_frames_without_a_start_continue_from_the_last_fitted_one(setup, seen_by_opencv):
     truth = np.array([(0.0221 - 0.001 * k, 0.0003 * k, 1.53 + 0.02 * k) for k in range(6)])
     rays, slopes = setup.lens.rays_with_slopes(np.concatenate([seen_by_opencv(setup, *pose) for pose in truth]))
     used = np.ones((6, 49), bool)
@@ -40,7 +40,7 @@ def test_frames_without_a_start_go_on_from_the_last_that_was_fitted(setup, seen_
     np.testing.assert_allclose(np.delete(found.vector, 2, axis=0), np.delete(truth, 2, axis=0), atol=1e-8)
 
 
-def test_sigma_is_the_spread_of_the_error_under_independent_noise(setup, seen_by_opencv):
+def test_sigma_is_the_standard_deviation_of_the_error_under_independent_noise(setup, seen_by_opencv):
     rng, pose = np.random.default_rng(4), np.array((0.015, -0.002, 1.7))
     exact, where = seen_by_opencv(setup, *pose), plane(setup)
     fits = [where.fit(exact + rng.normal(0, 0.1, exact.shape), POINTS, START) for _ in range(300)]
@@ -49,14 +49,14 @@ def test_sigma_is_the_spread_of_the_error_under_independent_noise(setup, seen_by
     np.testing.assert_allclose((z**2).mean(axis=0), 1, atol=0.3)
 
 
-def test_six_wild_corners_do_not_move_the_pose(setup, seen_by_opencv):
+def test_six_outlying_corners_do_not_move_the_pose(setup, seen_by_opencv):
     rng, pose = np.random.default_rng(5), (0.015, -0.002, 1.7)
     pixels = seen_by_opencv(setup, *pose) + rng.normal(0, 0.05, (49, 2))
     wild = rng.choice(49, 6, replace=False)
     pixels[wild] += rng.choice((-1, 1), (6, 2)) * rng.uniform(3, 9, (6, 2))
     found = plane(setup).fit(pixels, POINTS, START)
     assert not found.used[wild].any()
-    # 5 sigma of what 43 good corners allow
+    # 5 sigma of a pose from 43 good corners
     assert np.all(np.abs(found.vector - pose) < 5 * np.sqrt(np.diag(found.covariance)))
 
 
@@ -67,7 +67,7 @@ def test_corners_that_are_no_board_give_no_pose_or_a_large_residual(setup):
 
 
 @pytest.mark.parametrize("azimuth_deg", [0.0, 1e-3, 25.0])
-def test_a_frontal_noise_free_board_is_no_trap(hero6, seen_by_opencv, azimuth_deg):
+def test_a_frontal_noise_free_board_is_fitted_correctly(hero6, seen_by_opencv, azimuth_deg):
     """SOLVEPNP_IPPE alone returns NaN or a wrong pose here while reporting success."""
     camera = Camera(hero6, camera_looking_at((0.0251, 0, 0), 0.212, np.radians(azimuth_deg), 0.0))
     found, rms_px = free_pose(hero6, Board().corner_points_m(), seen_by_opencv(camera, 0.0163, 0, np.pi / 2))

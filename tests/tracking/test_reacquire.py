@@ -1,4 +1,4 @@
-"""A board that was lost is taken up again within ten frames, once 60 % of it can be seen sharply."""
+"""A board that was lost is reacquired within ten frames, once 60 % of it is in view and sharp."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.painting.film import RATE, encode, film
 from tests.painting.motions import snaps
 from tests.painting.scene import Camera, Scene
 
-HIDDEN = range(40, 49)  # frames in which nothing of it is seen, while it goes on moving
+HIDDEN = range(40, 49)  # frames in which it is hidden entirely, while it keeps moving
 SOON = 10
 #: What stays covered, in halves of the board: a hand from one side, from a corner, a finger across its middle.
 COVERS = {
@@ -43,7 +43,7 @@ def covered(scene: Scene, picture: np.ndarray, index: int, low, high) -> np.ndar
 
 
 @pytest.mark.parametrize("cover", COVERS)
-def test_a_board_that_stays_covered_to_40_percent_is_taken_up_again_soon(moving, tmp_path, cover):
+def test_a_board_that_stays_40_percent_covered_is_reacquired_within_ten_frames(moving, tmp_path, cover):
     scene, pictures = moving
     hidden = [covered(scene, pictures[k], k, (-1.5, -1.5), (1.5, 1.5)) for k in HIDDEN]
     later = [covered(scene, pictures[k], k, *COVERS[cover]) for k in range(HIDDEN.stop, len(pictures))]

@@ -1,4 +1,4 @@
-"""Work that is interrupted goes on where it stopped and ends as if it had never been; copies and losses are told."""
+"""Interrupted tracking continues where it stopped and gives the same result; copies and losses are reported."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def stop_after(count):
 
 
 @pytest.mark.parametrize("stops", [(1,), (20,), (26, 27, 45)])
-def test_an_interrupted_track_goes_on_and_ends_the_same(small_clip, tmp_path, stops):
+def test_an_interrupted_track_continues_and_gives_the_same_result(small_clip, tmp_path, stops):
     camera, record = Camera(small_clip.camera.lens), tmp_path / "record"
     for stop in stops:
         with pytest.raises(KeyboardInterrupt):
@@ -43,12 +43,12 @@ def test_an_interrupted_track_goes_on_and_ends_the_same(small_clip, tmp_path, st
     assert not list(tmp_path.iterdir())
     whole = track(small_clip.path, camera, Board(), rest_pose=REST)
     np.testing.assert_array_equal(again.trace.valid, whole.trace.valid)
-    # corners that were put on disk came back as float32: a ten-thousandth of a pixel, 0.1 um
+    # corners are stored as float32: a ten-thousandth of a pixel, 0.1 um
     np.testing.assert_allclose(again.trace.x_m, whole.trace.x_m, atol=3e-7)
     assert str(again.decode) == str(whole.decode)
 
 
-def test_a_record_of_another_camera_is_not_gone_on_with(small_clip, tmp_path):
+def test_a_record_of_another_camera_is_not_continued(small_clip, tmp_path):
     record = tmp_path / "record"
     with pytest.raises(KeyboardInterrupt):
         track(small_clip.path, small_clip.camera, Board(), record=record, progress=stop_after(10))
@@ -58,7 +58,7 @@ def test_a_record_of_another_camera_is_not_gone_on_with(small_clip, tmp_path):
     assert seen[0] == 1
 
 
-def test_a_killed_track_leaves_a_record_that_can_be_used(small_clip, tmp_path):
+def test_a_killed_track_leaves_a_record_that_can_be_continued(small_clip, tmp_path):
     record = tmp_path / "record"
     with pytest.raises(KeyboardInterrupt):
         track(small_clip.path, small_clip.camera, Board(), record=record, progress=stop_after(30))
@@ -70,8 +70,8 @@ def test_a_killed_track_leaves_a_record_that_can_be_used(small_clip, tmp_path):
     assert found.trace.valid.all()
 
 
-def test_a_repeated_picture_is_no_frame(small_clip, tmp_path):
-    """Some cameras fill a gap with a copy: its time is wrong, and a board that moves would seem to halt."""
+def test_a_repeated_picture_is_not_counted_as_a_frame(small_clip, tmp_path):
+    """Some cameras fill a gap with a copy: its time is wrong, and a moving board would appear to stop."""
     with VideoReader(small_clip.path) as old, VideoWriter(tmp_path / "v.mp4", 640, 480, bitrate=15e6) as new:
         last = None
         for frame in old.frames():
@@ -83,7 +83,7 @@ def test_a_repeated_picture_is_no_frame(small_clip, tmp_path):
     assert np.all(rms(errors(found, small_clip.motion)[0]) < (40, 20, 2))
 
 
-def test_a_still_scene_is_no_row_of_copies(small, tmp_path):
+def test_frames_of_a_still_scene_are_not_taken_for_copies(small, tmp_path):
     paint_video(tmp_path / "v.mp4", small, lambda t: tuple(np.full(t.shape, v) for v in REST), 0.1, bitrate=2e6)
     assert track(tmp_path / "v.mp4", small, Board()).trace.valid.all()
 
@@ -98,10 +98,10 @@ def test_damage_in_the_middle_is_counted_and_bridged(small_clip, tmp_path):
     assert found.decode.corrupt > 0
     assert found.trace.valid.sum() > 0.3 * len(small_clip.time_s)
     error = np.abs(errors(found, small_clip.motion)[0])
-    assert (error.max(axis=1) < (600, 600, 60)).all()  # a smeared picture may be off, but is no other board
+    assert (error.max(axis=1) < (600, 600, 60)).all()  # a blurred picture may be off, but not by a whole square
 
 
-def test_one_frame_is_enough_when_the_place_is_known(small_clip, tmp_path):
+def test_one_frame_is_enough_when_the_cameras_pose_is_known(small_clip, tmp_path):
     with VideoReader(small_clip.path) as old, VideoWriter(tmp_path / "v.mp4", 640, 480, bitrate=15e6) as new:
         new.write(next(old.frames()).luma)
     found = track(tmp_path / "v.mp4", small_clip.camera, Board())
@@ -109,7 +109,7 @@ def test_one_frame_is_enough_when_the_place_is_known(small_clip, tmp_path):
 
 
 def test_memory_does_not_grow_with_the_video(small_clip, tmp_path):
-    """Five times the frames, in a process of its own: the trace itself is 0.1 kB a frame, pictures would be 300 kB."""
+    """Five times the frames, in a separate process: the trace itself is 0.1 kB a frame, pictures would be 300 kB."""
     with VideoReader(small_clip.path) as old:
         lumas = [frame.luma.copy() for frame in old.frames()]
     peaks = []

@@ -1,4 +1,4 @@
-"""The painter paints what it is told, where an independent formula says it must appear, with the noise asked for."""
+"""The painter paints the scene where an independent formula puts it, with the specified noise."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def lumas(path):
         return np.array([frame.luma.copy() for frame in video.frames()])
 
 
-def test_the_painter_knows_nothing_of_the_tracker():
+def test_the_painter_imports_nothing_of_the_tracker():
     folder = Path(straw.tracking.synthetic.__file__).parent
     for name in ("synthetic.py", "brush.py"):
         tree = ast.parse((folder / name).read_text(encoding="utf-8"))
@@ -52,23 +52,23 @@ def test_each_painted_square_is_where_opencv_projects_it(small, seen_by_opencv, 
     middles = (corners[:-1, :-1] + corners[1:, 1:]) / 2
     column, row = np.rint(middles).astype(int).transpose(2, 0, 1)
     i, j = np.indices((6, 6))
-    dark = (i + j) % 2 == 0  # the square at -x-y is dark, and so is its neighbour inwards along the diagonal
+    dark = (i + j) % 2 == 0  # the square at -x-y is dark, and so is the next one inwards along the diagonal
     grey = picture[row, column]
     assert grey[dark].max() < 80
     assert grey[~dark].min() > 140
-    # and each corner is where the four squares meet: mean of 2 x 2 px around it is half-way between dark and light
+    # and each corner is where four squares meet: the mean of 2 x 2 px around it is half-way between dark and light
     for u, v in corners.reshape(-1, 2):
         assert 90 < picture[int(v) : int(v) + 2, int(u) : int(u) + 2].mean() < 165
 
 
-def test_the_noise_is_as_strong_as_asked(small, tmp_path):
+def test_the_noise_has_the_specified_strength(small, tmp_path):
     paint_video(tmp_path / "p.mp4", small, still((0.016, 0, 1.6)), 0.04, noise_sigma=4.0, bitrate=400e6)
     spread = lumas(tmp_path / "p.mp4").std(axis=0)[:60, :60]
-    # H.264 takes some of the noise away even at this rate; of 10 frames the mean deviation is 0.92 sigma
+    # H.264 removes some of the noise even at this rate; over 10 frames the mean deviation is 0.92 sigma
     assert 2.5 < spread.mean() < 4.5
 
 
-def test_motion_is_smeared_over_the_exposure(small, tmp_path):
+def test_motion_is_blurred_over_the_exposure(small, tmp_path):
     def falling(time_s):
         return np.full(time_s.shape, 0.016), -1.5 * (time_s - 0.008), np.full(time_s.shape, np.pi / 2)
 
@@ -81,7 +81,7 @@ def test_motion_is_smeared_over_the_exposure(small, tmp_path):
     assert sharpness(1 / 480) < 0.5 * sharpness(1 / 50_000)
 
 
-def test_a_camera_looking_at_the_board_has_it_in_its_centre_and_stands_upright():
+def test_a_camera_looking_at_the_board_has_it_in_the_centre_and_upright():
     pose = camera_looking_at((0.025, 0.0, 0.0), 0.212, np.radians(25), np.radians(10))
     target = np.linalg.inv(pose) @ (0.025, 0, 0, 1)
     np.testing.assert_allclose(target, (0, 0, 0.212, 1), atol=1e-12)

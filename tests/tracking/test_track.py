@@ -1,4 +1,4 @@
-"""From a painted video back to the truth it was painted from; covered, missing and wrong boards are never guessed."""
+"""The truth of a painted video is recovered by tracking; covered, missing and wrong boards are never guessed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from straw.tracking.task import Track
 from straw.tracking.track import track
 from straw.tracking.video import VideoReader
 
-REST = (0.0221, 0.0, 1.53)  # as the painted clips begin
+REST = (0.0221, 0.0, 1.53)  # as at the start of the painted clips
 SI = np.array((1e6, 1e6, 1e3))  # to um, um, mrad
 
 
@@ -45,33 +45,34 @@ def rms(values: np.ndarray) -> np.ndarray:
 
 def test_a_snap_is_tracked_from_a_rest_pose_alone(clip):
     found = track(clip.path, Camera(clip.camera.lens), Board(), rest_pose=clip.rest, start_s=100.0)
-    assert found.trace.time_s == pytest.approx(100 + clip.time_s, abs=3e-4)  # less the board's row times 0 +- 0.5 us
+    # minus the board's row, for a row time of 0 +- 0.5 us
+    assert found.trace.time_s == pytest.approx(100 + clip.time_s, abs=3e-4)
     assert found.trace.valid.all()
     assert not found.invalid
     assert found.rest_frames == pytest.approx(24, abs=1)  # 0.1 s of stillness
     # 0.02 px of corner error, 10 independent ones, 0.24 mm/px: 1.5 um across the view, 4 um along it (25 degrees);
-    # sheared by sin 25 over 10 mm: 0.4 mrad. Three times that leaves room for the codec.
+    # sheared by sin 25 over 10 mm: 0.4 mrad. Three times that allows for the codec.
     error, ratio = errors(replace(found, trace=replace(found.trace, time_s=clip.time_s)), clip.motion)
     assert np.all(rms(error) < (15, 10, 1.0)), rms(error)
     moving = clip.time_s > 0.1
-    # A sigma is honest when errors measured in it are about one: within a factor of two either way while moving.
+    # Sigmas are right if errors in units of them are about one: within a factor of two either way while moving.
     assert np.all((rms(ratio[:, moving]) > 0.3) & (rms(ratio[:, moving]) < 2.5)), rms(ratio[:, moving])
     np.testing.assert_allclose(found.camera.world_from_camera, clip.camera.world_from_camera, atol=3e-3)
     assert found.rms_px.max() < 0.1
 
 
-def test_a_board_glued_askew_is_tracked_all_the_same(small, tmp_path):
+def test_a_board_glued_askew_is_tracked_correctly(small, tmp_path):
     askew = replace(small, board_turn_rad=(np.radians(2.0), np.radians(-1.0)))
     paint_video(tmp_path / "v.mp4", askew, snap, 0.3, bitrate=15e6)
     found = track(tmp_path / "v.mp4", Camera(small.lens), Board(), rest_pose=REST)
     assert np.all(rms(errors(found, snap)[0]) < (40, 20, 2)), rms(errors(found, snap)[0])
-    # 7 mm of motion and 0.02 px of shared error: some milliradians, and it must know that
+    # 7 mm of motion and 0.02 px of common error: some milliradians, which its sigma must include
     miss = np.abs(np.array(found.camera.board_turn_rad) - askew.board_turn_rad)
     assert np.all(miss < (5e-3, 5e-3))
     assert np.all(miss < 5 * np.array(found.turn_sigma_rad))
 
 
-def test_a_snap_is_tracked_with_the_cameras_place_given(clip):
+def test_a_snap_is_tracked_with_the_cameras_pose_given(clip):
     calls = []
     found = track(clip.path, clip.camera, Board(), progress=lambda done, of: calls.append((done, of)))
     error, _ = errors(found, clip.motion)
@@ -91,7 +92,7 @@ def altered(source, target, change):
 
 
 @pytest.mark.parametrize("grey", [0, 120, 255])
-def test_a_covered_board_is_invalid_and_taken_up_again(small_clip, tmp_path, grey):
+def test_a_covered_board_is_invalid_and_reacquired_afterwards(small_clip, tmp_path, grey):
     def cover(index, luma):
         if 30 <= index < 36:
             luma[100:380, 180:460] = grey
@@ -107,7 +108,7 @@ def test_a_covered_board_is_invalid_and_taken_up_again(small_clip, tmp_path, gre
     assert np.all(rms(errors(found, small_clip.motion)[0]) < (40, 20, 2))
 
 
-def test_a_short_flash_costs_only_its_own_frames(small_clip, tmp_path):
+def test_a_short_flash_invalidates_only_its_own_frames(small_clip, tmp_path):
     def flash(index, luma):
         return np.full_like(luma, 255) if index in (20, 21) else luma
 
@@ -115,11 +116,11 @@ def test_a_short_flash_costs_only_its_own_frames(small_clip, tmp_path):
     assert np.flatnonzero(~found.trace.valid).tolist() == [20, 21]
 
 
-def test_a_finger_over_a_few_corners_costs_nothing(small_clip, tmp_path, seen_by_opencv):
+def test_a_finger_over_a_few_corners_invalidates_no_frame(small_clip, tmp_path, seen_by_opencv):
     x, y = seen_by_opencv(small_clip.camera, *small_clip.rest)[0].astype(int)
 
     def finger(index, luma):
-        if index >= 5:  # the detector that starts the track wants the whole board, the follower does not
+        if index >= 5:  # the detector that starts the track needs the whole board, the follower does not
             luma[y - 25 : y + 28, x - 25 : x + 28] = 90
         return luma
 
@@ -140,8 +141,8 @@ def test_lost_frames_leave_a_gap_and_the_board_is_followed_across_it(small_clip,
     assert np.all(rms(errors(found, small_clip.motion)[0]) < (40, 20, 2))
 
 
-def test_a_search_that_skips_rows_of_the_board_is_made_again_at_once(small_clip, monkeypatch):
-    """As OpenCV's does in some states of the process, on a picture in which it finds the board in all others."""
+def test_a_search_that_skips_rows_of_the_board_is_repeated_at_once(small_clip, monkeypatch):
+    """OpenCV's search does so in some states of the process, on a picture whose board it finds in all others."""
     searched = []
 
     def skipping(picture):
@@ -156,8 +157,8 @@ def test_a_search_that_skips_rows_of_the_board_is_made_again_at_once(small_clip,
     assert len(searched) == 2
 
 
-def test_a_prediction_one_square_off_is_refused_or_put_right(small_clip):
-    """The pattern repeats: a slipped grid fits almost as well, and must not pass for the board."""
+def test_a_prediction_one_square_off_is_refused_or_corrected(small_clip):
+    """The pattern is periodic: a grid slipped by a square fits almost as well, and must not be accepted."""
     with VideoReader(small_clip.path) as video:
         first = next(video.frames()).luma.copy()
     for squares in ((0, 1), (1, 1), (-1, 1), (2, 0), (1, 2), (0, -2), (4, 4)):
@@ -165,12 +166,15 @@ def test_a_prediction_one_square_off_is_refused_or_put_right(small_clip):
         true = follower.look(first, 0.0)
         assert isinstance(true, Sighting)
         before = moved_by(true.homography, -np.array(squares, float))
-        follower.recent = [(-0.004, replace(true, homography=before)), (0.0, true)]  # so it flies on by as much
+        follower.recent = [
+            (-0.004, replace(true, homography=before)),
+            (0.0, true),
+        ]  # so the prediction keeps moving at this rate
         seen = follower.look(first, 0.004)
         assert isinstance(seen, str) or np.abs(seen.grid - true.grid).max() < 0.1  # px; a slip: 20
 
 
-def test_an_upside_down_camera_needs_one_word(small, tmp_path):
+def test_an_upside_down_camera_needs_only_board_x_in_image(small, tmp_path):
     """The board looks the same turned by 180 degrees: only ``board_x_in_image`` tells up from down."""
 
     def rising(time_s):
@@ -194,14 +198,14 @@ def test_a_video_without_a_board_is_refused_in_one_line(small, tmp_path):
     assert "\n" not in str(caught.value)
 
 
-def test_a_smaller_board_does_not_pass_for_a_part_of_a_larger_one(small_clip):
+def test_a_smaller_board_is_not_accepted_as_part_of_a_larger_one(small_clip):
     with pytest.raises(TrackingError, match="only 8x8 squares are ever visible"):
         track(small_clip.path, Camera(small_clip.camera.lens), Board(squares=10), rest_pose=REST)
     with pytest.raises(TrackingError, match="no board of 6x6"):
         track(small_clip.path, Camera(small_clip.camera.lens), Board(squares=6), rest_pose=REST)
 
 
-def test_a_side_that_is_always_covered_is_said_and_costs_nothing_else(small_clip, tmp_path, seen_by_opencv):
+def test_a_side_that_is_always_covered_is_reported_and_invalidates_no_frame(small_clip, tmp_path, seen_by_opencv):
     left = int(seen_by_opencv(small_clip.camera, *small_clip.rest)[:, 0].min()) - 40
 
     def curtain(index, luma):
@@ -218,14 +222,14 @@ def test_a_lens_for_another_picture_size_is_refused(small_clip, clip):
         track(small_clip.path, clip.camera, Board())
 
 
-def test_without_a_place_or_a_rest_pose_there_is_nothing_to_measure_from(small_clip):
+def test_without_a_camera_pose_or_a_rest_pose_tracking_is_refused(small_clip):
     with pytest.raises(TrackingError, match="rest pose"):
         track(small_clip.path, Camera(small_clip.camera.lens), Board())
     with pytest.raises(TrackingError, match="finite"):
         track(small_clip.path, small_clip.camera, Board(), rest_pose=(0.02, float("nan"), 1.5))
 
 
-def test_a_board_that_never_rests_cannot_place_the_camera(small, tmp_path):
+def test_a_board_that_is_never_at_rest_cannot_determine_the_cameras_pose(small, tmp_path):
     def moving(time_s):
         return 0.02 - 0.1 * time_s, 0.2 * time_s, 1.55 + 0 * time_s
 
@@ -234,7 +238,7 @@ def test_a_board_that_never_rests_cannot_place_the_camera(small, tmp_path):
         track(tmp_path / "v.mp4", Camera(small.lens), Board(), rest_pose=(0.02, 0, 1.55))
 
 
-def test_the_words_of_this_room_are_light_to_import():
+def test_importing_the_tracking_types_loads_no_heavy_library():
     heavy = (
         "import sys, straw.tracking.trace, straw.tracking.errors; "
         "print([m for m in ('cv2', 'av', 'numba') if m in sys.modules])"

@@ -1,4 +1,4 @@
-"""A clip's sigmas come from its own corners: poses err by what is claimed, however corners err."""
+"""A clip's sigmas are estimated from its own corners: they are the scatter of the poses, however corners err."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ COUNT = 300
 
 
 def clip(setup, seen_by_opencv, errors, kind):
-    """Fits to corners that err by ``errors`` (f, 49, 2), px, along u and v; the board's edges lie along them."""
+    """Fits to corners with ``errors`` (f, 49, 2), px, along u and v; the board's edges lie along u and v."""
     truth = np.tile(REST, (len(errors), 1))
     pixels = seen_by_opencv(setup, *REST) + errors
     rays, slopes = setup.lens.rays_with_slopes(pixels.reshape(-1, 2))
@@ -29,7 +29,7 @@ def clip(setup, seen_by_opencv, errors, kind):
 
 
 def drawn(rng, parts_px, count=COUNT):
-    """Errors (f, 49, 2) along u and v of which the patterns have these sizes: white, along edges, across edges."""
+    """Errors (f, 49, 2) along u and v with patterns of these sizes: white, along edges, across edges."""
     i, j = (index.ravel() / 6 for index in np.indices(SHAPE))
     near_i, near_j = (np.exp(-np.abs(a[:, None] - a)) for a in (i, j))
     white, edge, line = np.square(parts_px)
@@ -41,19 +41,19 @@ def drawn(rng, parts_px, count=COUNT):
 
 
 @pytest.mark.parametrize("parts_px", [(0.02, 0.0, 0.0), (0.01, 0.02, 0.0), (0.01, 0.005, 0.02)])
-def test_poses_err_by_what_is_claimed_however_the_corners_err_together(setup, seen_by_opencv, parts_px):
+def test_sigmas_are_right_however_the_corners_errors_are_correlated(setup, seen_by_opencv, parts_px):
     kind = np.full(COUNT, FAST)
     fits, seen, error = clip(setup, seen_by_opencv, drawn(np.random.default_rng(3), parts_px), kind)
     claimed = np.diagonal(learnt(SHAPE, seen).of_corners(seen, seen.answer()), axis1=1, axis2=2)
-    # 300 draws tell a variance to 8 %; what is smooth over the board is told by what little of it no pose explains
+    # 300 draws determine a variance to 8 %; errors smooth over the board are known by the little that no pose explains
     np.testing.assert_allclose((error**2).mean(axis=0) / claimed.mean(axis=0), 1.0, atol=0.3)
     alone = np.diagonal(fits.covariance, axis1=1, axis2=2)
-    if parts_px[2] > 0.01:  # residuals as if every corner erred for itself
+    if parts_px[2] > 0.01:  # residuals as if the corners erred independently
         assert np.all((error**2).mean(axis=0) > 3 * alone.mean(axis=0)[[0, 1, 2]])
 
 
-def test_poses_err_as_is_claimed_where_the_codec_distorts_what_looks_like_a_motion(setup, seen_by_opencv):
-    """White errors of keyframes and of slow frames, which besides are a motion of the board by chance and a shift."""
+def test_sigmas_are_right_where_the_codecs_distortion_looks_like_a_motion(setup, seen_by_opencv):
+    """White errors of keyframes and of slow frames; the latter also have a random apparent motion and a shift."""
     rng, kind = np.random.default_rng(5), np.array((FRESH, *[SLOW] * 9) * (COUNT // 10))
     slow, lag_px = (kind == SLOW)[:, None, None], 0.02
     errors = rng.normal(0, 0.006, (COUNT, 49, 2)) + slow * rng.normal(0, 0.008, (COUNT, 49, 2))
@@ -67,21 +67,21 @@ def test_poses_err_as_is_claimed_where_the_codec_distorts_what_looks_like_a_moti
     for which in (SLOW, FRESH):
         square = (error[kind == which] ** 2).mean(axis=0) / claimed[kind == which].mean(axis=0)
         few = np.count_nonzero(kind == which)
-        # so many draws tell a variance to this; the largest residual of three frames and the bound by the lag change
-        # it by a tenth, one up, the other down
+        # the accuracy of a variance from this many draws; the largest residual of three frames raises it by a tenth,
+        # the bound by the lag lowers it by a tenth
         np.testing.assert_allclose(square, 1.0, atol=3 * np.sqrt(2 / few))
 
 
-def test_a_frame_that_leaves_more_than_its_kind_is_known_less_well(setup, seen_by_opencv):
+def test_a_frame_with_a_larger_residual_than_its_kind_has_larger_sigmas(setup, seen_by_opencv):
     errors = drawn(np.random.default_rng(7), (0.01, 0.0, 0.0))
     errors[100] *= 5
     _, seen, _ = clip(setup, seen_by_opencv, errors, np.full(COUNT, FAST))
     scatter = learnt(SHAPE, seen)
     sigma = np.sqrt(scatter.covariance(seen)[:, 1, 1])
-    assert sigma[100] == pytest.approx(5 * np.median(sigma), rel=0.35)  # 95 numbers: 7 %, their median 5 %
+    assert sigma[100] == pytest.approx(5 * np.median(sigma), rel=0.35)  # 95 degrees of freedom: 7 %, their median 5 %
 
 
-def test_a_picture_that_is_merely_copied_is_as_uncertain_as_those_beside_it(setup, seen_by_opencv):
+def test_a_copied_picture_is_as_uncertain_as_its_neighbours(setup, seen_by_opencv):
     errors = drawn(np.random.default_rng(9), (0.01, 0.0, 0.0))
     errors[100] *= 0.1
     _, seen, _ = clip(setup, seen_by_opencv, errors, np.full(COUNT, SLOW))
@@ -89,7 +89,7 @@ def test_a_picture_that_is_merely_copied_is_as_uncertain_as_those_beside_it(setu
     assert sigma[100] > 0.8 * np.median(sigma)
 
 
-def test_kinds_of_frames():
+def test_frames_are_classified_by_kind():
     speed = np.array((0.1, 0.6, 0.1, np.nan))
     np.testing.assert_array_equal(kinds(np.array((False, False, True, False)), speed), (SLOW, FAST, FRESH, SLOW))
 
@@ -103,8 +103,8 @@ def test_sums_over_pairs_of_corners_are_those_of_their_matrix():
 
 
 @pytest.mark.parametrize("share", [1.0, 0.1])
-def test_at_rest_corners_err_in_proportion_to_what_the_mean_picture_leaves(share):
-    """Of 18 numbers with a variance of ``share`` that of one slow picture, 15 are left by a fit of three."""
+def test_errors_of_corners_at_rest_are_in_proportion_to_the_mean_pictures_residual(share):
+    """18 numbers with ``share`` of the variance of one slow picture; a fit of three leaves 15 degrees of freedom."""
     scatter = Scatter((3, 3), np.tile((1.0, 0.0, 0.0), (3, 1)))
     slopes = np.random.default_rng(0).normal(size=(1, 3, 3, 2, 3))
     left = np.full((1, 3, 3, 2), np.sqrt(share * 15 / 18))

@@ -14,7 +14,7 @@ from straw.tracking.video import VideoReader, ahead
 
 
 def pictures(count: int, width: int = 320, height: int = 240) -> list[np.ndarray]:
-    """Smooth pictures that differ: a bright bar that walks, so that order can be read back."""
+    """Smooth pictures that differ: a bright bar that moves, from which their order can be read."""
     x = np.arange(width)
     return [np.tile((40 + 160 * (abs(x - 10 - 5 * k) < 8)).astype(np.uint8), (height, 1)) for k in range(count)]
 
@@ -38,7 +38,7 @@ def test_what_is_written_is_read_back_in_order_at_exact_times(tmp_path):
     assert [index for index, _, _ in frames] == list(range(40))
     np.testing.assert_allclose([time for _, time, _ in frames], np.arange(40) * 1001 / 240000, rtol=1e-15)
     for (_, _, luma), truth in zip(frames, pictures(40), strict=True):
-        assert np.abs(luma.astype(int) - truth).mean() < 3  # grey levels: what 2 Mbit/s leaves of a clean bar
+        assert np.abs(luma.astype(int) - truth).mean() < 3  # grey levels: the coding error of a clean bar at 2 Mbit/s
 
 
 @pytest.mark.parametrize("rate", [Fraction(60), Fraction(30000, 1001)])
@@ -64,10 +64,10 @@ def test_a_damaged_stretch_is_counted_and_the_rest_is_read(tmp_path):
     assert report.corrupt > 0
     assert report.expected == 120
     assert len(frames) == report.decoded < 120
-    assert frames[-1][1] == pytest.approx(119 * 1001 / 240000)  # it did not take the damage for the end
+    assert frames[-1][1] == pytest.approx(119 * 1001 / 240000)  # the damage was not taken for the end
 
 
-def test_a_garbled_label_in_the_file_does_no_harm(tmp_path):
+def test_a_corrupted_label_in_the_file_does_no_harm(tmp_path):
     path = written(tmp_path / "v.mp4", 5)
     path.write_bytes(path.read_bytes().replace(b"VideoHandler", b"Video\xffandler"))
     assert read(path)[1].decoded == 5
@@ -112,7 +112,7 @@ def test_a_reader_can_stop_early(tmp_path):
         frames.close()
 
 
-def test_an_abandoned_video_leaves_nothing_behind(tmp_path):
+def test_an_abandoned_video_leaves_no_file(tmp_path):
     def abandon():
         with VideoWriter(tmp_path / "v.mp4", 320, 240) as video:
             video.write(pictures(1)[0])

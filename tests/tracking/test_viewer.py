@@ -1,4 +1,4 @@
-"""Views computed while decoding serve the solver: around rejected frames, and only there, they are computed again."""
+"""Views computed while decoding are reused by the solver: only around rejected frames are they recomputed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LUMA = np.zeros((2, 2), np.uint8)
 
 @pytest.fixture
 def record(tmp_path):
-    """A board that wanders over the picture; it is not seen in frame 70."""
+    """A board that moves over the picture; it is not detected in frame 70."""
     record, rng = Record(tmp_path / "record", {}, (4, 4)), np.random.default_rng(0)
     grid = 20.0 * np.stack(np.meshgrid(range(4), range(4), indexing="ij"), axis=-1) + 800.0
     for k in range(COUNT):
@@ -30,7 +30,7 @@ def record(tmp_path):
 
 
 @pytest.mark.parametrize("rejected", [(), (0,), (40, 44, 72), (COUNT - 1,)])
-def test_views_around_rejected_frames_are_those_of_all_frames_computed_anew(record, hero6, monkeypatch, rejected):
+def test_views_around_rejected_frames_equal_those_of_a_full_recomputation(record, hero6, monkeypatch, rejected):
     rows, believed, looked_at = record.rows(0, COUNT), np.ones(COUNT, bool), []
     believed[list(rejected)] = False
     whole, where = views_of(record, hero6, 0, rows, believed)
@@ -43,6 +43,6 @@ def test_views_around_rejected_frames_are_those_of_all_frames_computed_anew(reco
     found, at = viewer(record, hero6, believed, {0: views_of(record, hero6, 0, rows)})(0, rows)
     np.testing.assert_array_equal(at, where)
     for name in Views.__annotations__:
-        # the frame's period is the median of fewer steps, equal but for the last bits
+        # the frame's period is the median of fewer steps, equal except for the last bits
         np.testing.assert_allclose(getattr(found, name), getattr(whole, name), rtol=1e-9, atol=1e-9)
     assert sum(looked_at) <= len(rejected) * (2 * AROUND + 1)
