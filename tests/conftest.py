@@ -11,19 +11,19 @@ from pathlib import Path
 
 import pytest
 
-# Tests drive no real rig: it must not be found by `straw rig vent`, nor may a lab's own ports by the tests.
+# Tests drive no real rig: `straw rig vent` must not find their instruments, nor may tests find a lab's own ports.
 os.environ["STRAW_STATE_DIR"] = tempfile.mkdtemp(prefix="straw-state-")
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-    # A shell that starts the tests in the background has them ignore Ctrl-C, and so would every script they start.
+    # A shell that starts the tests in the background makes them ignore Ctrl-C, and so would every script they start.
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def turn(item: pytest.Item) -> int:
-    """The longest file first, which compiles the model; beside it what does not need it; then the demo, for which the
-    others would have to wait at the end."""
+    """The longest file first, which compiles the model; in parallel those that do not need it; then the demo, which
+    would otherwise run alone at the end."""
     turns = {"test_concealed.py": 0, "test_plant_and_twin.py": 2, "test_plugged.py": 2}
     turns |= {"test_readme.py": 3, "test_derivative.py": 4}
     rooms = {"rig": 1, "tracking": 1, "model": 2}
@@ -31,7 +31,7 @@ def turn(item: pytest.Item) -> int:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """By `turn`."""
+    """Sort the tests by `turn`."""
     items.sort(key=turn)
 
 
@@ -44,9 +44,9 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 @cache
 def compile_once() -> None:
-    """Compile the model, or wait for the worker that does: several would each compile all of it for minutes."""
+    """Compile the model, or wait for the worker that does: otherwise each would compile all of it for minutes."""
     if sys.platform == "win32":
-        return  # no such lock there
+        return  # no such lock on this system
     import fcntl
 
     from straw.model import warm_up

@@ -58,7 +58,7 @@ def drawn(seed: int, attempt: int, scatter: Scatter) -> Straw:
 
 @dataclass(frozen=True)
 class Made:
-    """One run before noise: the motion, the true pressure, and the instruments."""
+    """One run without noise: the motion, the true pressure, and the instruments."""
 
     plan: Plan
     straw: Straw
@@ -83,8 +83,8 @@ def make(
 
 @lru_cache(maxsize=512)
 def specimen(seed: int, scatter: Scatter = SCATTER) -> Straw:
-    """The straw of a seed, one that repeats: where a snap can end in either of two states (one straw in eight),
-    repeats of a run differ by centimetres, and a lab would take another."""
+    """A reproducible straw for a seed: where a snap can end in either of two states (one straw in eight), repeats of
+    a run differ by centimetres, and a lab would use another specimen."""
     for attempt in range(50):
         straw = drawn(seed, attempt, scatter)
         if scatter is NONE or max(_repeat_sigma(straw, seed, scatter).values()) < FORKED_SIGMA:
@@ -94,7 +94,7 @@ def specimen(seed: int, scatter: Scatter = SCATTER) -> Straw:
 
 def repeat_sigma(seed: int, scatter: Scatter = SCATTER) -> dict[str, float]:
     """Per run, how far the scatter from repeat to repeat moves the tip of the specimen with nothing concealed in it:
-    rms over time and x, z, phi, in sigmas of one frame. The floor under every effect."""
+    rms over time and x, z, phi, in sigmas of one frame. No smaller effect can be detected."""
     return _repeat_sigma(specimen(seed, scatter), seed, scatter)
 
 
@@ -145,7 +145,7 @@ def _make(
 
 
 def record(made: Made, seed: int, name: str) -> Run:
-    """The run as instruments and disk give it."""
+    """The run as the instruments record it."""
     plan = made.plan
     rng = np.random.default_rng([seed, 4, made.index])
     frame = np.arange(int(plan.seconds / FRAME_S))
@@ -195,8 +195,8 @@ def campaign(
 def effect_sigma(made: list[Made], plain: list[Made]) -> dict[str, float]:
     """Per run, how far the causes move what is seen: rms over time and x, z, phi, in sigmas of one frame.
 
-    ``plain`` are the same runs of the same seed without the causes. A cause in the gauge moves nothing by itself: what
-    counts is what the straw would have done under the pressure that the gauge said.
+    ``plain`` are the same runs of the same seed without the causes. A fault of the gauge moves nothing by itself: its
+    effect is how the straw would have moved under the pressure that the gauge reads.
     """
     found = {}
     for one, other in zip(made, plain, strict=True):
@@ -211,7 +211,7 @@ def effect_sigma(made: list[Made], plain: list[Made]) -> dict[str, float]:
 
 
 def write(run: Run, path: Path) -> Path:
-    """What a run holds of command, pressure and tip, as MCAP with JSON messages, as other loggers write them."""
+    """Write a run's command, pressure and tip as MCAP with JSON messages, as other loggers do."""
     from mcap.writer import Writer
 
     def rows():

@@ -16,14 +16,14 @@ from .campaign import Made, effect_sigma, make, record, repeat_sigma
 from .effects import INSTRUMENT, PHYSICS, REST, RESTS, UNKNOWN, Cause, Range
 from .plans import RUN_IDS
 
-#: ``strong`` holds single causes of the upper third of their ranges and beyond; ``rest`` a large cause, or one outside
-#: the library, beside a small smooth difference that nothing explains; ``two`` sixty pairs of any two causes;
-#: ``outside`` sixty of what no library holds.
+#: ``strong`` has single causes in the upper third of their ranges and beyond; ``rest`` a large cause, or one outside
+#: the library, beside a small smooth residual that no cause explains; ``two`` sixty pairs of any two causes;
+#: ``outside`` sixty causes that no library has.
 Split = Literal["develop", "final", "strong", "rest", "two", "outside"]
 STEPS = tuple(run for run in RUN_IDS if run.startswith(("deploy", "fold")))
 ONE_STEP = tuple(run for run in RUN_IDS if run.startswith("deploy-35"))
 QUIET = ("staircase", "pulses", "fold-20kPa-2-5")
-# Pairs that the given runs can hardly tell apart: the truth may be either of them.
+# Pairs that the given runs hardly distinguish: the truth may be either of them.
 HARD = (
     (("clock_offset", "line_lag"), STEPS),
     (("cohesion", "squeeze_film"), ONE_STEP),
@@ -53,13 +53,13 @@ class Case:
 
     @property
     def label(self) -> tuple[str, ...]:
-        """Names of the contract, sorted: () for complete, ("unknown",) for what no library holds."""
+        """Names of the contract, sorted: () for complete, ("unknown",) for a cause that no library has."""
         return tuple(sorted(cause.name for cause in self.truth if cause.name != REST))
 
 
 @dataclass(frozen=True)
 class Generated:
-    """A case's recordings, and per run how many sigmas its causes, and repeats alone, move what is seen."""
+    """A case's recordings, and per run the effect of its causes, and of the scatter of repeats alone, in sigmas."""
 
     case: Case
     runs: tuple[Run, ...]
@@ -68,7 +68,7 @@ class Generated:
 
 
 def recorded(made: list[Made], seed: int, name: str) -> tuple[Run, ...]:
-    """The runs as instruments and disk give them."""
+    """The runs as the instruments record them."""
     return tuple(record(one, seed, name) for one in made)
 
 
@@ -120,7 +120,7 @@ def deck(split: Split, seed: int) -> list[Case]:
 
 
 def _of_one_kind(split: Split, seed: int) -> list[Case]:
-    """Two cases of every cause; with a rest, also one of every form outside the library."""
+    """Two cases of every cause; with a ``rest``, also one of every form outside the library."""
     rng = np.random.default_rng([seed, 2 if split == "strong" else 3])
     known = [(name, sizes, "") for _ in range(2) for name, sizes in {**PHYSICS, **INSTRUMENT}.items()]
     outside = [("unknown", sizes, form) for form, sizes in UNKNOWN.items()] if split == "rest" else []
@@ -158,13 +158,13 @@ def labels(cases: list[Case]) -> list[dict[str, object]]:
 
 
 def seal(cases: list[Case]) -> str:
-    """SHA-256 of the labels as canonical JSON: published before the analysis, it binds them."""
+    """SHA-256 of the labels as canonical JSON, published before the analysis, so that they cannot be changed."""
     text = json.dumps(labels(cases), sort_keys=True, separators=(",", ":"), ensure_ascii=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def opened(cases: list[Case], sealed: str) -> list[dict[str, object]]:
-    """The labels, after a check that they are those that were sealed; ValueError when they are not."""
+    """The labels, checked against the seal; ValueError where they do not match it."""
     if seal(cases) != sealed:
         raise ValueError("the labels are not those that were sealed")
     return labels(cases)

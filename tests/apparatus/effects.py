@@ -17,17 +17,17 @@ MOVING = (1, 4, 6)  # cells that snap in the campaign's deployments
 
 @dataclass(frozen=True)
 class Cause:
-    """One concealed cause: its name in the contract (or ``unknown``), how strong, and which of its forms."""
+    """One concealed cause: its name in the contract (or ``unknown``), its size, and which of its forms."""
 
     name: str
     size: float
     form: str = ""
-    draw: int = 0  # seed of what else is free: which cell, which side
+    draw: int = 0  # seed of what else is random: which cell, which side
 
 
 @dataclass(frozen=True)
 class Range:
-    """Sizes from barely visible to strong, and how a size is put into straw and instruments."""
+    """Sizes from barely detectable to strong, and how a size is applied to straw and instruments."""
 
     weak: float
     strong: float
@@ -174,7 +174,7 @@ UNKNOWN: dict[str, Range] = {
 }  # fmt: skip
 CLOGS = "channel clogs from run to run"
 
-#: Beside any cause, by no name: what a model that is right in the main still leaves, in sigmas of a frame.
+#: Beside any cause, without a name of its own: the residual of a model that is mostly right, in sigmas of a frame.
 REST = "rest"
 
 
@@ -182,7 +182,7 @@ def _rest(rig: Rig, size: float, rng: np.random.Generator) -> Rig:
     return rig[0], replace(rig[1], rest_sigmas=size, rest_draw=int(rng.integers(2**31)))
 
 
-#: Causes that no deck draws: their labels belong to rows that are kept by seed, and one more would shift them all.
+#: Causes that no deck draws: labels are drawn by seed, and an additional cause would change those of all kept rows.
 BESIDE: dict[str, Range] = {
     "wall_elasticity": Range(0.2, 1.0, "1", {"finite elements": _laws(SHELL=lambda s: s)}),
 }
@@ -192,14 +192,14 @@ RESTS = Range(1.0, 5.0, "sigma", {"": _rest})
 
 
 def range_of(cause: Cause) -> Range:
-    """Where a cause's forms are; an unknown one is known by its form, a rest by its name."""
+    """The range that has a cause's forms; an unknown cause is found by its form, a rest by its name."""
     if cause.name == REST:
         return RESTS
     return UNKNOWN[cause.form] if cause.name == "unknown" else EVERY[cause.name]
 
 
 def conceal(rig: Rig, cause: Cause) -> Rig:
-    """Straw and instruments with the cause in them."""
+    """Straw and instruments with the cause applied."""
     forms = range_of(cause).forms
     apply = forms[""] if "" in forms else forms[cause.form]
     return apply(rig, cause.size, np.random.default_rng(cause.draw))

@@ -1,4 +1,4 @@
-"""Camera and gauge: a motion as they record it, with the faults that occur in a lab."""
+"""Camera and gauge: how they record a motion, with the faults that occur in a lab."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .straw import Motion
 FRAME_S, GAUGE_S = 1.0 / 240.0, 1.0 / 200.0
 SIGMA = np.array([25e-6, 25e-6, 1.5e-3])
 SIGMA_PA = 30.0
-REST_LENGTHS = np.array([10e-3, 10e-3, 0.3])  # m, m, rad: over which a rest changes
+REST_LENGTHS = np.array([10e-3, 10e-3, 0.3])  # m, m, rad: length scale of the smooth residual
 SLOW_SHARE, SLOW_FRAMES = 0.45, 15.0  # correlated share of the noise's variance, and its correlation time
 
 
@@ -48,7 +48,7 @@ class Instrument:
         return seen + self._rest(seen) if self.rest_sigmas else seen
 
     def _rest(self, seen: np.ndarray) -> np.ndarray:
-        """Two waves over the pose for each channel, of the rms that is stated where all phases occur."""
+        """Two waves over the pose for each channel; their rms is as stated if all phases occur."""
         rng = np.random.default_rng(self.rest_draw)
         waves = rng.normal(size=(3, 2, 3)) / REST_LENGTHS
         angle = np.einsum("nk,cwk->ncw", seen, waves) + rng.uniform(0, 2 * np.pi, size=(3, 2))
@@ -59,7 +59,7 @@ class Instrument:
         reading = np.clip(
             (1.0 + self.gauge_gain) * pressure_pa + self.gauge_offset_pa, self.gauge_floor_pa, self.gauge_ceiling_pa
         )
-        if self.gauge_play_pa:  # backlash: the needle follows only when it is pushed
+        if self.gauge_play_pa:  # backlash: the reading follows only when it is pushed
             out = reading[0]
             for i, value in enumerate(reading):
                 out = reading[i] = min(max(out, value - self.gauge_play_pa), value + self.gauge_play_pa)
@@ -76,7 +76,7 @@ def tracking_noise(frames: int, rng: np.random.Generator) -> np.ndarray:
 
 
 def kept_frames(frames: int, rng: np.random.Generator) -> np.ndarray:
-    """Which frames reach the disk: now and then one is dropped, rarely some in a row."""
+    """Which frames are recorded: occasionally one is dropped, rarely several in a row."""
     kept = rng.random(frames) > 0.002
     if rng.random() < 0.2:
         start = int(rng.integers(frames))

@@ -1,4 +1,4 @@
-"""TR-BDF2 (Bank et al. 1985) over momenta and coordinates: trapezium, then a backward difference, with one matrix."""
+"""TR-BDF2 (Bank et al. 1985) over momenta and coordinates: trapezoidal rule, then BDF2, with one matrix."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from . import layout as at
 from .physics import matrix, residual
 
 GAMMA = 2.0 - sqrt(2.0)
-PHI_SCALE = 50.0  # rad per m of zeta: either moves the tip of a straw of some cells as far
-ERROR = (3.0 * GAMMA**2 - 4.0 * GAMMA + 2.0) / (6.0 * (2.0 - GAMMA))  # of Bank's estimate, without its sign
+PHI_SCALE = 50.0  # rad per m of zeta with an equal effect on the tip of a straw of a few cells
+ERROR = (3.0 * GAMMA**2 - 4.0 * GAMMA + 2.0) / (6.0 * (2.0 - GAMMA))  # factor of Bank's error estimate, its magnitude
 RECORD = 12  # time, tip pose (3), its rates (3), pressure, kinetic energy, powers of pressure and damping, flow
 HALF = at.COORDINATES // 2
 
@@ -48,7 +48,7 @@ def solve(A, b):
 
 @njit(cache=True)
 def size(b):
-    """Largest change of a coordinate, angles as the way they move the tip (m)."""
+    """Largest change of a coordinate, angles as their displacement of the tip (m)."""
     largest = 0.0
     for i in range(at.COORDINATES):
         change = abs(b[i]) if i < HALF else abs(b[i]) / PHI_SCALE
@@ -70,7 +70,7 @@ def drive(t, p_start, p_step, p):
 
 @njit(cache=True)
 def rest(q, p0, P, F):
-    """Coordinates at rest under pressure ``p0`` (Pa), gravity turned on in steps; False when there is none near."""
+    """Coordinates at rest under pressure ``p0`` (Pa), gravity increased in steps; False if there is none nearby."""
     y, c, R = np.zeros(at.STATES), np.zeros(at.STATES), np.zeros(at.COORDINATES)
     body, angle, tip = np.zeros((at.CELLS, 21)), np.zeros((at.CELLS, 5)), np.zeros(9)
     A = np.zeros((at.COORDINATES, at.COORDINATES))
@@ -98,7 +98,7 @@ def rest(q, p0, P, F):
 
 @njit(cache=True)
 def integrate(q, seconds, p_start, p_step, p_drive, tolerance, h_max, P, F, clock_zero):
-    """Run from rest at ``q``; rows of RECORD numbers at each step, the last coordinates, and whether it got there."""
+    """Run from rest at ``q``; rows of RECORD numbers at each step, the last coordinates, whether the end was reached."""
     n_y = at.STATES
     y, y_mid, y_new = np.zeros(n_y), np.zeros(n_y), np.zeros(n_y)
     r, r_mid, r_new, c = np.zeros(n_y), np.zeros(n_y), np.zeros(n_y), np.zeros(n_y)
@@ -115,7 +115,7 @@ def integrate(q, seconds, p_start, p_step, p_drive, tolerance, h_max, P, F, cloc
     c[: at.COORDINATES] = -d * q
     c[at.MOMENTA : at.FLOW] = 0.0
     p, impedance, flow = residual(q, 1.0, p, p, 0.0, c * 0.0, y, P, F, R, body, angle, tip)
-    # The static call knows no memories: a line at rest holds the pressure, gas its volume.
+    # The static solution has no memory variables: a line at rest has the pressure, gas its volume.
     start = drive(0.0, p_start, p_step, p_drive)
     y[at.STAGE_1] = y[at.STAGE_2] = p = start
     y[at.MOMENTA : at.FLOW] = 0.0

@@ -15,21 +15,21 @@ ADIABATIC = 1.4
 
 @njit(cache=True)
 def cohesion_n(gap_m, P):
-    """Attraction across the gap of a folded frustum: a universal binding curve, or traction that falls in a line."""
+    """Attraction across the gap of a folded frustum: a universal binding curve, or linearly falling traction."""
     reach = P[at.COHESION_REACH]
     if P[at.COHESION_FORM] == 0.0:
         return P[at.COHESION_N] * gap_m / reach * exp(1.0 - gap_m / reach) if gap_m > 0.0 else 0.0
     if gap_m <= 0.0 or gap_m >= reach:
         return 0.0
-    contact = 0.05 * reach  # the traction builds up elastically before it tears
+    contact = 0.05 * reach  # the traction rises elastically before it separates
     return P[at.COHESION_N] * (gap_m / contact if gap_m < contact else (reach - gap_m) / (reach - contact))
 
 
 @njit(cache=True)
 def frustum(active, zeta, phi, zeta_rate, phi_rate, p, d, c, cell, P, row):
-    """Force and moment that resist zeta and phi (N, N m) without pressure, and the memories of the laws.
+    """Force and moment that resist zeta and phi (N, N m) without pressure, and the memory variables of the laws.
 
-    ``d`` and ``c`` differentiate the memories: rate = d x + c.
+    ``d`` and ``c`` give the rates of the memory variables: rate = d x + c.
     """
     soft = (1.0 - P[at.SOFTENING] * P[at.CLOCK]) * (1.0 + P[at.STIFFENING] * p) if active else 1.0
     c1, c2, zeta_0 = row[at.C1] * soft, row[at.C2] * soft, row[at.ZETA_0]
@@ -57,7 +57,7 @@ def frustum(active, zeta, phi, zeta_rate, phi_rate, p, d, c, cell, P, row):
         moment += film * P[at.FILM_TILT] * phi_rate
     force += P[at.CREASE] * gap + P[at.CREASE_CUBIC] * gap**3
     moment += P[at.CREASE_PHI] * phi + P[at.CREASE_PHI_CUBIC] * phi**3
-    if P[at.BUMP] != 0.0:  # energy -B(zeta) phi: the wall leans to one side while it passes through the middle
+    if P[at.BUMP] != 0.0:  # energy -B(zeta) phi: the wall tilts to one side while it passes through the middle
         u = zeta / P[at.BUMP_WIDTH]
         if abs(u) < 1.0:
             w = 1.0 - u * u
@@ -70,7 +70,7 @@ def frustum(active, zeta, phi, zeta_rate, phi_rate, p, d, c, cell, P, row):
         s2 = (P[at.BRANCH_2] * zeta_rate - c[branch + 1]) / (d + 1.0 / P[at.TAU_2])
         s3 = (P[at.BRANCH_3] * zeta_rate - c[branch + 2]) / (d + 1.0 / P[at.TAU_3])
         force += s1 + s2 + s3
-    if P[at.FRICTION] != 0.0:  # LuGre: bristles that bend and slip, stickier at rest
+    if P[at.FRICTION] != 0.0:  # LuGre: bristles that deflect and slip, with a larger friction at rest
         stribeck = exp(-((zeta_rate / P[at.FRICTION_SPEED]) ** 2))
         level = P[at.FRICTION] * (1.0 + (P[at.FRICTION_STATIC] - 1.0) * stribeck) / P[at.FRICTION_STIFFNESS]
         speed = sqrt(zeta_rate * zeta_rate + 1e-12)
@@ -130,7 +130,7 @@ def drag_n(vx, vz, share, P):
 
 @njit(cache=True)
 def tip_load_n(x, z, vx, vz, P):
-    """What a wind, a stop, a magnet or a self-excitation does to the sealed end."""
+    """Load of a wind, a stop, a magnet or a self-excitation on the sealed end."""
     fx, fz = P[at.WIND_X], P[at.WIND_Z]
     if P[at.BOARD_STIFFNESS] > 0.0 and x > P[at.BOARD_STOP]:
         deep = x - P[at.BOARD_STOP]

@@ -1,4 +1,4 @@
-"""Where each number stands in the flat arrays that the compiled physics takes: constants, laws, frusta, state."""
+"""Layout of the flat arrays that the compiled physics takes: constants, laws, frusta, state."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ BRANCH_COUNT = 3
 COLUMNS = ("C1", "C2", "ZETA_0", "PHI_SHIFT", "C_ZETA", "C_PHI", "STOP", "YOUNG")
 C1, C2, ZETA_0, PHI_SHIFT, C_ZETA, C_PHI, STOP, YOUNG = range(len(COLUMNS))
 
-# The straw and the laws; a law whose strength is zero is not there.
+# The straw and the laws; a law of zero strength has no effect.
 NAMES = """
     R_I R_O RHO GRAVITY BASE_ANGLE M_TIP I_TIP R_CH
     COHESION_N COHESION_REACH COHESION_FORM FILM FILM_GAP FILM_POWER FILM_TILT
@@ -23,7 +23,7 @@ NAMES = """
     FRICTION FRICTION_STATIC FRICTION_STIFFNESS FRICTION_SPEED DRAG DRAG_SPEED LAG_1 LAG_2 LAG_CAPACITY
     SOFTENING LEAK WIND_X WIND_Z BOARD_STOP BOARD_STIFFNESS STIFFENING STOP_STIFFNESS PUSH PUSH_SPEED SQUARE_DAMPING
     MAGNET MAGNET_X MAGNET_Z CLOCK SHELL
-""".split()  # noqa: SIM905 - a list of quoted words would be read less well
+""".split()  # noqa: SIM905 - a list of quoted words would be less readable
 (
     R_I, R_O, RHO, GRAVITY, BASE_ANGLE, M_TIP, I_TIP, R_CH,
     COHESION_N, COHESION_REACH, COHESION_FORM, FILM, FILM_GAP, FILM_POWER, FILM_TILT,
@@ -34,5 +34,5 @@ NAMES = """
     SOFTENING, LEAK, WIND_X, WIND_Z, BOARD_STOP, BOARD_STIFFNESS, STIFFENING, STOP_STIFFNESS,
     PUSH, PUSH_SPEED, SQUARE_DAMPING, MAGNET, MAGNET_X, MAGNET_Z, CLOCK, SHELL,
 ) = range(len(NAMES))  # fmt: skip
-# Behind them, where SHELL is not zero, the series of `tests.apparatus.walls`.
+# After them, where SHELL is not zero, the series of `tests.apparatus.walls`.
 SERIES = len(NAMES)

@@ -1,4 +1,4 @@
-"""The paper's full straw: nine cells of two frusta each as rigid bodies, written as balance of forces on each body.
+"""The paper's full straw: nine cells of two frusta each as rigid bodies, formulated as force balances of the bodies.
 
 Lagrange's equations for bodies whose mass and inertia depend on q, with body velocity u = J(q) q', read
 J^T d(m u)/dt - 1/2 |u|^2 dm/dq = Q: the momenta m u are states, so that the singular mass matrix is never inverted.
@@ -70,7 +70,7 @@ def residual(q, t_gravity, p_gauge, p_guess, d, c, y, P, F, R, body, angle, tip)
     y[at.FLOW], y[at.GAS], y[at.STAGE_1], y[at.STAGE_2] = flow, gas, first, second
     g = P[at.GRAVITY] * t_gravity
 
-    # Outwards: where each body is and how fast; its momenta and the force that is left on it.
+    # Outwards: position and velocity of each body, its momenta and the residual force on it.
     phi, turn = P[at.BASE_ANGLE], 0.0
     jx = jz = jvx = jvz = kinetic = 0.0
     for n in range(N):
@@ -124,7 +124,7 @@ def residual(q, t_gravity, p_gauge, p_guess, d, c, y, P, F, R, body, angle, tip)
     tip[7] = p * (c3 * rate + end * (jvx * sin(phi) + jvz * cos(phi)))
     tip[8] = 0.0
 
-    # Inwards: what the loads beyond each joint do to its coordinates.
+    # Inwards: generalised forces of the loads beyond each joint on its coordinates.
     for n in range(N - 1, -1, -1):
         b = body[n]
         ex, ez, bx, bz, bm = angle[n, 0], angle[n, 1], angle[n, 2], angle[n, 3], angle[n, 4]
@@ -207,16 +207,16 @@ def matrix(q, p, impedance, d, c, P, F, body, angle, tip, A):
                     J[1, 3 * N + m] -= s * ex
             J[0, n], J[1, n], J[0, N + n], J[1, N + n] = ex, ez, ex, ez
     tx, tz = sin(tip[2]), cos(tip[2])
-    for i in range(at.COORDINATES):  # pressure answers the volume rate
+    for i in range(at.COORDINATES):  # pressure depends on the volume rate
         w = end * (J[0, i] * tx + J[1, i] * tz) + (c3 if i < 2 * N else 0.0)
         w *= impedance * d * (c3 + end)
         for j in range(2 * N):
             A[i, j] += w
-    for i in range(at.COORDINATES):  # and turns with the tip
+    for i in range(at.COORDINATES):  # and rotates with the tip
         load = end * p * (J[0, i] * tz - J[1, i] * tx)
         for j in range(2 * N, at.COORDINATES):
             A[i, j] -= load
-    for n in range(N):  # less the turning of each cell's own axis
+    for n in range(N):  # minus the rotation of each cell's own axis
         ex, ez = angle[n, 0], angle[n, 1]
         load = end * p * (q[n] + q[N + n]) * (ex * tx + ez * tz)
         for m in range(n + 1):

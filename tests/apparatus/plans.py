@@ -19,7 +19,7 @@ class Plan:
 
 
 def step(run_id: str, kpa: float, deployed: tuple[int, ...], cycle: int, seconds: float) -> Plan:
-    """A run whose pressure goes to one value a quarter of a second after its begin."""
+    """A run whose pressure steps to one value a quarter of a second after its start."""
     return Plan(run_id, ((0.0, 0.0), (0.25, 1e3 * kpa)), deployed, cycle, seconds)
 
 
@@ -40,7 +40,7 @@ RUN_IDS = tuple(plan.run_id for plan in PLANS)
 
 
 def regulated(plan: Plan, time_s: np.ndarray, settling_s: float) -> np.ndarray:
-    """The regulator's response to the commands (Pa): it approaches each within some tens of ms."""
+    """The regulator's response to the commands (Pa): it settles within tens of ms."""
     pressure, before = np.zeros_like(time_s), 0.0
     for start, command in plan.commands:
         after = np.clip(time_s - start, 0.0, None)

@@ -1,4 +1,4 @@
-"""A rig with the apparatus on it: takes the words of `straw rig run`, and leaves the recording and the track of it."""
+"""A rig with the apparatus on it: takes the arguments of `straw rig run`, writes the recording and its track."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ from .plans import Plan
 class ApparatusRig:
     """One specimen, drawn by ``seed``, that conceals ``truth``; called as `straw.replay.commands.investigate.command`.
 
-    What was run on it is known from the recordings of the specimen in the folder, so that a benchmark that was
-    interrupted goes on with the same straw: its wall has aged and its channel clogged by as much.
+    Its history is read from the specimen's recordings in the folder, so that an interrupted benchmark continues with
+    the same straw, whose wall has aged and whose channel has clogged by the same amount.
     """
 
     truth: tuple[Cause, ...]
     seed: int
 
     def __call__(self, words: Sequence[str]) -> int:
-        """`straw rig run P.toml -o RUN.mcap --tip TIP.mcap ...`; RigError where the apparatus cannot play it."""
+        """`straw rig run P.toml -o RUN.mcap --tip TIP.mcap ...`; RigError where the apparatus cannot run it."""
         args: argparse.Namespace = parser().parse_args(list(words))
         path = Path(args.output)
         before = [as_plan(one, run.run_id, run.cycle) for run, one in runs_in(path.parent, args.specimen)]
@@ -61,9 +61,9 @@ def runs_in(folder: Path, specimen: str) -> list[tuple[Run, PressureProtocol]]:
 
 
 def as_plan(protocol: PressureProtocol, run_id: str, cycle: int) -> Plan:
-    """Commands of the apparatus: one whenever the protocol's pressure has changed, at the gauge's rate."""
+    """Commands of the apparatus: one at each change of the protocol's pressure, at the gauge's rate."""
     time_s = np.arange(round(protocol.duration_s / GAUGE_S)) * GAUGE_S
-    pa = protocol(time_s + 1e-9)  # a step counts from its own time on, however that is rounded
+    pa = protocol(time_s + 1e-9)  # a step takes effect from its own time on, whatever its rounding
     at = np.concatenate([[0], np.flatnonzero(np.diff(pa)) + 1])
     told = tuple((float(time_s[i]), float(pa[i])) for i in at)
     return Plan(run_id, told, protocol.initial_deployed, cycle, protocol.duration_s)

@@ -11,7 +11,7 @@ from . import layout as at
 from .integrator import integrate, rest
 from .walls import table
 
-RIGID = 1e4  # odd frusta so much stiffer than the paper's move the tip by less than 1 um at 35 kPa
+RIGID = 1e4  # odd frusta stiffer than the paper's by this factor move the tip by less than 1 um at 35 kPa
 DEPLOYED_M = 0.0020248  # where an unloaded active frustum rests
 
 BASE = {

@@ -1,4 +1,4 @@
-"""The apparatus against the given material and against itself, and its decks: the basis of the benchmarks."""
+"""The apparatus against the given material and its own invariants, and its decks: the basis of the benchmarks."""
 
 from __future__ import annotations
 
@@ -59,23 +59,23 @@ def test_forces_balance_under_the_reference_accelerations(shared):
         ("deploy", 35.0, (2, 3, 5, 6, 7, 8, 9), 0.1, 3e-3, 0.315e-3),
     ],
 )
-def test_the_papers_two_runs_come_out(shared, name, kpa, deployed, c_zeta, c_phi, r_ch):
+def test_the_papers_two_runs_are_reproduced(shared, name, kpa, deployed, c_zeta, c_phi, r_ch):
     given = np.genfromtxt(shared / "reference" / f"{name}.csv", delimiter=",", names=True)
     time_s = given["t_s"]
     drive = kpa * 1e3 * (1.0 - np.exp(-50.0 * np.arange(0.0, 6.1, 5e-4)))
     straw = Straw(c_zeta=c_zeta, c_phi=c_phi).with_laws(R_CH=r_ch)
     motion = move(straw, deployed, float(time_s[-1]), drive, 5e-4, tolerance_m=3e-8)
     away = np.abs(motion.at(time_s) - np.column_stack([given["x_m"], given["z_m"], given["phi_rad"]]))
-    assert np.all(np.median(away, axis=0) < [1e-6, 1e-6, 2e-5])  # the file is good to about 1 um
-    for n in (0, 3):  # 0.1 ms in the file, as much from odd frusta that give a little, as much from the steps
+    assert np.all(np.median(away, axis=0) < [1e-6, 1e-6, 2e-5])  # the file is accurate to about 1 um
+    for n in (0, 3):  # 0.1 ms each from the file, from the compliance of the odd frusta, and from the steps
         k = int(np.argmax(np.sign(kpa) * given[f"zeta_{n + 1}_2_m"] > 0.0))
-        near = slice(k - 10, k + 10)  # the whole of the snap, from which its time is known better than from a sample
+        near = slice(k - 10, k + 10)  # the whole snap, which determines its time better than a single sample
         shifts = np.linspace(-2e-3, 2e-3, 401)
         apart = [np.sum((motion.at(time_s[near] + s)[:, 0] - given["x_m"][near]) ** 2) for s in shifts]
         assert abs(shifts[np.argmin(apart)]) < 3e-4
 
 
-def test_energy_that_pressure_puts_in_is_moved_stored_or_damped():
+def test_the_work_of_the_pressure_is_kinetic_stored_or_dissipated_energy():
     straw = Straw(odd_stiffness=1.0).with_laws(GRAVITY=0.0)
     drive = 35e3 * (1.0 - np.exp(-50.0 * np.arange(0.0, 1.6, 5e-4)))
     motion = move(straw, (2, 3, 5, 6, 7, 8, 9), 1.5, drive, 5e-4, tolerance_m=2e-8)
@@ -104,18 +104,18 @@ def test_the_open_complete_specimen_is_reproduced_to_its_noise(shared):
         motion = move(Straw(), plan.deployed, plan.seconds, regulated(plan, fine + 1e-3, 0.02), 5e-4)
         tip = np.column_stack([run.tip.x_m, run.tip.z_m, run.tip.phi_rad])
         away = np.std((tip - motion.at(run.tip.time_s)) / SIGMA, axis=0)
-        # 1 sigma of noise known to 7 %, and snaps 0.15 ms apart, which are 0.8 sigma in Z of the fastest deployment
+        # 1 sigma of noise known to 7 %, and snaps 0.15 ms apart, which is 0.8 sigma in Z of the fastest deployment
         assert np.all(away < 1.35), (plan.run_id, away)
 
 
-def test_a_cause_of_no_strength_is_the_base():
+def test_a_cause_of_zero_strength_leaves_the_base_model():
     plan = PLANS[1]
     drive = regulated(plan, np.arange(0.0, 1.6, 5e-4), 0.02)
     stamp = np.arange(0.0, 1.5, 1 / 240)
     base = Instrument().film(move(Straw(), plan.deployed, 1.5, drive, 5e-4), stamp)
     for name, sizes in (EVERY | UNKNOWN).items():
         if name in ("board against a stop", "cell glued half way", "gauge saturates"):
-            continue  # their size is where they act, not how strongly
+            continue  # their size is where they act, not their strength
         form = next(iter(sizes.forms)) or name
         cause = Cause("unknown" if name in UNKNOWN else name, 1e-9 * sizes.weak, form)
         if name == "mass added at the tip":
@@ -142,7 +142,7 @@ def test_every_law_has_a_large_effect_at_its_strongest_and_a_smaller_one_at_its_
 
 
 def test_the_table_of_finite_elements_agrees_with_the_solver_between_its_points_and_for_other_cones():
-    """States a run goes through, in N and N m of a wall of 0.92 GPa; the table's third order leaves a thousandth."""
+    """States of a run, in N and N m of a wall of 0.92 GPa; the error of the table's third order is a thousandth."""
     pytest.importorskip("skfem")
     from straw.model.shell.problem import Problem
     from straw.model.shell.profile import frustum as cone
@@ -175,9 +175,9 @@ def test_each_law_has_the_shape_it_is_named_after():
     assert extra(0.0, 2.5e-4, **curve, COHESION_FORM=1.0) == pytest.approx(0.0, **near)
     assert cohesion_n(1e-4, Straw().with_laws(**curve, COHESION_FORM=1.0).numbers()[0]) == pytest.approx(5 / 1.9)
     assert extra(0.01, 2e-4, FILM=800.0) == pytest.approx(800.0 * 0.01 / 8)
-    assert extra(0.05, 1e-3, FRICTION=0.4) == pytest.approx(0.4, rel=1e-2)  # slides at Coulomb's level
-    assert extra(1e-4, 1e-3, FRICTION=0.4) == pytest.approx(0.4 * 1.3, rel=1e-2)  # and sticks more when slow
-    assert extra(0.01, 1e-3, d=1e6, BRANCH_1=900.0) == pytest.approx(900.0 * 0.01 / 1e6, rel=1e-3)  # a spring at once
+    assert extra(0.05, 1e-3, FRICTION=0.4) == pytest.approx(0.4, rel=1e-2)  # slides with Coulomb friction
+    assert extra(1e-4, 1e-3, FRICTION=0.4) == pytest.approx(0.4 * 1.3, rel=1e-2)  # with a larger friction when slow
+    assert extra(0.01, 1e-3, d=1e6, BRANCH_1=900.0) == pytest.approx(900.0 * 0.01 / 1e6, rel=1e-3)  # elastic at first
 
     def inside(flow: float, d: float = 1e-9, p: float = 0.0, **laws: float) -> tuple[float, ...]:
         return channel(flow, 1e-5, 20e3, p, d, np.zeros(at.STATES), Straw().with_laws(**laws).numbers()[0])
@@ -192,7 +192,8 @@ def test_each_law_has_the_shape_it_is_named_after():
     assert leaking[1] == pytest.approx(4e-11 * leaking[0])
     assert leaking[0] == pytest.approx(20e3 - bernoulli * leaking[1] ** 2)
     P = Straw().with_laws(DRAG=0.1).numbers()[0]
-    assert -drag_n(10.0, 0.0, 1.0, P)[0] / 100.0 < -drag_n(0.1, 0.0, 1.0, P)[0] / 0.01  # thicker air when slow
+    # a larger drag coefficient when slow
+    assert -drag_n(10.0, 0.0, 1.0, P)[0] / 100.0 < -drag_n(0.1, 0.0, 1.0, P)[0] / 0.01
 
 
 def test_repeats_of_a_specimen_differ_a_little_and_the_same_seed_gives_the_same():
@@ -218,7 +219,7 @@ def test_tracking_noise_has_the_stated_sigma_and_correlation():
         np.testing.assert_allclose(np.mean(noise[lag:] * noise[:-lag], axis=0), kept, atol=0.05)
 
 
-def test_a_run_that_is_written_reads_back_the_same(tmp_path):
+def test_a_written_run_reads_back_the_same(tmp_path):
     (run,) = campaign((), 1, ("staircase",), NONE)
     again = read_run(write(run, tmp_path / "staircase.mcap"))
     assert (again.run_id, again.initial_deployed, again.cycle, again.lost) == ("staircase", (1, 3, 6), 2, ())
@@ -229,7 +230,7 @@ def test_a_run_that_is_written_reads_back_the_same(tmp_path):
     np.testing.assert_array_equal(again.command.pressure_pa, run.command.pressure_pa)
 
 
-def test_a_deck_holds_every_kind_and_its_seal_binds_every_label():
+def test_a_deck_contains_every_kind_of_case_and_its_seal_depends_on_every_label():
     develop, final = deck("develop", 5), deck("final", 5)
     assert len(final) >= 130
     assert len(develop) >= 60
@@ -249,13 +250,13 @@ def test_a_deck_holds_every_kind_and_its_seal_binds_every_label():
             opened(forged, sealed)
 
 
-def test_a_generated_case_says_how_strong_its_effect_is():
+def test_a_generated_case_states_the_size_of_its_effect():
     cases = deck("develop", 5)
     null, roll = (next(c for c in cases if c.label == label) for label in ((), ("camera_roll",)))
     assert set(generate(null).effect_sigma.values()) == {0.0}
     made = generate(roll)
     assert [run.run_id for run in made.runs] == list(roll.runs)
-    # A roll is the same angle in every sample of Phi, so at least that over three channels.
+    # A roll is the same angle in every sample of Phi, so its rms over three channels is at least that.
     assert min(made.effect_sigma.values()) > roll.truth[0].size / SIGMA[2] / np.sqrt(3.0) * 0.99
 
 

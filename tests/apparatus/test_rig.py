@@ -1,4 +1,4 @@
-"""The rig with the apparatus on it: what it records is read as any recording is, and it goes on with the same straw."""
+"""The rig with the apparatus on it: its recordings are read like any other, and it continues with the same straw."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SEED, CLOG = 5, Cause("poiseuille_loss", 7e8, "Carreau, thinning")
 
 
 def drive(rig: ApparatusRig, folder: Folder, protocol: str, name: str) -> None:
-    """One run as the closed loop asks for it."""
+    """One run as the closed loop requests it."""
     path = folder.path / f"{name}.toml"
     path.write_text(protocol)
     words = ["rig", "run", str(path), "-o", str(folder.path / f"{name}.mcap"), "--specimen", folder.specimen]
@@ -39,11 +39,11 @@ def test_a_plan_survives_the_conversion_to_a_protocol_and_back(plan: object) -> 
     assert np.allclose(again.commands, plan.commands)
 
 
-def test_its_recordings_are_those_of_the_campaign_also_after_an_interruption(tmp_path: Path) -> None:
+def test_its_recordings_equal_those_of_the_campaign_also_after_an_interruption(tmp_path: Path) -> None:
     folder = Folder(tmp_path, "specimen")
     quick = [replace(PLANS[0], run_id="a", seconds=0.6), replace(PLANS[1], run_id="b", seconds=0.6)]
     for plan in quick:
-        drive(ApparatusRig((CLOG,), SEED), folder, as_toml(plan), plan.run_id)  # a rig that knows nothing but the files
+        drive(ApparatusRig((CLOG,), SEED), folder, as_toml(plan), plan.run_id)  # a rig that has only the files
     assert (folder.next_cycle(), folder.tracked("a.mcap")) == (2, True)
     made = {run.run_id: run for run in campaign((CLOG,), SEED, plans=tuple(quick), name="specimen")}
     for run in gather(folder.paths()):

@@ -1,10 +1,10 @@
-"""Walls that are not equation 7's: energy of a frustum by finite elements, as Chebyshev series made for itself.
+"""Walls other than equation 7's: energy of a frustum by finite elements, as the apparatus's own Chebyshev series.
 
     python -m tests.apparatus.walls
 
 solves the shell at Chebyshev's points and writes ``walls.json``. Only the solver is the package's, which NGSolve checks
 (`tests.benchmarks.shell_second_code`); not its polynomial, its end at the slant, or how it is scaled to thickness and
-height. The series is in u = zeta + r_i phi and v = zeta - r_i phi, the heights of the rim's two outermost points,
+height. The series is in u = zeta + r_i phi and v = zeta - r_i phi, the heights of two opposite points of the rim,
 within LIMIT_M either way; V(u, v) = V(v, u).
 """
 
@@ -20,7 +20,7 @@ from numba import njit
 
 FILE = Path(__file__).with_name("walls.json")
 POINTS, LIMIT_M = 17, 3.7e-3
-#: The cone of the recordings, and how far thickness and height are moved for their own tables.
+#: The cone of the recordings, and the changes of thickness and height for their tables.
 R_I, R_O, ZETA_0, THICKNESS, MOVED = 0.0111, 0.01465, -2.28e-3, 0.508e-3, 0.02
 NODES = np.cos(pi * (np.arange(POINTS) + 0.5) / POINTS)
 
@@ -88,7 +88,7 @@ def _value_and_slopes(x, y, C, start):
 
 @njit(cache=True)
 def wall_force(zeta, phi, r_i, C, start):
-    """Force on zeta (N) and moment (N m) that hold a frustum of 1 Pa there, per Pa; beyond the limit a stiff stop."""
+    """Force (N) and moment (N m) that hold a frustum there, per Pa of modulus; beyond the limit a stiff stop."""
     u, v = zeta + r_i * phi, zeta - r_i * phi
     inside_u, inside_v = min(max(u, -LIMIT_M), LIMIT_M), min(max(v, -LIMIT_M), LIMIT_M)
     _, by_u, by_v = _value_and_slopes(inside_u / LIMIT_M, inside_v / LIMIT_M, C, start)

@@ -1,1 +1,1 @@
-"""An independent painter of videos: shares no code with ``tracking``, so that neither hides the other's errors."""
+"""An independent painter of videos: shares no code with ``tracking``, so that neither can mask the other's errors."""

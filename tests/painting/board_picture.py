@@ -39,7 +39,7 @@ def unbend(width, height, f, cx, cy, brown, rays):
 
 @numba.njit(cache=True)
 def wave(at, lines, grade, sigma_px):
-    """Return a square wave of +-1 with changes at ``lines`` and Gaussian edges; ``grade`` is board per px."""
+    """Return a square wave of +-1 with steps at ``lines`` and Gaussian edges; ``grade`` is board length per px."""
     sign, near = 1.0, 0
     for k in range(len(lines)):
         if abs(at - lines[k]) < abs(at - lines[near]):
@@ -51,14 +51,14 @@ def wave(at, lines, grade, sigma_px):
 
 @numba.njit(cache=True)
 def inside(at, low, high, grade, sigma_px):
-    """Return how much of a pixel lies between two edges."""
+    """Return the share of a pixel between two edges."""
     soft = grade * sigma_px * math.sqrt(2.0)
     return 0.5 * (math.erf((at - low) / soft) - math.erf((at - high) / soft))
 
 
 @numba.njit(cache=True)
 def expose(canvas, light, rays, box, maps, lines_x, lines_y, half_x, half_y, margin, sigma_px):
-    """Lay the board into ``canvas`` (height, width, float): box = left, top, right, bottom.
+    """Draw the board into ``canvas`` (height, width, float): box = left, top, right, bottom.
 
     ``maps`` (rows of the box, moments, 3, 3): ray to board at the moments within that row's exposure. The mean over
     the moments is the motion blur.

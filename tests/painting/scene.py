@@ -1,4 +1,4 @@
-"""A scene to paint: camera, board, motion; and the pictures a rolling shutter takes of it."""
+"""A scene to paint: camera, board, motion; and its pictures through a rolling shutter."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def about(axis: int, angle: float) -> Floats:
 
 
 def looking(target: Floats, distance_m: float, azimuth: float, elevation: float, roll: float = 0.0) -> Floats:
-    """``world_from_camera`` (4x4) of a camera at so many rad from +X towards +Y and above, looking at ``target``."""
+    """``world_from_camera`` (4x4) of a camera at an azimuth (rad, +X to +Y) and an elevation, looking at ``target``."""
     back = np.array(
         (math.cos(elevation) * math.cos(azimuth), math.cos(elevation) * math.sin(azimuth), math.sin(elevation))
     )
@@ -42,10 +42,10 @@ def looking(target: Floats, distance_m: float, azimuth: float, elevation: float,
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything but the codec. The tip's frame has z along its axis (sin phi, 0, cos phi) and y along the world's.
+    """A scene without the codec. The tip's frame has z along its axis (sin phi, 0, cos phi) and y along the world's.
 
-    ``mounted`` (3, 3): the board's x, y, z in the tip's frame, as columns. ``misprint_m``: each printed edge lies off
-    by a number drawn evenly from +- this. ``light``: grey level factor at the picture's middle.
+    ``mounted`` (3, 3): the board's x, y, z in the tip's frame, as columns. ``misprint_m``: each printed edge is off by
+    a number drawn uniformly from +- this. ``light``: grey level factor at the picture's middle.
     """
 
     world_from_camera: Floats
@@ -86,7 +86,7 @@ class Camera:
         self.light, self.backdrop = self._surroundings()
 
     def take(self, now_s: float) -> NDArray[np.uint8]:
-        """Return the picture whose first row's exposure has its middle at ``now_s``."""
+        """Return the picture whose first row is exposed around ``now_s``."""
         s = self.scene
         canvas = self.backdrop.copy()
         late_s = now_s + s.row_s * np.linspace(0, s.height, 9)
@@ -121,7 +121,7 @@ class Camera:
         return np.clip(np.round(canvas), 0, 255).astype(np.uint8)
 
     def _boards(self, time_s: Floats) -> Floats:
-        """Return (k, 3, 3) that take (x, y, 1) on the board to the camera's frame."""
+        """Return matrices (k, 3, 3) from (x, y, 1) on the board to the camera's frame."""
         s = self.scene
         x, z, phi = s.motion(time_s).T
         sin, cos, none = np.sin(phi), np.cos(phi), np.zeros_like(phi)
@@ -133,7 +133,7 @@ class Camera:
         return np.concatenate(columns, axis=-1)
 
     def _outline(self, time_s: Floats) -> Floats:
-        """Return pixels of the sheet's corners at some times: the lens without its bend, near enough for a box."""
+        """Return pixels of the sheet's corners at some times, without lens distortion: accurate enough for a box."""
         s, reach = self.scene, self.half + self.margin
         corners = np.array([(i * reach[0], j * reach[1], 1.0) for i in (-1, 1) for j in (-1, 1)])
         p = (self._boards(time_s) @ corners.T).transpose(0, 2, 1).reshape(-1, 3)
@@ -142,7 +142,7 @@ class Camera:
         return s.f * ray * (1 + s.brown[0] * r2 + s.brown[1] * r2**2) + s.centre
 
     def _surroundings(self) -> tuple[Floats, Floats]:
-        """Return the light (height, width) and what stands behind the board, lit."""
+        """Return the light (height, width) and the illuminated background."""
         s, rng = self.scene, self.rng
         v, u = np.mgrid[0 : s.height, 0 : s.width].astype(float)
         light = (
