@@ -98,7 +98,7 @@ def rest(q, p0, P, F):
 
 @njit(cache=True)
 def integrate(q, seconds, p_start, p_step, p_drive, tolerance, h_max, P, F, clock_zero):
-    """Run from rest at ``q``; rows of RECORD numbers at each step, the last coordinates, whether the end was reached."""
+    """Run from rest at ``q``; rows of RECORD numbers at each step, last coordinates, whether the end was reached."""
     n_y = at.STATES
     y, y_mid, y_new = np.zeros(n_y), np.zeros(n_y), np.zeros(n_y)
     r, r_mid, r_new, c = np.zeros(n_y), np.zeros(n_y), np.zeros(n_y), np.zeros(n_y)

@@ -1,4 +1,4 @@
-"""How far a solution of a validation run is from the reference solution, in what the issue asks for."""
+"""Errors of a solution of a validation run against the reference solution, in the quantities the issue names."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ TIME_S = np.arange(round(DURATION_S * 240)) / 240
 
 @dataclass(frozen=True)
 class Solution:
-    """Tip (3, n) and the even frusta of the cells that snap (cells, n), m, at TIME_S without its first."""
+    """Tip (3, n) and the even frusta of the cells that snap (cells, n), m, at TIME_S without its first time."""
 
     tip: Floats
     zeta_m: Floats
@@ -39,7 +39,7 @@ class Solution:
 
     @classmethod
     def of_prediction(cls, run: ValidationRun, p: Prediction) -> Self:
-        """From our simulation."""
+        """From the model's simulation."""
         return cls(np.array([p.x_m, p.z_m, p.phi_rad])[:, 1:], p.zeta_m[1:, [cell - 1 for cell in run.snapping], 1].T)
 
     def crossing_s(self, row: int) -> float:
@@ -60,7 +60,7 @@ class Solution:
 
 @cache
 def reference(name: str) -> Solution | None:
-    """The given solution, where the folder is there."""
+    """The given solution, where the folder exists."""
     path = REFERENCE / FILES[name]
     if not path.is_file():
         return None
@@ -71,19 +71,19 @@ def reference(name: str) -> Solution | None:
 
 
 def truth(run: ValidationRun) -> Solution:
-    """The given solution, or our own at a hundredth of the tolerance where the folder is not there."""
+    """The given solution, or the model's own at a hundredth of the tolerance where the folder is missing."""
     return reference(run.name) or Solution.of_prediction(
         run, simulate(run.straw, run.pressure_pa, TIME_S, run.deployed, tolerance_m=1e-8)
     )
 
 
 def good(errors: tuple[float, ...]) -> bool:
-    """Whether all errors are within what is wanted."""
+    """Whether all errors are within the required accuracy."""
     return all(error <= wanted for error, wanted in zip(errors, WANTED, strict=True))
 
 
 def shown(errors: tuple[float, ...]) -> str:
-    """Errors in the units people use, as wide as ERRORS_HEAD."""
+    """Errors in customary units, as wide as ERRORS_HEAD."""
     x, z, phi, late = errors
     return f"{x * 1e6:>9.2f}{z * 1e6:>9.2f}{phi * 1e3:>11.3f}{late * 1e3:>10.3f}"
 

@@ -1,11 +1,11 @@
-"""An outside case: hysteresis of the public Bouc-Wen benchmark, concealed from a linear model, located and named.
+"""An external case: hysteresis of the public Bouc-Wen benchmark, concealed from a linear model, located and named.
 
     python -m tests.benchmarks.bouc_wen
 
 Noel and Schoukens, "Hysteretic benchmark with a dynamic nonlinearity", nonlinearbenchmark.org: equations, constants,
-bands and noise are theirs; the data are made here from the equations (Newmark's rule), a campaign of several levels in
-place of the one. The engine is the straw's; only the system is another (`replay/diagnose/systems/oscillator`). Then the
-same with hysteresis taken out of the library.
+bands and noise are theirs; the data are made here from the equations (Newmark's rule), at several levels instead of
+one. The engine is that of the straw, with another system (`replay/diagnose/systems/oscillator`). Then the same with
+hysteresis taken out of the library.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from tests.benchmarks.figures import publish, write_option
 #: The benchmark's constants: N s/m, N/m, N/m, 1/m, -, -; nu = 1.
 C, K, ALPHA, BETA, GAMMA, DELTA = 10.0, 5e4, 5e4, 1e3, 0.8, -1.1
 SAMPLES, LINES_HZ = 2046, (5.0, 150.0)
-#: Integration of the truth: steps to one of the library's, iterations in each.
+#: Integration of the truth: steps per step of the library's, iterations in each.
 SUBSTEPS, ITERATIONS = 4, 3
 
 
@@ -84,13 +84,13 @@ def recorded(forces: dict[str, np.ndarray], k: float = K, alpha: float = ALPHA) 
 
 
 def campaign_forces() -> dict[str, np.ndarray]:
-    """Three levels, another drawing of the highest, and a sweep."""
+    """Three levels, another realisation of the highest, and a sweep."""
     forces = {f"multisine-{rms}N": multisine(rms, rms) for rms in (10, 25, 50)}
     return forces | {"multisine-50N-again": multisine(50, 7), "sweep-40N": sweep(40.0)}
 
 
 def located(campaign: Campaign, null: Fit) -> str:
-    """In which record the base model is off, in time, amplitude or shape, and which constant would have to vary."""
+    """In which record the base model is wrong, in time, amplitude or shape, and which constant would have to vary."""
     rows = campaign.misfits(null.unknowns, [null.u])[0]
     lines = []
     for record, one in zip(campaign.observations, rows, strict=True):

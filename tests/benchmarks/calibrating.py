@@ -1,12 +1,12 @@
-"""Calibrates the judge: the constants under which the causes of known campaigns were most probable.
+"""Calibrates the judge: the maximum-likelihood constants given the known causes of sealed campaigns.
 
     python -m tests.benchmarks.calibrating tests/benchmarks/decks/final-20261129-ef3c4eb.jsonl --write
     python -m tests.benchmarks.calibrating SPLIT-SEED-COMMIT.jsonl --tell
 
 Rows are those of `python -m tests.benchmarks.concealed`, each file named by its deck; of a case in two files the later
-counts. Campaigns in which the base leaves no more than noise (`--limit`) show nothing and are left out, except those
-with nothing concealed. `--tell` fits nothing: it evaluates the present constants on a deck that was not used to find
-them.
+counts. Campaigns in which the base leaves no more than noise (`--limit`) carry no information and are left out, except
+those with nothing concealed. `--tell` fits nothing: it evaluates the present constants on a deck that was not used to
+find them.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from straw.replay.diagnose.systems.straw.library import causes
 from tests.apparatus.cases import Case, deck
 
 Rows = Sequence[tuple[Case, Mapping[str, Any]]]
-#: Prior mean of each constant, and its deviation in factors of e (of log priors: in units).
+#: Prior mean of each constant, and its deviation: of the logarithm, or of log priors themselves.
 GUESS = Calibration(
     scale=20, cause=4, second=4, constant=0.5, unknown=6, other=0.2, other_fault=0.1, form=0.01, power=1.5,
     chance=0.003, second_chance=0.003, missed=0.05,
@@ -51,14 +51,14 @@ OFF = Calibration(
     missed=1.5,
 )
 LOGARITHMIC = ("scale", "other", "other_fault", "form", "power", "chance", "second_chance", "missed")
-#: What one of two causes alone must leave for only both to be the truth, sigmas squared: what noise leaves of a base.
+#: Misfit, sigmas squared, above which one of two causes alone does not suffice: what noise leaves of a base.
 ALONE = 150.0
-#: Largest probability, as a factor on the guess may lead beyond one.
+#: Largest probability, since a factor on the guess may lead beyond one.
 MOST = {"missed": 0.5, "other": 0.9, "other_fault": 0.9, "chance": 0.5, "second_chance": 0.5}
 
 
 def main() -> None:
-    """Fit or tell."""
+    """Fit or evaluate."""
     ask = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     ask.add_argument("decks", nargs="+", type=Path, metavar="SPLIT-SEED-COMMIT.jsonl")
     ask.add_argument("--limit", type=float, default=ALONE, help="what noise leaves of the base, sigmas squared")
@@ -86,7 +86,7 @@ def main() -> None:
 
 
 def read(seed: int, path: Path, limit: float) -> list[tuple[Case, Mapping[str, Any]]]:
-    """Cases of a deck with what was found of them."""
+    """Cases of a deck with their findings."""
     every = {row["name"]: row for row in map(json.loads, path.read_text().splitlines())}
     split = next(iter(every)).partition("-")[0]
     cases = [case for case in deck(split, seed) if case.name in every]  # type: ignore[arg-type]
@@ -98,20 +98,20 @@ def read(seed: int, path: Path, limit: float) -> list[tuple[Case, Mapping[str, A
 
 
 def probability(row: Mapping[str, Any], by: Calibration) -> dict[str, float]:
-    """Probabilities by what each hypothesis left."""
+    """Probabilities from the misfit that each hypothesis left."""
     own = {name: len(unknowns) for name, (unknowns, _) in causes(9).items()}
     counts = {name: sum(own[part] for part in name.split("+")) for name in row["excess"] if name != "complete"}
     return weighed(row["excess"], counts, MEASUREMENT, by)
 
 
 def of_truth(case: Case, row: Mapping[str, Any], p: Mapping[str, float], by: Calibration) -> float:
-    """Probability given to the truth; where no search looked at it, that of what was missed."""
+    """Probability given to the truth; at least its share of `missed`, as the search may not have tried it."""
     return max(sum(v for name, v in p.items() if right(case, name, row)), by.missed / len(p))
 
 
 def right(case: Case, name: str, row: Mapping[str, Any]) -> bool:
-    """Whether a hypothesis names only causes that are there, and both of two where each alone leaves more than
-    `ALONE` that both together explain."""
+    """Whether a hypothesis names only causes that are present, and both of two where each alone leaves `ALONE` more
+    than both together."""
     truth, excess = set(case.label or ("complete",)), row["excess"]
     if len(truth) == 2:
         both = next((left for other, left in excess.items() if set(other.split("+")) == truth), None)
@@ -122,13 +122,13 @@ def right(case: Case, name: str, row: Mapping[str, Any]) -> bool:
 
 
 def calibrated(rows: Rows) -> Calibration:
-    """The most probable constants under priors about the guess."""
+    """The most probable constants under priors centred on the guess."""
     x = minimize(lambda x: loss(rows, x), np.zeros(len(dataclasses.fields(GUESS))), method="Powell", tol=1e-3).x
     return rounded(at(x))
 
 
 def at(x: NDArray[np.float64]) -> Calibration:
-    """The guess, off by x in units of OFF."""
+    """The guess, changed by x in units of OFF."""
     values = {}
     for field, step in zip(dataclasses.fields(GUESS), x, strict=True):
         guess, off = getattr(GUESS, field.name), getattr(OFF, field.name) * step
@@ -143,12 +143,12 @@ def loss(rows: Rows, x: NDArray[np.float64]) -> float:
 
 
 def rounded(found: Calibration) -> Calibration:
-    """Three figures each: more are not known."""
+    """Three significant figures each, which is their accuracy."""
     return Calibration(**{name: float(f"{value:.3g}") for name, value in dataclasses.asdict(found).items()})
 
 
 def toml(found: Calibration) -> str:
-    """As the package keeps it."""
+    """The file as the package stores it."""
     return "[calibration]\n" + "".join(f"{name} = {value}\n" for name, value in dataclasses.asdict(found).items())
 
 

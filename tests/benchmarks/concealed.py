@@ -1,13 +1,12 @@
-"""Sealed cases: effects concealed by an apparatus of other code, diagnosed, and the labels opened at the end.
+"""Sealed cases: causes concealed by an independent apparatus, diagnosed, and the labels opened at the end.
 
     python -m tests.benchmarks.concealed --split develop --seed 1 --cases 20
 
-The SHA-256 of all labels is printed before the first analysis; `--split final` is for the end, with a seed nobody has
-looked at. One line of JSON per case; an interrupted benchmark continues where it stopped, `--score` only counts what
-is there. `--ablate` takes each true cause out of the library: nothing may then be named. `--camera` paints every run
-as a video and diagnoses its track. Rows of whole decks are kept in `decks`, named by seed and by the commit that wrote
-them: `--out` goes on with one from a checkout of that commit, `--score` prints what came out, `--again` by the present
-judge.
+The SHA-256 of all labels is printed before the first analysis; `--split final` is for the end, with an unused seed. One
+line of JSON per case; an interrupted benchmark continues where it stopped, `--score` only scores existing rows.
+`--ablate` takes each true cause out of the library: nothing may then be named. `--camera` paints every run as a video
+and diagnoses its track. Rows of whole decks are kept in `decks`, named by seed and by the commit that wrote them:
+`--out` continues one from a checkout of that commit, `--score` prints its results, `--again` by the present judge.
 """
 
 from __future__ import annotations
@@ -33,12 +32,12 @@ from tests.benchmarks.rows import kept, worked_out
 
 #: A campaign of six of the eight runs, to save a quarter of the time.
 SIX = ("fold-25kPa", "deploy-35kPa-1", "fold-20kPa-2-5", "staircase", "deploy-35kPa-3", "deploy-30kPa-6")
-#: What a user would give: the base constants before a specimen's own scatter.
+#: The constants that a user would give: the base constants without a specimen's own scatter.
 BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)
 
 
 def diagnosed(case: Case, ablate: bool = False, camera: bool = False) -> dict[str, Any]:
-    """What the diagnosis says of a case, without a look at its label, or without its cause in the library."""
+    """The diagnosis of a case, without access to its label, or without its cause in the library."""
     made = generate(replace(case, runs=SIX) if case.runs == RUN_IDS else case, filmed if camera else recorded)
     library = [name for name in causes(BASE.cells) if not (ablate and name in case.label)]
     start = time.process_time()
@@ -46,7 +45,7 @@ def diagnosed(case: Case, ablate: bool = False, camera: bool = False) -> dict[st
         found = inquire([observe(run) for run in made.runs], StrawSystem(BASE), library=library, executor=pool)
         findings = conclude(found, brief=True)
     judgement, held = findings.judgement, findings.held
-    return {  # rounded where there are many figures
+    return {  # large arrays are rounded
         "name": case.name,
         "verdict": findings.verdict,
         "causes": findings.causes,
@@ -80,7 +79,7 @@ def main() -> None:
     workers_options(ask, "processes")
     args = ask.parse_args()
     ways = [way for way in ("ablate", "camera") if getattr(args, way)]
-    # cases of every seed have the same names: in one file they would pass for each other
+    # cases of every seed have the same names: in one file they could be mistaken for each other
     path = args.out or Path("-".join(["concealed", args.split, str(args.seed), *ways]) + ".jsonl")
     every = deck(args.split, args.seed)
     sealed = seal(every)

@@ -1,4 +1,4 @@
-"""Concealed cases through a camera: what moved is painted as the demo's GoPro sees it, and tracked again."""
+"""Concealed cases through a camera: the motion is painted as seen by the demo's GoPro, and tracked."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from tests.apparatus.campaign import Made, record
 
 
 def filmed(made: list[Made], seed: int, name: str) -> tuple[Run, ...]:
-    """The runs as the tracker reads them from video; one tripod for all, its place found in the first run.
+    """The runs as tracked from video; the camera is the same for all, its pose found in the first run.
 
-    What the apparatus's own camera does wrong (clock, scale, roll, offset) is painted as it shows, so that the tracker
-    cannot know of it.
+    Faults of the apparatus's own camera (clock, scale, roll, offset) are painted into the video, so that they are
+    unknown to the tracker.
     """
     camera, runs = lens_alone(), []
     stands = tuple(float(v) for v in made[0].motion.at(np.zeros(1))[0])

@@ -24,13 +24,13 @@ BINS = (0.0, 0.5, 0.8, 0.95, 1.0 + 1e-9)
 
 
 def score(cases: Sequence[Case], told: Mapping[str, Row], limit: float | None = None) -> str:
-    """A report in lines. ``limit``: what counts as seen, sigmas squared, in place of what the deck's own nulls say."""
+    """A report in lines. ``limit``: detection limit, sigmas squared, instead of that of the deck's own nulls."""
     done = [(case, told[case.name]) for case in cases if case.name in told]
     if not done:
         return "no case was diagnosed"
     lines = [f"{len(done)} cases"]
     nulls = [(c, r) for c, r in done if c.kind == "null"]
-    # what the refitted base leaves where nothing is concealed: less than most of that nothing can detect
+    # what the refitted base leaves where nothing is concealed: an effect below most of these cannot be detected
     own = float(np.quantile([base_leaves(r) for _, r in nulls], 0.95)) if nulls else 0.0
     limit = own if limit is None else limit
     if nulls:
@@ -74,14 +74,14 @@ def score(cases: Sequence[Case], told: Mapping[str, Row], limit: float | None = 
 
 
 def judged_again(row: Row, cells: int = 9) -> Row:
-    """The row with probabilities, verdict and causes by the present judge from what each hypothesis had left then."""
+    """The row with probabilities, verdict and causes by the present judge, from each hypothesis' recorded misfit."""
     own = {name: len(unknowns) for name, (unknowns, _) in causes(cells).items()}
     constants = {n: sum(own[part] for part in n.split("+")) for n in row["excess"] if n != "complete"}
     probability = weighed(row["excess"], constants, MEASUREMENT)
     verdict, named = verdict_of(probability, MEASUREMENT)
     if (
         row["verdict"] != verdict_of(row["probability"], MEASUREMENT)[0]
-    ):  # the search had been cut short, which settles nothing
+    ):  # the search had been cut short, which decides nothing
         verdict, named = "ambiguous", [cause for cause in named if cause != "unknown"]
     return {**row, "probability": probability, "verdict": verdict, "causes": named}
 
@@ -98,7 +98,7 @@ def ablated(cases: Sequence[Case], told: Mapping[str, Row]) -> str:
 
 
 def _of_two(done: Sequence[tuple[Case, Row]], limit: float) -> list[str]:
-    """Of two causes: are both named, or one, and something else?"""
+    """Of cases with two causes: whether both are named, or one, or something else."""
     two = [(c, r) for c, r in done if c.kind == "two"]
     if not two:
         return []
@@ -129,7 +129,7 @@ def two_named(two: Sequence[tuple[Case, Row]], limit: float) -> NDArray[np.bool_
 
 
 def _each_alone_leaves(case: Case, row: Row) -> float:
-    """What the better of two causes alone leaves beyond both, sigmas squared; endless where no search fitted both."""
+    """Misfit of the better of two causes alone beyond both, sigmas squared; infinite if both were never fitted."""
     excess = row["excess"]
     both = next((left for name, left in excess.items() if set(name.split("+")) == set(case.label)), None)
     alone = min((excess[cause] for cause in case.label if cause in excess), default=np.inf)
@@ -170,7 +170,7 @@ def _survives(case: Case, row: Row) -> bool:
 
 
 def wrong(case: Case, row: Row) -> bool:
-    """Whether something was named that is not there (either of a hard pair may be)."""
+    """Whether a cause was named that is not present (of a hard pair either may be named)."""
     if row["verdict"] not in ("missing_physics", "measurement_fault"):
         return False
     return not set(row["causes"]) <= {*case.label, *case.pair}
@@ -194,7 +194,7 @@ def _calibration(what: str, done: Sequence[tuple[Case, Row]]) -> list[str]:
 
 
 def deviations(done: Sequence[tuple[Case, Row]]) -> NDArray[np.float64]:
-    """How many standard deviations each constant of an instrument is off; those mean the same on both sides."""
+    """Error of each constant of an instrument in its standard deviations; these constants agree in both codes."""
     off = []
     for case, row in done:
         for cause in case.truth:
@@ -211,7 +211,7 @@ def _coverage(done: Sequence[tuple[Case, Row]]) -> list[str]:
 
 
 def held_out(done: Sequence[tuple[Case, Row]]) -> NDArray[np.float64]:
-    """X on runs held out where something was named: before, after, and the noise, m, (3, cases)."""
+    """RMS of X on held-out runs where a cause was named: before, after, and the noise, m, (3, cases)."""
     rows = [
         r for _, r in done if r["verdict"] in ("missing_physics", "measurement_fault") and r["causes"] and r["before"]
     ]
@@ -219,7 +219,7 @@ def held_out(done: Sequence[tuple[Case, Row]]) -> NDArray[np.float64]:
 
 
 def improved(held: NDArray[np.float64]) -> int:
-    """How many of `held_out` became three times better or came near the noise."""
+    """How many of `held_out` became three times smaller or came near the noise."""
     before, after, floor = held
     return int(np.count_nonzero((after < before / 3) | (after < 1.3 * floor)))
 
@@ -234,7 +234,7 @@ def _held_out(done: Sequence[tuple[Case, Row]]) -> list[str]:
 
 
 def _limits(done: Sequence[tuple[Case, Row]]) -> list[str]:
-    """By cause: each size, how strong in the runs that show it most (sigma), and what was said."""
+    """By cause: each size, its effect in the runs that show it most (sigma), and the verdict."""
     rows: dict[str, list[tuple[float, str]]] = {}
     for case, row in done:
         if len(case.truth) == 1 and case.kind in ("single", "instrument", "unknown"):

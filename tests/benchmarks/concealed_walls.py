@@ -1,4 +1,4 @@
-"""Walls by finite elements concealed in the apparatus's straw, or something else, and what the diagnosis says of them.
+"""Diagnosis of an apparatus whose straw has walls by finite elements, or another concealed cause.
 
     python -m tests.benchmarks.concealed_walls [--share 1.0] [--other NAME=SIZE] [--seed 21] [--runs 2]
         [--library all|NAME,NAME]

@@ -1,4 +1,4 @@
-"""What exact derivatives cost: 0, 16 and 128 columns beside plain runs, and how cost grows with cells.
+"""Cost of exact derivatives: 0, 16 and 128 columns relative to plain runs, and its growth with the number of cells.
 
     python -m tests.benchmarks.derivatives [--cells]
 
@@ -29,7 +29,7 @@ from tests.benchmarks.figures import publish, write_option
 Floats = NDArray[np.float64]
 
 REPEATS = 5
-#: Constants of the straw, terms that are not there yet, the pressure, one by one, and each frustum's own.
+#: Constants of the straw, terms of zero strength, the pressure, one by one, and those of each frustum.
 WHOLE = ("E_pa", "h_m", "zeta0_m", "c_zeta_n_s_per_m", "c_phi_n_m_s_per_rad", "r_ch_m", "m_tip_kg", "rho_kg_per_m3")
 CANDIDATES = (
     "terms.cohesion.force_n",
@@ -47,7 +47,7 @@ BY_CELL = (
 
 
 def columns(run: ValidationRun, many: int) -> list[Direction]:
-    """As many directions as asked."""
+    """The requested number of directions."""
     straw = run.straw
     found = [Direction.of(straw, name) for name in (*WHOLE, *CANDIDATES)]
     found.append(Direction.delay(straw, run.pressure_pa))
@@ -65,7 +65,7 @@ def taken_s(work: Callable[[], object]) -> float:
 
 
 def ratios(plain: Callable[[], object], work: Callable[[], object]) -> Floats:
-    """CPU time of the work in plain runs, taken before and after it, as another process may slow both (REPEATS,)."""
+    """CPU time of the work in plain runs, timed before and after it as other processes may slow both (REPEATS,)."""
     plain(), work()
     out = []
     for _ in range(REPEATS):
@@ -119,7 +119,7 @@ def growth() -> dict[str, str]:
         for run in (replace(FOLDING, deployed=(1,)), replace(DEPLOYMENT, deployed=())):
             straw: StrawParameters = run.straw.replace(cells=cells, g_m_per_s2=0.0 if cells > 30 else 9.795)
             held = replace(run, straw=straw)
-            time_s = TIME_S[(6.0 if cells <= 30 else 1.0) >= TIME_S]  # longer ones buckle under the pressure later on
+            time_s = TIME_S[(6.0 if cells <= 30 else 1.0) >= TIME_S]  # longer ones buckle later under the pressure
             given, along = (straw, held.pressure_pa, time_s, held.deployed), columns(held, 16)
             first = simulate(*given)
             near = first.rest

@@ -1,7 +1,7 @@
-"""Figures of README.md that benchmarks rewrite: with --write a command replaces its own and the row of its last run.
+"""Figures of README.md: with --write a benchmark replaces its own and the row of its last run.
 
-A figure stands between comments as GROUP.NAME, `<!-- soak.wrong -->0<!-- / -->`; a command states a group's figures
-at once, so that no group mixes two runs. The last runs are in a table between the comments of `runs.table`.
+A figure stands between comments as GROUP.NAME, `<!-- soak.wrong -->0<!-- / -->`; a command replaces all figures of a
+group at once, so that no group mixes two runs. The last runs are in a table between the comments of `runs.table`.
 """
 
 from __future__ import annotations
@@ -75,14 +75,14 @@ def _with_run(text: str, group: str) -> str:
 
 
 def _version() -> str:
-    """The last tag and the commit, with a plus sign where files differ from it."""
+    """The last tag and the commit, with a plus sign if files differ from it."""
     command = ["git", "-C", str(README.parent), "describe", "--tags", "--always", "--dirty=+"]
     said = subprocess.run(command, capture_output=True, text=True)
     return said.stdout.strip() if said.returncode == 0 else "no git checkout"
 
 
 def _machine() -> str:
-    """Processor, cores, system, Python, and the load at the end of the run, which slows what is timed."""
+    """Processor, cores, system, Python, and the load at the end of the run, which affects timings."""
     listed = Path("/proc/cpuinfo")
     lines = listed.read_text(encoding="utf-8").splitlines() if listed.exists() else []
     model = next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "")

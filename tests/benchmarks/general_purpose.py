@@ -1,4 +1,4 @@
-"""SciPy's stiff solvers on the straw: y' = f(t, y) with y = (q, q'), compiled, called once from Python a step asks."""
+"""SciPy's stiff solvers on the straw: y' = f(t, y) with y = (q, q'), compiled, called from Python per evaluation."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from straw.replay.paper.runs import RISE_PER_S, ValidationRun
 Floats = NDArray[np.float64]
 
 SOLVERS = ("LSODA", "Radau", "BDF")
-#: Sizes that make an absolute tolerance of one relative tolerance: heights (m), angles (rad), and both's rates.
+#: Scales that turn one relative tolerance into absolute ones: heights (m), angles (rad), and the rates of both.
 SCALES = (2e-3, 0.2, 2e-2, 2.0)
 #: Relative tolerances from loose to tight, and how far below rtol * SCALES the absolute ones lie.
 RELATIVE = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6)
@@ -69,7 +69,7 @@ def rate(time_s: float, y: Floats, numbers: Floats, frusta: Floats, terms: Float
 
 @dataclass(frozen=True)
 class Trial:
-    """One solver at one setting: coordinates (n, coordinates), None where it got to no end, and what it cost."""
+    """One solver at one setting: coordinates (n, coordinates), None where it did not finish, and its cost."""
 
     solver: str
     rtol: float
@@ -97,7 +97,7 @@ def solve(run: ValidationRun, time_s: Floats, solver: str, rtol: float, below: f
     frusta, terms = np.array(c[15:20]), c.terms.copy()
     q = rest_state(run.straw, run.deployed)
     y = np.concatenate([q, np.zeros_like(q)])
-    for layout in (y, np.repeat(y, 2)[::2]):  # compiles: columns of a matrix are another type
+    for layout in (y, np.repeat(y, 2)[::2]):  # compiles: columns of a matrix have another type
         rate(0.0, layout, numbers, frusta, terms)
     evaluations = 0
     start = time.process_time()
@@ -110,7 +110,7 @@ def solve(run: ValidationRun, time_s: Floats, solver: str, rtol: float, below: f
         return rate(t, y, numbers, frusta, terms)
 
     found, trouble = None, ""
-    with warnings.catch_warnings(action="ignore"):  # LSODA's failures to converge; the accuracy tells
+    with warnings.catch_warnings(action="ignore"):  # LSODA's warnings of failed convergence; the accuracy is checked
         try:
             answer = solve_ivp(
                 f, (0.0, time_s[-1]), y, solver, time_s, rtol=rtol, atol=rtol * below * np.repeat(SCALES, len(q) // 2)
@@ -127,7 +127,7 @@ def solve(run: ValidationRun, time_s: Floats, solver: str, rtol: float, below: f
 def loosest(
     run: ValidationRun, time_s: Floats, solver: str, limit_s: float, good: Callable[[Trial], bool]
 ) -> Iterator[Trial]:
-    """All trials on the way to the loosest rtol that is good enough for each atol, or that got to no end."""
+    """All trials up to the loosest rtol that is accurate enough for each atol, or that did not finish."""
     for below in BELOW:
         for rtol in RELATIVE:
             trial = solve(run, time_s, solver, rtol, below, limit_s)

@@ -1,10 +1,10 @@
-"""Time of a default diagnosis of eight runs, of a case that is hard, or of any other.
+"""Time of a default diagnosis of eight runs, of a hard case or of any other.
 
     python -m tests.benchmarks.hardest [--seed 20261127 --only final-049]
 
-Two causes at once, one of another form than the library's: the search looks everywhere, and ends by the steps it took
-or as unknown, with the curve of what is missing. In threads as `straw diagnose` has them; reading the runs and drawing
-the page come on top.
+Two causes at once, one of another form than the library's: the search is exhaustive, and ends at its limit of steps or
+as unknown, with the curve of the missing law. In threads, as in `straw diagnose`, without the time to read the runs and
+draw the page.
 """
 
 from __future__ import annotations

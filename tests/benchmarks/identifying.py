@@ -1,10 +1,10 @@
-"""What `straw identify runs` costs and finds, on recordings: by exact derivatives, and by a checkout that takes others.
+"""Cost and results of `straw identify runs` on recordings: by exact derivatives, and by a checkout with others.
 
     python -m tests.benchmarks.identifying FOLDER... [--before TREE]
 
 Each FOLDER holds the runs of one specimen. TREE is another checkout of this project, for example of the last commit
-that fitted by differences between runs: git worktree add /tmp/before 0051f7b~1. Each is asked twice, as the first time
-compiles; CPU seconds of the second.
+that fitted by differences between runs: git worktree add /tmp/before 0051f7b~1. Each is run twice, as the first run
+compiles; CPU seconds are those of the second.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Intervals of a mean over clips, whose frames err alike: whole clips are drawn again, not frames."""
+"""Confidence intervals of a mean over clips: bootstrap by whole clips, since errors of frames are correlated."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ def between(by_clip: ArrayLike, level: float = 0.95) -> NDArray[np.float64]:
     """Return the interval (2, m) of the mean of values (clips, m), one row a clip; infinite for a single clip.
 
     Bootstrap by clips, its percentiles expanded: with few clips plain ones are too narrow (Hesterberg, What teachers
-    should know about the bootstrap, Am. Stat. 69 (2015) 371, section 4.3.3). Of four clips it reaches from the least
-    to the most; it cannot know that they are no rarer ones.
+    should know about the bootstrap, Am. Stat. 69 (2015) 371, section 4.3.3). For four clips it spans all their values,
+    and cannot include rarer ones.
     """
     values = np.atleast_2d(np.asarray(by_clip, dtype=np.float64))
     n = len(values)
@@ -31,6 +31,6 @@ def shown(by_clip: ArrayLike) -> str:
 
 
 def beside(by_clip: ArrayLike) -> list[str]:
-    """Return each column's interval as text in brackets to stand behind its mean; empty for a single clip."""
+    """Return each column's interval as text in brackets, to follow its mean; empty for a single clip."""
     values = np.atleast_2d(np.asarray(by_clip, dtype=np.float64))
     return [f" ({low:.2f} to {high:.2f})" if len(values) > 1 else "" for low, high in between(values).T]

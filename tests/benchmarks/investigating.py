@@ -1,14 +1,14 @@
-"""Loops that close: rounds, minutes and snaps until `straw investigate` names what an apparatus conceals.
+"""Closed loops: rounds, minutes and snaps until `straw investigate` names the cause that an apparatus conceals.
 
     python -m tests.benchmarks.investigating --split develop --seed 1 --cases 3
 
 The cases are those of `concealed`: the first 40 of a deck hold nulls, one and two causes, causes outside the library
-and causes that are hard to tell apart, in an order that says nothing. The straw on the rig is `tests.apparatus`, which
-shares no code with the model, and the loop, its diagnosis and its choice are those of the command. Each case is gone
-through in four ways: `loop`; `in_turn` (the campaign's eight runs in their order, diagnosed after each); `random`
-(protocols by chance, diagnosed after each); `fixed` (all eight runs, then one diagnosis). A row for each case and way
-as it comes; recordings and logs lie beside the rows, and an interrupted case goes on from its log. `--split final` is
-for the end, with a seed nobody has looked at.
+and causes that are hard to distinguish, in random order. The straw on the rig is `tests.apparatus`, which shares no
+code with the model; the loop, its diagnosis and its choice are those of the command. Each case is run in four ways:
+`loop`; `in_turn` (the campaign's eight runs in their order, diagnosed after each); `random` (random protocols,
+diagnosed after each); `fixed` (all eight runs, then one diagnosis). Each case and way gives a row when it is done;
+recordings and logs lie beside the rows, and an interrupted case continues from its log. `--split final` is for the end,
+with an unused seed.
 """
 
 from __future__ import annotations

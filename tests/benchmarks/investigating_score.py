@@ -1,4 +1,4 @@
-"""Scores loops on sealed cases: answers that are right or wrong, and rounds, minutes and snaps until given."""
+"""Scores loops on sealed cases: right and wrong answers, and the rounds, minutes and snaps they took."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from tests.benchmarks.figures import table
 Row = Mapping[str, Any]
 Rows = Mapping[tuple[str, str], Row]
 
-#: What an end amounts to, best first. Nothing named where something is concealed is a miss: it may be too small to see.
+#: Outcomes, best first. No cause named where one is concealed is a miss: it may be too small to detect.
 ENDS = ("right", "undecided", "missed", "wrong name")
 SPENT = ("rounds", "minutes", "snaps")
 HEAD = f"{'way':<8} {'cases':>5} {'right':>6} {'undecided':>10} {'missed':>7} {'wrong name':>11}"
 
 
 def end_of(case: Case, row: Row) -> str:
-    """One of `ENDS`; only what is as certain as was asked for is an answer."""
+    """One of `ENDS`; only a finding with the required certainty is an answer."""
     if row["reason"] == "named":
         return "right" if set(row["causes"]) <= set(case.label) else "wrong name"
     if row["reason"] == "complete":

@@ -28,20 +28,20 @@ from tests.apparatus.rig import ApparatusRig, as_toml
 from tests.benchmarks.concealed import BASE
 
 SPECIMEN = "apparatus"
-#: Of what chance offers a round, so many are tried until the model can dry-run one.
+#: Number of random protocols tried in a round until the model can simulate one.
 OFFERED = 6
 
 
 class Chosen(Bench):
-    """As the loop chooses by itself. The search for a law that no library holds is left out: it takes minutes, and is
-    made after the reason to stop is known."""
+    """Runs chosen by the loop itself. The search for a law outside the library is left out: it takes minutes, and
+    comes after the reason to stop is known."""
 
     def unknown(self, found: Found) -> str:
         return ""
 
 
 class Given(Chosen):
-    """Runs that somebody else chooses, so that none is asked for before a complete model is an answer."""
+    """Runs chosen otherwise, so that a complete model is an answer without further runs."""
 
     def untried(self) -> list[Proposal]:
         return []
@@ -66,7 +66,7 @@ class Fixed(InTurn):
 
 
 class Random(Given):
-    """Protocols by chance, of those that the loop weighs, after its own openings; diagnosed after each run."""
+    """Random protocols of those that the loop considers, after its own first runs; diagnosed after each run."""
 
     seed = 0
 
@@ -85,13 +85,13 @@ WAYS: dict[str, type[Chosen]] = {"loop": Chosen, "in_turn": InTurn, "random": Ra
 
 
 def as_it_is(protocol: str) -> Proposal:
-    """A run that is made whatever it is expected to tell."""
+    """A run that is made whatever its expected information."""
     read = protocol_from_toml(protocol, "a plan")
     return Proposal(protocol, read.initial_deployed, read.name, 0.0, 0.0, read.duration_s / 60, 0, opening=True)
 
 
 def investigated(case: Case, way: str, certainty: float, rounds: int, place: Path) -> dict[str, Any]:
-    """How a loop on the apparatus ended, without a look at the case's label; it goes on from what is in ``place``."""
+    """How a loop on the apparatus ended, without access to the case's label; it continues from the log in ``place``."""
     started, path = time.process_time(), place / f"{case.name}-{way}"
     path.mkdir(parents=True, exist_ok=True)
     folder, log_path = Folder(path, SPECIMEN), log_of(path, SPECIMEN)

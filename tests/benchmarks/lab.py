@@ -1,4 +1,4 @@
-"""The lab with many recordings: time to the first picture, to filter and sort, memory; 1 % of the files damaged.
+"""The lab with many recordings, 1 % of them damaged: time to the first picture, to filter and to sort, and memory.
 
 ``python -m tests.benchmarks.lab [--runs 1000] [--pictures DIR]`` makes recordings in a temporary folder (or takes those
 of ``--folder``), opens the lab on them as ``straw lab`` does, and a Chromium on that.
@@ -34,7 +34,7 @@ VIEWS = (
 
 
 def recorded(folder: Path, count: int) -> None:
-    """Recordings of a second each, every hundredth cut or spoilt."""
+    """Recordings of a second each, every hundredth cut or corrupted."""
     for number in range(count):
         zero_ns = ZERO_NS + number * 600 * 10**9
         path = folder / f"run-{number:05d}.mcap"
@@ -77,7 +77,7 @@ def main() -> None:
 
 
 def measured(folder: Path, browser: Browser, pictures: Path | None) -> None:
-    """Open the lab twice: without an index, and with the one that it left."""
+    """Open the lab twice: without an index, and with the one it wrote."""
     for turn in ("no index", "with index"):
         command = [sys.executable, "-m", "straw.replay.cli", "lab", str(folder), "--emulate", "--no-browser"]
         began_s = time.monotonic()
@@ -106,17 +106,17 @@ def measured(folder: Path, browser: Browser, pictures: Path | None) -> None:
 
 
 def cpu_ms(process: int) -> float:
-    """What a process has used so far; on a busy machine the only figure that is its own."""
+    """CPU time of a process, which is independent of other load."""
     fields = Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()
     return 1e3 * (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def views(tab: Tab, total: int, server: int) -> None:
-    """Each view as the page asks for it, with its answer drawn."""
+    """Each view as the page requests it, until it is drawn."""
     for view in VIEWS:
         times, before_ms = [], cpu_ms(server)
         for turn in range(7):
-            fresh = {**view, "where": f"{view.get('where', '')}{' ' * turn}"}  # not the one that is remembered
+            fresh = {**view, "where": f"{view.get('where', '')}{' ' * turn}"}  # not the cached one
             script = f"""(async () => {{
                 Object.assign(look, {{where: '', sort: '', group: '', differs: ''}}, {fresh!r});
                 const t = performance.now(); await load(false); return performance.now() - t; }})()"""

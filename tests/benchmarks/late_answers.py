@@ -1,7 +1,7 @@
-"""Runs of a minute on an instrument whose answers are corrupted or late: how many end well, which readings are wrong.
+"""Runs of a minute on an instrument whose answers are corrupted or late: how many succeed, which readings are wrong.
 
 One answer in twenty is garbled, cut, merged with the next, lost, or up to 2 s late. Every reading is compared with the
-plant's pressure in the time that the reading states.
+plant's pressure within the reading's time span.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from tests.benchmarks.figures import missed, publish, write_option
 from tests.benchmarks.soak import NoStraw, misread
 
 KINDS = ("garble", "truncate", "merge", "silence", "late")
-SPELT = ("garble", "truncate")  # on a wire without a checksum one of these may look like a right answer
+SPELT = ("garble", "truncate")  # without a checksum one of these may look like a right answer
 PROTOCOL = """
 pressure_unit = "kPa"
 initial_deployed = []
@@ -37,13 +37,13 @@ for_s = {for_s}
 
 @dataclass(frozen=True)
 class Ended:
-    """How one run went."""
+    """Result of one run."""
 
     well: bool
     why: str
     cycles: int
     faults: Counter[str]
-    wrong: tuple[str, ...]  # readings that belong to another moment
+    wrong: tuple[str, ...]  # readings of another moment
     spelt_alike: int
 
 
@@ -83,7 +83,7 @@ def one(seed: int, baud: int, for_s: float, rate: float, late_s: float, kinds: t
 
 
 def main() -> None:
-    """Print what became of the runs at each line rate."""
+    """Print the results of the runs at each line rate."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--runs", type=int, default=20)
     options.add_argument("--for-s", type=float, default=60.0)

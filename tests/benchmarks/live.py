@@ -1,7 +1,7 @@
-"""What a live page costs the loop: its jitter with and without, by turns in one run.
+"""Effect of a live page on the control loop: jitter with and without it, alternating within one run.
 
-The page's server, the model beside the run and a client that takes every update are there throughout; by turns of two
-seconds the loop feeds them or does not. A period is the time between two readings, as the controller's clock has it.
+The page's server, the model beside the run and a client that takes every update run throughout; the loop feeds them
+in every other interval of two seconds. A period is the time between two readings by the controller's clock.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ initial_deployed = [1, 4]
 sine = {{ amplitude = 5, frequency_hz = 0.5 }}
 for_s = {duration}
 """
-#: Another process that looks: counts updates and the seconds they came in.
+#: Another process as client: counts updates and the seconds in which they came.
 CLIENT = """
 import json, sys, time
 from websockets.sync.client import connect
@@ -47,10 +47,10 @@ print(n, last - first)
 
 
 class ByTurns(Live):
-    """A feed that is silent every other turn."""
+    """A feed that is silent in every other interval."""
 
     def heard(self, now_s: float, readings: Sequence[Reading], told_pa: Mapping[int, float]) -> None:
-        """Feed in even turns."""
+        """Feed in even intervals."""
         if int(now_s / TURN_S) % 2 == 0:
             super().heard(now_s, readings, told_pa)
 
@@ -74,7 +74,8 @@ def main() -> None:
     assert run.pressure is not None
     time_s = run.pressure.time_s
     period_s, turn = np.diff(time_s), (time_s[:-1] / TURN_S).astype(int)
-    inside = np.abs(time_s[:-1] / TURN_S - np.round(time_s[:-1] / TURN_S)) > 0.05  # not where one turn meets the next
+    # not at the boundary of two intervals
+    inside = np.abs(time_s[:-1] / TURN_S - np.round(time_s[:-1] / TURN_S)) > 0.05
     for name, which in (("with", turn % 2 == 0), ("without", turn % 2 == 1)):
         off_ms = 1e3 * np.abs(period_s[which & inside] - 1 / RATE_HZ)
         shown = ", ".join(f"{value:.3f}" for value in (np.median(off_ms), np.quantile(off_ms, 0.99), off_ms.max()))

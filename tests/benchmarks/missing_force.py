@@ -1,12 +1,12 @@
-"""Laws outside the library, concealed by an apparatus of other code: the curve and formula found where none explains.
+"""Laws outside the library, concealed by an independent apparatus: the curve and formula found for the missing force.
 
     python -m tests.benchmarks.missing_force [--only "side wind" ...] [--states "tip X, along Z" ...] [--write]
 
-Per law: the state it acts over, the state chosen, how much of the misfit the curve explains, the curve's largest
-error against the law where it is known, in shares of the law's largest value, and the formula. About a minute of CPU
-each; and X on runs held out: base, curve, stated noise, and what the law itself would leave there with the mean straw,
-by the apparatus: the camera's noise and how far repeats of this straw differ. Cohesion and squeeze film are causes of
-the library, here taken out of it.
+Per law: the state it acts over, the state chosen, the share of the misfit that the curve explains, the curve's largest
+error against the law where it is determined, as a share of the law's largest value, and the formula. About a minute of
+CPU each; and X on held-out runs: base, curve, stated noise, and the residual of the law itself with the mean straw, by
+the apparatus: the camera's noise and the scatter of repeats. Cohesion and squeeze film are causes of the library, here
+taken out of it.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ SEED = 4
 
 @dataclass(frozen=True)
 class Planted:
-    """A concealed cause, the state it acts over, and its law in the curve's words, up to its sign."""
+    """A concealed cause, the state it acts over, and its law as a function of that state, up to its sign."""
 
     cause: Cause
     state: str
@@ -55,7 +55,7 @@ def _unknown(form: str, size: float) -> Cause:
     return Cause("unknown", size, form, 1)
 
 
-def _saturated(p: np.ndarray) -> np.ndarray:  # the gauge shows too little beyond what it can; commands were 35, -25 kPa
+def _saturated(p: np.ndarray) -> np.ndarray:  # the gauge reads too little beyond its range; commanded 35, -25 kPa
     return np.where(p > 30.9e3, -4e3, np.where(p < -20.9e3, 4e3, 0.0))
 
 
@@ -86,7 +86,7 @@ PLANTED = (
 
 
 def error(found: MissingLaw, law: Callable[[np.ndarray], np.ndarray]) -> float:
-    """Largest difference where the curve is known to a fifth of the law's size, as a share of that; either sign."""
+    """Largest difference where the curve is known to a fifth of the law's size, as a share of it; either sign."""
     want = law(found.at)
     size = float(np.max(np.abs(want)))
     known = found.sigmas < size / 5
@@ -96,7 +96,7 @@ def error(found: MissingLaw, law: Callable[[np.ndarray], np.ndarray]) -> float:
 
 
 def left_by_the_law(cause: Cause, runs: Sequence[str]) -> float:
-    """X that the concealed law leaves with the specimen's mean constants, m, RMS: noise, and repeats that differ."""
+    """Residual of X with the concealed law and the specimen's mean constants, m, RMS: noise and scatter of repeats."""
     alike = replace(SCATTER, repeat_young=0.0, repeat_damping=0.0, repeat_angle_rad=0.0)
     repeat, mean = (make((cause,), SEED, tuple(runs), s, straw=specimen(SEED)) for s in (SCATTER, alike))
     squares = [

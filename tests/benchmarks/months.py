@@ -1,8 +1,8 @@
-"""Months: a protocol of 60 days run to its end on an emulated controller, on a clock that is stepped.
+"""Months: a protocol of 60 days run to its end on an emulated controller with a stepped clock.
 
-Everything is the rig's own (the run's loop, the driver, the wire, the recording and its thread) but the clock, on which
-60 days pass in minutes. So the loop's rate has to be low: a reading each two minutes is 43,200. Memory, how late steps
-are, and the recording are looked at along the way and at the end.
+Everything is the rig's own (the run's loop, the driver, the wire, the recording and its thread) except the clock, on
+which 60 days pass in minutes. The loop's rate is therefore low: one reading every two minutes makes 43,200. Memory, the
+lateness of steps and the recording are checked during the run and at the end.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ NO_STEPS_S = 1e9  # nothing behind the wire moves, so its history needs no steps
 
 @dataclass
 class Months:
-    """What became of the run."""
+    """Result of the run."""
 
     days: int
     cycles: int = 0
     missed: int = 0
     resident_mb: list[float] = field(default_factory=list)  # at each tenth of the run
-    late_s: list[float] = field(default_factory=list)  # of each step after the protocol's own time
+    late_s: list[float] = field(default_factory=list)  # lateness of each step against the protocol
     readings: int = 0
     recovered: int = 0  # readings, from the file cut at nine tenths
     size_mb: float = 0.0

@@ -1,4 +1,4 @@
-"""Protocols with something changed, through straw rig show: each ends with 0, or with 2 and one line, soon."""
+"""Mutated protocols through straw rig show: each ends within seconds with 0, or with 2 and one line."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ NUMBERS = [
 
 @dataclass(frozen=True)
 class Shown:
-    """What became of one: exit code, lines on stderr, what was wrong with that (empty: nothing), s, MB."""
+    """Result of one: exit code, lines on stderr, what was wrong with it (empty: nothing), s, MB."""
 
     text: str
     problem: str
@@ -79,7 +79,7 @@ def mutated(seed: int) -> str:
 
 
 def show(seed: int) -> Shown:
-    """Draw one, in this process, whose peak of memory is the largest so far."""
+    """Draw one in this process; its memory is this process' peak so far."""
     text = mutated(seed)
     with TemporaryDirectory() as folder:
         path, said, before_s = Path(folder) / "p.toml", io.StringIO(), time.monotonic()
@@ -97,14 +97,14 @@ def show(seed: int) -> Shown:
 
 
 def peak_mb() -> float:
-    """The most memory that this process ever had."""
+    """Peak memory of this process."""
     import resource  # POSIX
 
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def main() -> None:
-    """Print what became of them; exit code 1 when one misbehaved."""
+    """Print the results; exit code 1 if one misbehaved."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--count", type=int, default=1000)
     options.add_argument("--seed", type=int, default=0)

@@ -1,4 +1,4 @@
-"""The paper's own puzzle: why one set of constants did not fit its runs, and which physics makes one set fit all.
+"""The paper's open question: why one set of constants did not fit its runs, and with which physics one set fits all.
 
     python -m tests.benchmarks.paper_puzzle --out PICTURE.png --json NUMBERS.json
 
@@ -40,7 +40,7 @@ from .puzzle_fits import (
 from .puzzle_picture import draw
 from .puzzle_runs import HELD_OUT, recordings
 
-#: What a user would give: the specimen's statics, and damping and channel as a first guess.
+#: The constants that a user would give: the specimen's statics, and damping and channel as a first guess.
 GIVEN = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)
 SHOWN = (*(f"straw.{name}" for name in WISHED), DELAY)
 FACTORS = (1.0, 1e3, 1e3, 1e3)
@@ -51,7 +51,7 @@ def main() -> None:
     """Make the runs, fit them, print the tables, draw."""
     ask = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     ask.add_argument("--seed", type=int, default=7)
-    place = Path(tempfile.gettempdir()) / "puzzle.png"  # not among the project's files
+    place = Path(tempfile.gettempdir()) / "puzzle.png"  # not in the checkout
     ask.add_argument("--out", type=Path, default=place, help="the picture: .png, .svg or .pdf (default: %(default)s)")
     ask.add_argument("--json", type=Path)
     args = ask.parse_args()
@@ -102,7 +102,7 @@ def main() -> None:
 
 
 def _delay(name: str, campaign: Campaign, fit: Fit) -> None:
-    """Print the delay that all runs would share."""
+    """Print the common delay of all runs."""
     late, gain = one_delay(campaign, fit)
     told = f"{late.value * 1e3:.2f} ± {late.sigma * 1e3:.2f} ms"
     worth = f"to first order the misfit would be less by {gain:.0f} of {fit.cost:.0f}"
@@ -112,19 +112,19 @@ def _delay(name: str, campaign: Campaign, fit: Fit) -> None:
 def _each(
     names: Sequence[str], runs: Campaign, straw: StrawParameters, fit: Callable[[Campaign], Fit]
 ) -> dict[str, Fit]:
-    """Every run fitted by itself with the straw."""
+    """Every run fitted by itself with a straw."""
     return {name: fit(Campaign(runs.only([name]).observations, StrawSystem(straw), runs.pool)) for name in names}
 
 
 def _rms(campaign: Campaign, straw: StrawParameters) -> dict[str, float]:
-    """RMS of what differs, by channel (m, m, rad); runs that cannot be played make it NaN."""
+    """RMS of the residual by channel (m, m, rad); NaN where a run cannot be simulated."""
     rows = Campaign(campaign.observations, StrawSystem(straw), campaign.pool).misfits((), [np.empty(0)])[0]
     plain = [np.full((3, 1), np.nan) if one is None else one.plain for one in rows]
     return {c: float(np.sqrt(np.mean(np.concatenate([p[i] for p in plain]) ** 2))) for i, c in enumerate(CHANNELS)}
 
 
 def _first_late(campaign: Campaign, straw: StrawParameters) -> dict[str, float]:
-    """How much later (s) than measured the model's first snap is, by run; NaN where Phi of either does not show it."""
+    """Lateness (s) of the model's first snap against the measured one, by run; NaN where Phi of either lacks it."""
     rows = Campaign(campaign.observations, StrawSystem(straw), campaign.pool).misfits((), [np.empty(0)])[0]
     return {
         o.name: float(one.late_s[0]) if one is not None and len(one.late_s) else float("nan")

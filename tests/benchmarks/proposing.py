@@ -1,12 +1,12 @@
-"""What the learned proposal alone reaches on campaigns of the independent apparatus, before any fit.
+"""Accuracy of the learned proposal alone on campaigns of the independent apparatus, before any fit.
 
     python -m tests.benchmarks.proposing --keep FOLDER            the develop split of seed 1
     python -m tests.benchmarks.proposing --split final --seed 20261129 --keep FOLDER
     python -m tests.benchmarks.proposing --recordings ../shared/recordings
     python -m tests.benchmarks.proposing --held FOLDER            what the training's folder held out, by size
 
-A deck is opened as a whole: its labels are seen here, so only decks that are for developing, or opened already, are of
-use. ``--keep`` keeps the recordings, half a minute of two cores for a deck of 67.
+A deck is opened as a whole: its labels are used here, so only development decks, or decks opened already, are suited.
+``--keep`` keeps the recordings, half a minute of two cores for a deck of 67.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ from tests.benchmarks.concealed import BASE, SIX
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 
-#: A score above this is sure; a cause is among those to be tried early if it is among so many.
+#: A score above this is confident; a cause is tried early if it is among this many.
 SURE, EARLY = 0.9, 3
-#: What is concealed in the recordings that the project was given.
+#: The causes concealed in the given recordings.
 GIVEN = {"open-a": (), "open-b": ("cohesion",), "open-c": ("poiseuille_loss",), "open-d": ("clock_offset",)}
 
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """A proposal with what was concealed."""
+    """A proposal and the concealed causes."""
 
     name: str
     kind: str
@@ -57,20 +57,20 @@ class Asked:
 
     @property
     def rank(self) -> int:
-        """Place (from 1) of the truth among the hypotheses; 0 for what no library holds."""
+        """Rank (from 1) of the truth among the hypotheses; 0 for a cause that no library has."""
         names = [frozenset(one) for one, _ in self.proposal.hypotheses]
         truth = frozenset(self.label)
         return names.index(truth) + 1 if truth in names else 0
 
     @property
     def places(self) -> list[int]:
-        """Places (from 1) of the concealed causes among the scores."""
+        """Ranks (from 1) of the concealed causes among the scores."""
         order = list(self.proposal.scores)
         return [order.index(cause) + 1 for cause in self.label if cause in order]
 
 
 def recordings_of(case: Case, keep: Path | None, split: str, seed: int) -> tuple[Run, ...]:
-    """Six runs of a case, or those it has."""
+    """Six runs of a case, or all it has."""
     path = keep / f"{split}-{seed}-{case.name}.pkl" if keep else None
     if path and path.exists():
         return tuple(pickle.loads(path.read_bytes())[1])
@@ -82,14 +82,14 @@ def recordings_of(case: Case, keep: Path | None, split: str, seed: int) -> tuple
 
 
 def asked(name: str, kind: str, label: tuple[str, ...], about: str, runs: tuple[Run, ...], learned: Learned) -> Asked:
-    """Ask the proposal about some runs."""
+    """The proposal for some runs."""
     observations = [observe(run) for run in runs]
     start = time.process_time()
     return Asked(name, kind, label, about, propose(observations, BASE, learned=learned), time.process_time() - start)
 
 
 def table(rows: list[Asked]) -> str:
-    """One line a kind of case, then every case whose truth does not lead, and how the guard sees it."""
+    """One line per kind of case, then every case whose truth is not first, with distance and disagreement."""
     kinds: dict[str, list[Asked]] = defaultdict(list)
     for row in rows:
         kinds[row.kind].append(row)
@@ -117,19 +117,19 @@ def table(rows: list[Asked]) -> str:
 
 
 def leads(row: Asked) -> bool:
-    """Whether the truth's causes have the highest scores; nothing above one half where there are none to be found."""
+    """Whether the true causes have the highest scores; no score above one half where there are none."""
     if not row.places:
         return max(row.proposal.scores.values()) < 0.5
     return max(row.places) <= len(row.places)
 
 
 def surely_wrong(row: Asked) -> bool:
-    """Whether a cause that is not there has a high score."""
+    """Whether a cause that is absent has a confident score."""
     return any(score > SURE and name not in row.label for name, score in row.proposal.scores.items())
 
 
 def held_out(folder: Path, learned: Learned) -> str:
-    """Held-out simulations by size of the effect, and how near starts are to the truth."""
+    """Held-out simulations by size of the effect, and the distance of starting values from the truth."""
     examples = gathered(folder, 1, (HELD_OUT,))
     names, straw = learned.about["causes"], BASE
     said = asked_of(list(learned.members), learned.scaling, examples).astype(np.float64)
@@ -165,7 +165,7 @@ def held_out(folder: Path, learned: Learned) -> str:
 
 
 def _largest_units(values: Singles, wanted: list[Number], names: list[str]) -> Floats:
-    """How large each cause is that is there, in the library's units (recordings, causes)."""
+    """Size of each cause that is present, in the library's units (recordings, causes)."""
     out = np.zeros((len(values), len(names)))
     for k, number in enumerate(wanted):
         if number.cause in names and number.unknown.kind == "strength" and not number.size_only:
@@ -176,7 +176,7 @@ def _largest_units(values: Singles, wanted: list[Number], names: list[str]) -> F
 
 
 def main() -> None:
-    """Ask and print."""
+    """Evaluate and print."""
     ask = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     ask.add_argument("--split", choices=("develop", "final"), default="develop")
     ask.add_argument("--seed", type=int, default=1)

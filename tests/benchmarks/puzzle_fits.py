@@ -1,4 +1,4 @@
-"""Fits of the puzzle: every run by itself or all with one set, from starts that know no truth."""
+"""Fits of the paper's puzzle: every run by itself or all with one set, from starts without knowledge of the truth."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ TERMS = ("squeeze_film", "fluid_inertia", "cohesion", "frustum_spread")
 #: What the paper fitted to each run by itself; targets without ``straw.``.
 WISHED = ("c_zeta_n_s_per_m", "c_phi_n_m_s_per_rad", "r_ch_m")
 DELAY = "instrument.clock_offset_s"
-#: Where the four laws are looked for, by constant: a few sizes each.
+#: Starting values of the four laws by constant: a few sizes each.
 LOOKED_AT: dict[str, tuple[float, ...]] = {
     "straw.c_zeta_n_s_per_m": (2.0, 10.0),
     "straw.c_phi_n_m_s_per_rad": (2e-3, 5e-3),
@@ -37,10 +37,10 @@ LOOKED_AT: dict[str, tuple[float, ...]] = {
     "term.fluid_inertia.inertance_kg_per_m4": (1e7, 6e7),
 }
 WEAKER = -0.06
-#: Cells of one straw differ by some 3 %, and by a tenth at most: those that never snap in these runs would otherwise
-#: take up what the other laws' forms leave.
+#: Cells of one straw differ by about 3 %, and by a tenth at most: those that never snap in these runs would otherwise
+#: absorb residuals of the other laws' forms.
 ALIKE, AT_MOST = 1.0, 0.10
-#: Starts followed a little way of each cell that may be weaker.
+#: Number of starts that are fitted briefly for each cell that may be weaker.
 FOLLOWED = 3
 
 
@@ -52,12 +52,12 @@ class Number:
     sigma: float
 
     def away(self, other: Number) -> float:
-        """How many sigmas it is from another."""
+        """Distance from another in sigmas."""
         return abs(self.value - other.value) / float(np.hypot(self.sigma, other.sigma))
 
 
 def numbers(fit: Fit) -> dict[str, Number]:
-    """What a fit found, by target; residuals beyond noise widen sigma."""
+    """The fitted constants by target; residuals beyond noise widen sigma."""
     w = weights(fit.residual)
     spread = max(1.0, float(np.mean(w * fit.residual**2)))
     curvature = (fit.slopes * w[:, None]).T @ fit.slopes / spread + np.diag([1 / k.sd**2 for k in fit.unknowns])
@@ -95,7 +95,7 @@ def tightened(campaign: Campaign, unknowns: Sequence[Unknown], u: Floats, rounds
 
 
 def settled(campaign: Campaign, fit: Fit, rounds: int = 6) -> Fit:
-    """The fit once more, with what repeats of one straw differ by allowed for."""
+    """The fit repeated with an allowance for the scatter of repeats."""
     random_effects(campaign, fit)
     return fitted(campaign, fit.unknowns, fit.u, rounds=rounds)
 
@@ -120,7 +120,7 @@ def by_itself(campaign: Campaign) -> Fit:
 
 
 def near_own(campaign: Campaign) -> Fit:
-    """One run fitted by itself from the campaign's straw's own constants and no delay: nothing further off is tried."""
+    """One run fitted by itself from the constants of the campaign's straw without delay, without a wider search."""
     unknowns = alone_unknowns(base_unknowns(straw_of(campaign)))
     return fitted(campaign, unknowns, np.zeros(len(unknowns)), rounds=8)
 
@@ -133,8 +133,8 @@ def base_for_all(campaign: Campaign) -> Fit:
 def improved_for_all(campaign: Campaign) -> Fit:
     """The model with the four laws and one set for all runs, no delay.
 
-    Which cell snaps first is a matter of which is weaker, and no descent crosses from one order to another: each cell
-    that snaps in the runs is tried as the weaker one, and none.
+    The weakest cell snaps first, and no local search crosses from one order of snaps to another: each cell that snaps
+    in the runs is tried as the weaker one, and none.
     """
     laws = hypothesis(TERMS, straw_of(campaign).cells).unknowns
     laws = tuple(_alike(k) if ".frustum_spread." in k.target else k for k in laws)
@@ -157,7 +157,7 @@ def improved_for_all(campaign: Campaign) -> Fit:
 
 
 def _alike(spread: Unknown) -> Unknown:
-    """One cell's part of a spread, held near the others."""
+    """One cell's share of a spread, with a prior that keeps it near the others."""
     most = spread.at(AT_MOST / spread.scale)
     return replace(spread, sd=ALIKE, low=-most, high=most)
 
@@ -169,7 +169,7 @@ def one_delay(campaign: Campaign, fit: Fit) -> tuple[Number, float]:
     at_fit = evaluated(campaign, unknowns, u)
     residual, slopes = at_fit.residual, at_fit.slopes
     w = weights(residual)
-    # at its optimum the fit itself has nothing to gain: what slopes say otherwise is their error
+    # at the optimum the fit itself has nothing to gain: a remaining gradient is numerical error
     gradient = np.append(np.zeros(len(fit.u)), slopes[:, -1] @ (w * residual))
     spread = max(1.0, float(np.mean(w * residual**2)))
     inverse = np.linalg.inv((slopes * w[:, None]).T @ slopes + np.diag([1 / k.sd**2 for k in unknowns]))

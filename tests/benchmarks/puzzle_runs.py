@@ -1,7 +1,7 @@
 """The paper's puzzle as recordings: a folding run, four repetitions of a deployment, two runs of other kinds.
 
-One specimen of the independent apparatus, with what the paper says its model leaves out: water that has to leave
-between frusta that nearly touch, fluid that has to be moved, faces that stick and less so each cycle, a weaker cell 4.
+One specimen of the independent apparatus, with what the paper says its model leaves out: squeeze film between frusta
+that nearly touch, fluid inertia, cohesion of the faces that weakens with each cycle, and a weaker cell 4.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ PLANS = (
     step("fold-20kPa", -20, (1, 4), 5, 4.0),
     step("deploy-40kPa-2-6", 40, (1, 3, 4, 5, 7, 8, 9), 5, 4.0),
 )
-#: Runs that no fit sees: a repetition, and two of other kinds (another pressure; other cells).
+#: Runs not used in any fit: a repetition, and two of other kinds (another pressure; other cells).
 HELD_OUT = ("deploy-35kPa-3", "fold-20kPa", "deploy-40kPa-2-6")
 
 
 def recordings(seed: int) -> tuple[Run, ...]:
-    """The runs as ``straw diagnose`` would read them; the seed draws noise and what repeats differ by."""
+    """The runs as ``straw diagnose`` would read them; the seed draws noise and the scatter of repeats."""
     return campaign(CAUSES, seed, plans=PLANS, name="puzzle", straw=SPECIMEN)

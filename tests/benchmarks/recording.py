@@ -1,4 +1,4 @@
-"""Recording: a minute of 1 kHz pressure and a 240 Hz track through the queue writer: its price, and its losses."""
+"""Recording: a minute of 1 kHz pressure and a 240 Hz track through the queue writer: CPU cost and losses."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ RAW = b">PINGA?|OK|-250:0:1:0:0:0:0:0:0:0:0:0\n"
 
 
 class Nothing:
-    """Takes what a recording takes, and does nothing with it."""
+    """Accepts messages as a recording does, and discards them."""
 
     def add(self, topic: str, happened_ns: int, **values: Any) -> None:
-        """Forget it."""
+        """Discard a message."""
 
     def finish(self) -> None:
         """Nothing to finish."""
@@ -37,7 +37,7 @@ def main() -> None:
     seconds = args.seconds
     with TemporaryDirectory() as folder:
         path = Path(folder) / "run.mcap"
-        # The loop alone, half of it before and half after: what else the machine does changes slowly.
+        # The loop alone, half of it before and half after, since other load of the machine changes slowly.
         loop_s = paced(seconds / 2, Nothing())[0]
         all_s, behind_s, pressures, tips = paced(
             seconds, RunWriter(path, {**NAMED, "zero_time_ns": str(time.time_ns())})

@@ -1,4 +1,4 @@
-"""A minute of run: how long it takes to read, and how large its page is and how soon it is there.
+"""A run of one minute: the time to read it, the size of its page and the time until the page is ready.
 
 ``python -m tests.benchmarks.replaying``; Chromium, where there is one, opens the page five times.
 """

@@ -1,4 +1,4 @@
-"""Rows: a long benchmark's results, one line of JSON each as it comes, so that an interrupted one can continue."""
+"""Rows: a long benchmark's results, each one line of JSON written when done, so that it can be interrupted."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def kept(path: Path) -> list[Row]:
 def worked_out(
     todo: Mapping[str, tuple[Any, ...]], work: Callable[..., Row], path: Path, jobs: int, dask: str | None = None
 ) -> Iterator[Row]:
-    """The row of ``work(*todo[name])`` for each name, added to the file as it comes. A failure is printed and tried
-    again the next time, so that it does not cost the results of the others."""
+    """The row of ``work(*todo[name])`` for each name, appended to the file when done. A failure is printed and tried
+    again the next time, so that the results of the others are kept."""
 
     def tried(name: str, call: Callable[[], Row]) -> Row | None:
         try:

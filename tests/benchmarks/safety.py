@@ -1,4 +1,4 @@
-"""Safety: how long after each way of ending a script the vent arrives on the emulated controller's wire (POSIX)."""
+"""Safety: time from each way a script can end to the vent on the emulated controller's wire (POSIX)."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def _twice(one: Script, number: signal.Signals) -> None:
 
 
 def _kill(*pids: int) -> None:
-    for pid in pids:  # stopped first: none is to see another one die
+    for pid in pids:  # stopped first, so that none reacts to another's death
         os.kill(pid, signal.SIGSTOP)
     for pid in pids:
         os.kill(pid, signal.SIGKILL)
@@ -80,7 +80,7 @@ def show(name: str, took_s: list[float]) -> list[float]:
 
 
 def vented_after(then: str, end: Callable[[Script], object]) -> float:
-    """One script under pressure, ended: seconds until the vent reached the wire."""
+    """Seconds from ending a script under pressure until the vent reached the wire."""
     with Emulation(NoStraw(), plant=PressurePlant(), latency_s=1e-3) as emulation:
         one = Script(emulation, then)
         try:
@@ -96,7 +96,7 @@ def vented_after(then: str, end: Callable[[Script], object]) -> float:
 
 
 def vented_after_return() -> float:
-    """Seconds from the moment the port exists again."""
+    """Seconds until the vent after the port exists again."""
     with Emulation(NoStraw(), plant=PressurePlant(), latency_s=1e-3) as emulation:
         one = Script(emulation, READING)
         time.sleep(0.1)

@@ -1,4 +1,4 @@
-"""The table of decks in README.md, from the rows kept in `decks`: what was said then, and by the present judge.
+"""The table of decks in README.md, from the rows kept in `decks`: by the judge of that commit, and by the present one.
 
     python -m tests.benchmarks.sealed [--write]
 
@@ -39,10 +39,10 @@ HEAD = (
     "not in the library: unknown", "confident and wrong", "held out", "instruments within 1, 2, 3 sd", "CPU, s",
 )  # fmt: skip
 
-#: The last columns, which the judge does not change.
+#: The last columns, which do not depend on the judge.
 RAN = 3
 SAID = ("deck, commit", "up to 0.5", "0.5 to 0.8", "0.8 to 0.95", "above 0.95")
-#: Decks with fewer cases tell nothing of reliability.
+#: Decks with fewer cases do not determine the reliability.
 RELIABLE = 20
 
 Rows = Sequence[tuple[Case, Mapping[str, Any]]]
@@ -68,7 +68,7 @@ def main() -> None:
 
 
 def told(path: Path, again: bool) -> Rows:
-    """A deck's cases with what was said of them, by the judge of its commit or by the present one."""
+    """A deck's cases with their findings, by the judge of its commit or by the present one."""
     split, seed, _ = path.stem.split("-")
     rows = {row["name"]: row for row in map(json.loads, path.read_text(encoding="utf-8").splitlines())}
     cases = [case for case in deck(split, int(seed)) if case.name in rows]  # type: ignore[arg-type]
@@ -76,7 +76,7 @@ def told(path: Path, again: bool) -> Rows:
 
 
 def line(done: Rows) -> list[str]:
-    """What a deck's row holds, but for its name."""
+    """A deck's row without its name."""
     above = [(c, r) for c, r in done if base_leaves(r) > LIMIT]
     nulls = [r for c, r in done if c.kind == "null"]
     one = [(c, r) for c, r in above if c.kind in ("single", "instrument")]
@@ -98,7 +98,7 @@ def line(done: Rows) -> list[str]:
 
 
 def reliability(done: Rows) -> list[str]:
-    """By stated probability of the first, in `BINS`: its mean, and how often it was right, with nothing concealed
+    """By stated probability of the first hypothesis: its mean, and how often it was right, with nothing concealed
     or above the limit."""
     seen = [(c, r) for c, r in done if c.kind == "null" or base_leaves(r) > LIMIT]
     top = np.array([next(iter(r["probability"].values())) for _, r in seen])

@@ -1,11 +1,11 @@
-"""What the diagnosis of developing cases says when a setting of the engine is halved or doubled.
+"""Sensitivity of the diagnosis of development cases to a setting of the engine, halved and doubled.
 
     python -m tests.benchmarks.settings                        # every setting, the first case of each kind
     python -m tests.benchmarks.settings FOLLOWED FAR --cases develop-003 develop-017
 
-One line per setting and factor: verdicts that change, and the largest change of the probability of what is true. Of
-probabilities the odds are halved and doubled. A case takes one to three minutes of a core, all settings a night;
-lines are kept in a file (`--out`), and an interrupted run goes on.
+One line per setting and factor: verdicts that change, and the largest change of the probability of the truth. For
+probabilities the odds are halved and doubled. A case takes one to three minutes of a core, all settings a night; lines
+are kept in a file (`--out`), and an interrupted run continues.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ PROBABILITIES = ("COVERED", "NAMED_ALONE", "MORE_THAN_NOT", "LASTING")
 
 
 def main() -> None:
-    """Ask every setting and print a table."""
+    """Try every setting and print a table."""
     ask = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     ask.add_argument("names", nargs="*", metavar="SETTING", help="which (all)")
     ask.add_argument("--seed", type=int, default=1, help="of the developing deck (1)")
@@ -69,7 +69,7 @@ def main() -> None:
 
 
 def diagnosed(case: Case, name: str, factor: float) -> dict[str, Any]:
-    """What is said of a case with one setting changed, in a process that ends with it changed back."""
+    """Findings of a case with one setting changed; the setting is restored at the end."""
     before = getattr(settings, name) if name else None
     places = _places(before, name) if name else []
     try:
@@ -89,7 +89,7 @@ def diagnosed(case: Case, name: str, factor: float) -> dict[str, Any]:
 
 
 def _places(value: Any, name: str) -> list[Any]:
-    """Every module of the diagnosis that has taken the setting over."""
+    """Every module of the diagnosis that has imported the setting."""
     for module in pkgutil.walk_packages(straw.replay.diagnose.__path__, "straw.replay.diagnose."):
         importlib.import_module(module.name)
     modules = [m for n, m in sys.modules.items() if n.startswith("straw.replay.diagnose")]

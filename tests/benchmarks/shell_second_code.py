@@ -2,7 +2,7 @@
 
     pip install ngsolve && python -m tests.benchmarks.shell_second_code
 
-The same shell theory written as one energy; everything else is NGSolve's. For walls as solid bodies see facts/fe.md.
+The same shell theory as one energy; everything else is NGSolve's. For walls as solid bodies see facts/fe.md.
 """
 
 from __future__ import annotations
@@ -87,12 +87,12 @@ class Second:
         density = E * (h / 2 * plane_stress(e) + h**3 / 24 * plane_stress(k) + h / 2 * (shear + t**2))
         form = BilinearForm(self.space, symmetric=False)
         form += Variation((2 * r * density).Compile() * dx)  # the other half
-        form += Variation(1e3 * shift * u[0] * ds("left"))  # keeps the large base's middle on the axis
+        form += Variation(1e3 * shift * u[0] * ds("left"))  # keeps the centre of the large base on the axis
         self.form = form
         self.state = GridFunction(self.space)
 
     def dictate(self, zeta: float, phi: float) -> GridFunction:
-        """Displacements of the small base along z, elsewhere zero."""
+        """Prescribe displacements of the small base along z, zero elsewhere."""
         value = GridFunction(self.space)
         value.components[2].Set((zeta - self.zeta0) - self.r_i * phi * cos(y), definedon=self.mesh.Boundaries("right"))
         return value

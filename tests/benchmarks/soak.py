@@ -1,8 +1,8 @@
 """Soak: ten thousand exchanges over a wire of which one in twenty is corrupted, and every outcome compared with the
 truth.
 
-A reading is wrong when no instant of the time it claims had that pressure. A wrong one may pass only where the
-protocol gives no way to tell: noise that turned one good answer into another.
+A reading is wrong if the pressure had that value at no instant of its time span. A wrong one may be accepted only
+where the protocol gives no way to detect it: noise that turned one valid answer into another.
 """
 
 from __future__ import annotations
@@ -32,24 +32,24 @@ SET_EVERY = 25
 
 
 class NoStraw:
-    """Nothing behind the wire but the plant."""
+    """A plant without a straw."""
 
     time_s = volume_m3 = pressure_pa = 0.0
     tip = (0.0, 0.0, 0.0)
 
     def advance(self, time_s: float, pressure_start_pa: float, pressure_end_pa: float) -> None:
-        """Let the time pass."""
+        """Advance the time."""
         self.time_s = time_s
 
 
 @dataclass
 class Report:
-    """What became of the exchanges."""
+    """Results of the exchanges."""
 
     exchanges: int = 0
     faults: Counter[str] = field(default_factory=Counter)
     good: int = 0
-    refused: int = 0  # told as an error
+    refused: int = 0  # reported as an error
     reopened: int = 0
     passed_untellable: list[str] = field(default_factory=list)  # wrong, and indistinguishable from a right one
     passed_wrong: list[str] = field(default_factory=list)
@@ -106,10 +106,10 @@ def soak(name: str, exchanges: int, rate: float, seed: int, folder: Path) -> Rep
 
 
 def misread(reading: Reading, plant: PressurePlant, emulation: Emulation, controller: Controller) -> str:
-    """Empty when some instant of the reading's own time span had this pressure, within half a step of the reading."""
+    """Empty if the pressure at some instant of the reading's time span was this, within half a step of the reading."""
     zero_ns = emulation.twin._zero_ns
     ends = [(reading.monotonic_ns + side * reading.half_width_ns - zero_ns) * 1e-9 for side in (-1, 1)]
-    # The answer's bytes on the line are taken off the span, but an idle machine wakes late: a millisecond more.
+    # The transmission time of the answer is subtracted from the span; an idle machine wakes late: a millisecond more.
     true_pa = np.array([plant.pressure(t) for t in np.linspace(ends[0] - 1e-3, ends[1] + 1e-3, 50)])
     half_step_pa = controller.resolution_pa / 2 + 1.0
     jump_pa = float(np.max(np.abs(np.diff(true_pa)), initial=0.0))
@@ -127,7 +127,7 @@ def _judge(wrong: str, faults: list[Fault], report: Report) -> None:
 
 
 def main() -> None:
-    """Print what became of each controller's exchanges."""
+    """Print the results of each controller's exchanges."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--exchanges", type=int, default=10_000)
     options.add_argument("--rate", type=float, default=0.05)

@@ -1,9 +1,9 @@
-"""How fast the model runs: against real time and SciPy's solvers, with other walls, cells, duration, on two cores.
+"""Speed of the model: against real time and SciPy's solvers, with other walls, cells and durations, on two cores.
 
     python -m tests.benchmarks.speed [--quick] [--limit SECONDS]
 
-All after compilation, in one process on one core, with output at 240 Hz. Seconds are those the process spent
-computing, which is what a clock shows when nothing else runs; ours are the best of a few repeats.
+All after compilation, in one process on one core, with output at 240 Hz. Seconds are CPU time, which is wall time on an
+idle machine; those of this model are the best of a few repeats.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def against_real_time() -> dict[str, float]:
 
 
 def against_scipy(seconds: dict[str, float], quick: bool, limit_s: float) -> dict[str, str]:
-    """Print SciPy's solvers on both runs at the accuracy asked, and how many times faster ours is, by run."""
+    """Print SciPy's solvers on both runs at the required accuracy, and how many times faster this model is, by run."""
     times = {}
     print(f"\n{'SciPy':<12}{'solver':<8}{'setting':<28}{'calls':>9}{'CPU / s':>9}{'ours x':>8}{ERRORS_HEAD}")
     for run in RUNS:
@@ -77,7 +77,7 @@ def against_scipy(seconds: dict[str, float], quick: bool, limit_s: float) -> dic
         for solver in (FASTEST[run.name][0],) if quick else SOLVERS:
             if quick:
                 trials = iter([solve(run, TIME_S, *FASTEST[run.name], limit_s)])
-            else:  # what takes ten times the fastest is not going to be it
+            else:  # a solver that takes ten times the fastest cannot win
                 most_s = limit_s if best is None else min(limit_s, 10 * best.cpu_s)
                 trials = loosest(run, TIME_S, solver, most_s, lambda t: good(errors(t)))
             for trial in trials:
@@ -103,7 +103,7 @@ def against_scipy(seconds: dict[str, float], quick: bool, limit_s: float) -> dic
 
 
 def walls() -> None:
-    """Print what walls by finite elements cost beside equation 7, alternately, as ratios of least CPU times."""
+    """Print the cost of walls by finite elements relative to equation 7, run alternately: ratios of least CPU times."""
     print(f"\n{'walls':<12}{'equation 7 / ms':>17}{'shell / ms':>12}{'ratio':>7}{'steps':>12}")
     for run in RUNS:
         runs = [run, replace(run, straw=run.straw.replace(elasticity="shell"))]
@@ -119,7 +119,7 @@ def growth() -> None:
     """Print how cost grows with the number of cells and with duration."""
     columns = f"{'CPU / s':>10}{'steps':>7}{'us a step':>11}{'of N = 9':>10}"
     print(f"\n{'':<9}{'folding (cell 1 deployed)':^38}{'deployment (all folded)':^38}\n{'cells':<9}{columns}{columns}")
-    # a long horizontal straw only holds itself where most of it is folded
+    # a long horizontal straw carries its weight only if most of it is folded
     starts = [(replace(FOLDING, deployed=(1,))), replace(DEPLOYMENT, deployed=())]
     nine = [ours(run)[1] for run in starts]
     for cells in (1, 3, 9, 18, 30):
@@ -140,7 +140,7 @@ def growth() -> None:
 
 
 def on_two_cores() -> None:
-    """Print what a second thread gains in a batch: wall time, since CPU time does not shrink."""
+    """Print the speed-up by a second thread in a batch: wall time, since CPU time does not shrink."""
     jobs = [
         Job(
             DEPLOYMENT.straw.replace(c_zeta_n_s_per_m=0.1 + 0.01 * i),

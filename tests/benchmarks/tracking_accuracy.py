@@ -1,6 +1,6 @@
 """Accuracy on painted snaps, against free per-frame PnP: python -m tests.benchmarks.tracking_accuracy.
 
-Of several clips of a set-up, the mean square in sigmas comes with its 95 % interval, for which whole clips are drawn.
+For several clips of a set-up, the mean square in sigmas has a 95 % interval by a bootstrap of whole clips.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ CHANNELS = ("x", "z", "phi")  # as in the names of figures in README.md
 
 
 def free_errors(found: Track, camera, motion) -> np.ndarray:
-    """Errors (n, 3) in um, um, mrad of a free pose for each frame, from the same corners, placed as painted."""
+    """Errors (n, 3) in um, um, mrad of a free pose for each frame, from the same corners, with the true camera pose."""
     to_board = np.linalg.inv(camera.tip_from_board)
     points, missed = BOARD.corner_points_m(), []
     for k, row in enumerate(found.record.rows(0, len(found.trace))):
@@ -41,11 +41,11 @@ def free_errors(found: Track, camera, motion) -> np.ndarray:
 
 
 def allowed(camera) -> np.ndarray:
-    """How much worse (3,) X, Z, Phi are known by six free unknowns than by three, if corners err independently.
+    """Ratio (3,) of the sigmas of X, Z, Phi with six free unknowns to those with three, for independent corner errors.
 
-    A camera in the plane of motion sees the board in mirror symmetry about it: what moves in the plane and what moves
-    out of it change the picture in an even and an odd way, and not knowing the one costs the other nothing. There the
-    factor is one, whatever the estimator; the constraint pays when the camera stands aside.
+    For a camera in the plane of motion the picture is mirror-symmetric about it: motions in and out of the plane change
+    the picture in even and odd ways, so that they are uncorrelated and the ratio is one for every estimator. The
+    constraint gains accuracy where the camera stands aside.
     """
     points = BOARD.corner_points_m() @ camera.tip_from_board[:3, :3].T + camera.tip_from_board[:3, 3]
     to_camera, rest = np.linalg.inv(camera.world_from_camera), world_from_tip(*REST)
@@ -92,7 +92,7 @@ def main() -> int:
 
 
 def one(folder: Path, name: str, camera: Camera, seed: int, duration_s: float) -> dict[str, np.ndarray]:
-    """Paint a clip, track it, print how well; return what is printed, each (3,) for X, Z and Phi, by its name."""
+    """Paint a clip, track it, print the errors; return what is printed, each (3,) for X, Z and Phi, by its name."""
     motion = snaps(seed)
     path = painted(folder / "clip.mp4", camera, motion, duration_s, seed=seed)
     found = track(path, blind(camera), BOARD, rest_pose=REST, record=folder / "record")

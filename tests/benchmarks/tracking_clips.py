@@ -1,4 +1,4 @@
-"""What the tracking benchmarks share: the paper's lens and set-ups, snap motion, and clips painted once."""
+"""Shared by the tracking benchmarks: the paper's lens and set-ups, snap motion, and clips painted once."""
 
 from __future__ import annotations
 
@@ -50,14 +50,14 @@ def snaps(seed: int) -> Callable:
 
 
 def painted(path: Path, camera: Camera, motion: Callable, duration_s: float, **how) -> Path:
-    """Paint a clip with rolling shutter, unless it is there already."""
+    """Paint a clip with rolling shutter, unless it exists already."""
     if not path.exists():
         paint_video(path, camera, motion, duration_s, **{"line_s": LINE_S, **how})
     return path
 
 
 def blind(camera: Camera) -> Camera:
-    """The same camera, without its place: what a user starts with."""
+    """The same camera without its pose: what a user starts with."""
     return Camera(camera.lens, mount=camera.mount)
 
 

@@ -1,4 +1,4 @@
-"""Wrong locks in 10,000 painted frames with every hard case: python -m tests.benchmarks.tracking_locks."""
+"""Wrong locks in 10,000 painted frames of difficult cases: python -m tests.benchmarks.tracking_locks."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from straw.tracking.track import track
 from tests.benchmarks.figures import missed, publish, write_option
 from tests.benchmarks.tracking_clips import BOARD, LENS, REST, SETUPS, blind, errors, painted, snaps
 
-WRONG = np.array((1000.0, 1000.0, 100.0))  # um, um, mrad: a square slipped is 4800 um or more
+WRONG = np.array((1000.0, 1000.0, 100.0))  # um, um, mrad: a slip by one square is 4800 um or more
 FPS = 240_000 / 1001
 AT = (960, 560)  # where the board is in the end-on picture, px
 
 
 def glare(index, luma):
-    """A lamp's reflection that wanders over the board."""
+    """A lamp's reflection that moves over the board."""
     u, v = AT[0] + 90 * math.sin(index / 37), AT[1] + 80 * math.cos(index / 23)
     spot = np.zeros((300, 300), np.float32)
     cv2.circle(spot, (150, 150), 34, 255, -1)
@@ -50,7 +50,7 @@ def curtain(index, luma):
 
 
 def flashes(index, luma):
-    """A flash, a dark frame, and stretches of nothing."""
+    """A flash, a dark frame, and stretches without a picture."""
     if index % 90 in (40, 41):
         luma[:] = 255
     elif index % 90 in (70, 71, 72, 73):
@@ -58,7 +58,7 @@ def flashes(index, luma):
 
 
 def noise(index, luma):
-    """A tenth of the light, and the noise that goes with it."""
+    """A tenth of the light, and the corresponding noise."""
     dim = luma * 0.25 + 20 + np.random.default_rng(index).normal(0, 6, luma.shape)
     luma[:] = np.clip(dim, 0, 255)
 
@@ -91,7 +91,7 @@ CASES = {
 
 
 def main() -> int:
-    """Print how each case went; 1 when anything locked wrongly."""
+    """Print the result of each case; 1 if there is a wrong lock."""
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("--frames", type=int, default=10_000)
     write_option(options)

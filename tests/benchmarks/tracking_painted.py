@@ -1,7 +1,7 @@
 """Errors and sigmas by an independent painter, for every kind of clip: python -m tests.benchmarks.tracking_painted.
 
-Of each kind, the mean of the clips' squared errors over claimed variances, and its 95 % interval, for which whole
-clips are drawn again: what a clip does not know of its camera and its board is one error, the same in all its frames.
+For each kind, the mean of the clips' squared errors over claimed variances, and its 95 % interval by a bootstrap of
+whole clips, since a clip's errors of camera and board are common to all its frames.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def side_on(seed: int, misprint_m: float, *, turning: bool = False) -> Scene:
 
 
 def troubled(index: int, luma: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """A wandering reflection, and a finger that reaches over an edge of the board."""
+    """A moving reflection, and a finger that covers an edge of the board."""
     v, u = np.ogrid[: luma.shape[0], : luma.shape[1]]
     at = 640 + 90 * math.sin(index / 31), 360 + 70 * math.cos(index / 19)
     glow = 230 * np.exp(-((((u - at[0]) ** 2 + (v - at[1]) ** 2) / (2 * 13.0**2)) ** 2))
@@ -115,7 +115,7 @@ NAMES = dict(zip(KINDS, ("side", "aside", "above", "both", "turn", "trouble", "h
 
 
 def painted(path: Path, kind: Kind, seed: int, misprint_m: float) -> Scene:
-    """Film a clip of a kind, unless it is there already; return its scene."""
+    """Film a clip of a kind, unless it exists already; return its scene."""
     scene, rng = kind.scene(seed, misprint_m), np.random.default_rng(seed)
     if not path.exists():
         pictures = film(scene, kind.seconds)
@@ -127,7 +127,7 @@ def painted(path: Path, kind: Kind, seed: int, misprint_m: float) -> Scene:
 
 
 def tracked(path: Path, scene: Scene, rest=REST) -> Track:
-    """Track a clip as a user would: the lens, the mount and the rest pose are known, no more."""
+    """Track a clip as a user would: only the lens, the mount and the rest pose are known."""
     lens = Lens("brown_conrady", scene.width, scene.height, scene.f, scene.f, *scene.centre, scene.brown)
     mount = "side" if abs(scene.mounted[1, 2]) > 0.5 else "face"
     return track(path, Camera(lens, mount=mount), Board(*scene.squares[:1], scene.side_m), rest_pose=rest)
@@ -161,7 +161,7 @@ def main() -> int:
         f"{'':<44}{'frames':>7}{'valid':>7}{'> 6 s':>6}   {'error, um, um, mrad':<24}{'squared error / variance':<24}"
     )
     wrong = total = 0
-    far = {True: [0, 0], False: [0, 0]}  # frames beyond, and all: of the clips with trouble, of the others
+    far = {True: [0, 0], False: [0, 0]}  # frames beyond, and all: of the clips with disturbances, of the others
     with tempfile.TemporaryDirectory() as made:
         folder = args.keep or Path(made)
         for name in args.kinds:
@@ -207,7 +207,7 @@ def main() -> int:
 
 
 def _turn(scene: Scene) -> np.ndarray:
-    """How askew the board is glued: rotation vector's x and z, which for small angles is enough."""
+    """Mounting error of the board: x and z of its rotation vector, which suffices for small angles."""
     straight = SIDE if abs(scene.mounted[1, 2]) > 0.5 else np.eye(3)
     askew = scene.mounted @ straight.T
     return np.array((askew[2, 1] - askew[1, 2], askew[1, 0] - askew[0, 1])) / 2

@@ -1,7 +1,7 @@
-"""Pictures that a converter repeated, in a file encoded again: python -m tests.benchmarks.tracking_repeats.
+"""Pictures that a converter repeated, in a re-encoded file: python -m tests.benchmarks.tracking_repeats.
 
-Eight runs of two or three repeats at places drawn by chance, in violent snaps by the independent painter. Printed is
-how many were refused, how many stayed valid beyond 6 sigma, and what became of the good frames.
+Eight series of two or three repeats at random places, in fast snaps by the independent painter. Printed is how many
+were refused, how many stayed valid beyond 6 sigma, and how many good frames were refused.
 """
 
 from __future__ import annotations

@@ -2,11 +2,11 @@
 
     python -m tests.benchmarks.tracking_sigmas --clips 16 --first 40
 
-Each clip has its own camera (place, roll, row time), board glued askew, rest pose and size of motion, and is coded in
-one of two ways, of which the second leaves larger errors at the same bitrate. Printed is the mean squared error over
-the claimed variance, by where the camera stands and by coding. Variances are estimated in
-each clip (straw.tracking.variance); the codec's usual lag (straw.tracking.noise) was found on clips 0 to 39 coded the
-first and 0 to 7 coded the second way.
+Each clip has its own camera (pose, row time), board glued askew, rest pose and size of motion, and is coded in one of
+two ways, of which the second leaves larger errors at the same bitrate. Printed is the mean squared error over the
+claimed variance, by the camera's position and by coding. Variances are estimated in each clip
+(straw.tracking.variance); the codec's usual lag (straw.tracking.noise) was estimated from clips 0 to 39 in the first
+coding and 0 to 7 in the second.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from tests.benchmarks.figures import missed, publish, write_option
 from tests.benchmarks.intervals import beside, shown
 from tests.benchmarks.tracking_clips import BOARD, LENS, REST, blind, errors, painted, snaps
 
-#: Degrees of azimuth and elevation, least and most, either side of the plane of motion by chance.
+#: Least and largest azimuth and elevation in degrees; the side of the plane of motion is random.
 STANDS = {
     "end-on, aside": ((15, 40), (-3, 3)),
     "end-on, above": ((-3, 3), (15, 40)),
     "side view": ((80, 100), (-8, 8)),
     "aside and above": ((12, 30), (12, 30)),
 }
-#: Names of the stands in README.md.
+#: Names of the camera positions in README.md.
 NAMES = dict(zip(STANDS, ("aside", "above", "side", "both"), strict=True))
 PRESETS = ("ultrafast", "veryfast")  # x264's: without and with the tools that cameras' encoders have
 

@@ -21,7 +21,7 @@ PRESET = {"libx264": "veryfast", "libx265": "ultrafast"}
 
 
 def decode(path: Path) -> None:
-    """Decode every frame and look at none."""
+    """Decode every frame and do nothing with it."""
     with VideoReader(path) as video:
         for _ in ahead(video.frames()):
             pass
@@ -43,7 +43,7 @@ def cost(work, *args) -> np.ndarray:
 
 
 def main() -> int:
-    """Print both times by codec, in turn, so that other work on the machine hits both; 1 when a ratio is over 1.15."""
+    """Print both times by codec, alternately, so that other load affects both; 1 if a ratio is over 1.15."""
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("--seconds", type=float, default=8.0)
     options.add_argument("--keep", type=Path, help="folder to keep the painted clips in")
@@ -56,7 +56,7 @@ def main() -> int:
         folder = Path(place)
         clips = args.keep or folder
         warm = painted(clips / "warm.mp4", camera, snaps(1), 0.4)
-        track(warm, folder, camera)  # compiled code loads once
+        track(warm, folder, camera)  # compiled code is loaded once
         for codec in PRESET:
             # "veryfast" codes as cameras do (CABAC, deblocking); "ultrafast" decodes three times faster than a GoPro's
             path = painted(clips / f"{codec}.mp4", camera, snaps(30), seconds, codec=codec, preset=PRESET[codec])
@@ -80,7 +80,7 @@ def main() -> int:
 
 
 def peak_mb() -> float:
-    """Most memory this process ever had."""
+    """Peak memory of this process."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 

@@ -1,4 +1,4 @@
-"""Against what exists, on the same files: python -m tests.benchmarks.tracking_versus.
+"""Comparison with existing methods on the same files: python -m tests.benchmarks.tracking_versus.
 
 Painted clips: this tracker; per-frame findChessboardCornersSB + PnP; and findChessboardCorners + cornerSubPix + PnP, as
 OpenCV's samples do. Real pictures: found or not, residual of the best homography, time.
@@ -36,7 +36,7 @@ def by_sb(luma, shape):
 
 
 def by_classic(luma, shape):
-    """Corners (n, 2) by the classic detector and cornerSubPix (11, 11), with the fast check that bounds its time."""
+    """Corners (n, 2) by the classic detector and cornerSubPix (11, 11), with the fast check that limits its time."""
     found, corners = cv2.findChessboardCorners(
         luma, shape, flags=cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
     )
@@ -54,7 +54,7 @@ def by_straw(luma, shape):
 
 
 def pnp_errors(camera, corners, truth) -> np.ndarray | None:
-    """Error (3) in um, um, mrad of PnP on undistorted corners, the best of the four ways to lay the board."""
+    """Error (3) in um, um, mrad of PnP on undistorted corners, the best of the board's four orientations."""
     lens = camera.lens
     rays = lens.rays(corners)
     best = None
@@ -74,7 +74,7 @@ def pnp_errors(camera, corners, truth) -> np.ndarray | None:
 
 
 def painted_clips(seconds: float) -> None:
-    """Compare on painted clips: easy, blurred, glared, covered."""
+    """Compare on painted clips: easy, blurred, with glare, covered."""
     camera = SETUPS["end-on, 25 deg aside"]
     cases = {"snaps": {}, "blurred": {"exposure_s": 1 / 250}, "glare": {"retouch": glare}, "a hand": {"retouch": hand}}
     print(
@@ -140,7 +140,7 @@ def real_pictures(write: bool) -> bool:
 
 
 def misfit(corners: np.ndarray) -> float:
-    """Residual (px rms) of 54 corners to a homography with a radial term, which is most of what a lens does."""
+    """Residual (px rms) of 54 corners to a homography with a radial term, the main part of lens distortion."""
     i, j = np.meshgrid(np.arange(9), np.arange(6))
     view = View(np.column_stack((i.ravel(), j.ravel(), np.zeros(54))), corners, "")
     plane, seen = view.points[:, :2].astype(np.float32), corners.astype(np.float32)

@@ -1,13 +1,13 @@
-"""What measured systems leave out, found from their recordings and a base model alone, beside what the literature says.
+"""Laws missing from base models of measured systems, found from recordings alone and compared with the literature.
 
     python -m tests.benchmarks.measured [NAME ...] [--rows FILE.jsonl] [--report FOLDER] [--json FILE] [--jobs N]
     python -m tests.benchmarks.measured --rows FILE.jsonl --markdown
 
-Data are read from ../shared/realdata and left out, saying so, where they are not there. A base model holds nothing of
-what is missing. Figures are RMS where nothing was fitted and no law chosen; "quick fit" is a hand-written model's with
-the answer in it.
-Each row is appended to --rows as soon as it is there, and a system that has one there is not run again. --markdown
-prints what is there as the table of README.md, misses in bold, and runs nothing.
+Data are read from ../shared/realdata; systems without data are skipped, with a message. A base model contains nothing
+of what is missing. Figures are RMS on held-out readings, on which nothing was fitted and no law chosen; "quick fit" is
+that of a hand-written model that contains the answer.
+Each row is appended to --rows when it is done, and a system that has one is not run again. --markdown prints the
+existing rows as the table of README.md, misses in bold, and runs nothing.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ from straw.replay.output import write_json, write_text
 from straw.rig.provenance import software
 from tests.benchmarks.measured.cases import CASES, SHARED, Case, Effect
 
-#: How a finding compares with what the literature names: verdict, places and formulas agree; so does the first effect
-#: only; its place but not its formula (a curve is none); ambiguous, and the first effect is among what is named;
-#: ambiguous without it; nothing claimed where something could be; something else claimed.
+#: How a finding compares with the literature: verdict, places and formulas agree; only the first effect agrees; its
+#: place agrees but not its formula (a curve is none); ambiguous, with the first effect among those named; ambiguous
+#: without it; nothing claimed where something could be; something else claimed.
 AGREES = ("yes", "in part", "place only", "in the set", "not told", "no", "no (claims)")
 
 
@@ -63,7 +63,7 @@ class Row:
     seconds: float  # of a processor, all threads
     commit: str = ""  # of the checkout that made it
     date: str = ""  # UTC
-    refused: str = ""  # laws chosen from what was fitted that did not improve what was held out
+    refused: str = ""  # laws chosen on the fitted readings that did not improve the held-out ones
 
 
 def diagnosed(case: Case, model: Model, paths: list[Path], jobs: int) -> tuple[SystemFindings, Row]:
@@ -120,7 +120,7 @@ def _says(effect: Effect, law: str) -> bool:
 
 
 def _found(effect: Effect, f: SystemFindings) -> str:
-    """An effect among the accepted laws: found, in its place only, claimed beyond what can be told, or not."""
+    """An effect among the accepted laws: found, at its place only, claimed with an undetermined formula, or missing."""
     for number, one in enumerate(f.laws):
         if not _says(effect, one.law.says):
             continue
@@ -142,7 +142,7 @@ def line(row: Row) -> str:
 
 
 def kept(path: Path | None) -> dict[str, Row]:
-    """Rows of an earlier run by name; a line that was cut off is no row."""
+    """Rows of an earlier run by name; an incomplete line is ignored."""
     out: dict[str, Row] = {}
     for text_ in path.read_text().splitlines() if path and path.exists() else ():
         try:
@@ -154,7 +154,7 @@ def kept(path: Path | None) -> dict[str, Row]:
 
 
 def marked(rows: Sequence[Row]) -> str:
-    """Rows as a table in Markdown: bold where it is worse than the quick fit by 5 %, or other than the literature."""
+    """Rows as a table in Markdown: bold where worse than the quick fit by 5 %, or different from the literature."""
     lines = ["| recording | base | with what was found | quick fit | verdict | as the literature says | laws | s |"]
     lines.append("|---|---|---|---|---|---|---|---|")
     for row in rows:
@@ -163,7 +163,7 @@ def marked(rows: Sequence[Row]) -> str:
         worse = row.after > WORSE * row.quick
         said = row.agrees if row.agrees == "yes" else f"**{row.agrees}**"
         kept = "; ".join(x.split(":")[0] for x in row.found.split("; "))
-        kept = kept if row.after != row.base or not row.refused else ""  # where all are refused it is what was located
+        kept = kept if row.after != row.base or not row.refused else ""  # where all are refused, the located places
         laws = "; ".join(filter(None, (kept, row.refused and f"refused: {row.refused}")))
         cells = [
             row.name,

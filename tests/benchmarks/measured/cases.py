@@ -1,4 +1,4 @@
-"""The measured systems: data, split, what the literature says is left out, and the figures of a quick fit to beat."""
+"""The measured systems: data, split, the missing laws by the literature, and a quick fit's figures for comparison."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ SHIPPED = Path(str(straw.replay.demo.__file__)).parent / "measured"
 
 @dataclass(frozen=True)
 class Effect:
-    """Something that the literature says is left out: patterns (whole, regular expressions) of place and state of a law
-    that says it, and names of shapes of which its formula must be one; no names where the literature has no formula.
+    """A missing law by the literature: regular expressions that must match the whole place and state of a law, and
+    the shapes of which its formula must be one; no shapes where the literature has no formula.
 
-    ``untold``: the literature says that such recordings cannot tell the formula, so none may be claimed.
+    ``untold``: by the literature such recordings do not determine the formula, so none may be claimed.
     """
 
     says: tuple[str, ...]
@@ -30,10 +30,10 @@ class Effect:
 
 @dataclass(frozen=True)
 class Case:
-    """One campaign: system, files, and what is known of it.
+    """One campaign: system, files, and reference results.
 
-    ``base`` and ``best`` are the quick fit's RMS where nothing was fitted; ``effects``, the most important first, are
-    what the literature says is left out (none: nothing may be claimed); ``nothing``: it says that nothing is.
+    ``base`` and ``best`` are the quick fit's RMS on held-out readings; ``effects``, the most important first, are the
+    missing laws by the literature (none: nothing may be claimed); ``nothing``: by the literature none is missing.
     """
 
     name: str
@@ -50,7 +50,7 @@ class Case:
     prepared: Callable[[Path, Path], list[Path]] | None = None  # makes the tables of the folder's files
 
     def paths(self, shared: Path, scratch: Path) -> list[Path]:
-        """Its files; none where the data are not there."""
+        """Its files; none where the data are missing."""
         folder = shared / self.folder
         if self.prepared is not None:
             return self.prepared(folder, scratch) if folder.is_dir() else []
@@ -67,7 +67,7 @@ def _ball(name: str) -> Callable[[Path, Path], list[Path]]:
     return made
 
 
-#: The delay of a line; a clock that wanders over time is none.
+#: The delay of a line; a clock that drifts is none.
 DELAY = Effect(
     ("the delay of the input the near pressure", "the clock of the far pressure(, over time)?"),
     ("constant",),
@@ -214,7 +214,7 @@ CASES = (
         0.226,
         "a solid: area lost by level",
         (Effect(("(the rate of the level|the discharge coefficient), over the level",)),),
-        (("c", 0.280, 0.278, 0.282),),  # as the empty runs give it
+        (("c", 0.280, 0.278, 0.282),),  # from the runs without load
     ),
     _tube(1, "start", 0.257, 0.306),
     _tube(2, "start", 0.182, 0.158),

@@ -3,7 +3,7 @@
 import numpy as np
 
 G_CM = 981.0
-LOW, HIGH, HOLE = 4.5, 27.9, 2.5  # cm: what the sensor tells, the tank's rim, the hole
+LOW, HIGH, HOLE = 4.5, 27.9, 2.5  # cm: the sensor's reading, the tank's rim, the hole
 RADIUS = 2.54 / 16
 
 time = "Time [s]"
