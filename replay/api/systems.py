@@ -15,8 +15,9 @@ from straw.replay.api.findings_shown import constants_table, heldout_table, loca
 from straw.replay.api.given import Named
 from straw.replay.api.shown import Rows, Shown
 from straw.replay.diagnose.discover.discover import discover
-from straw.replay.diagnose.discover.findings import SystemFindings, text
+from straw.replay.diagnose.discover.findings import SystemFindings
 from straw.replay.diagnose.discover.page import page
+from straw.replay.diagnose.discover.said import text
 from straw.replay.diagnose.systems.function.check import check_on
 from straw.replay.diagnose.systems.function.model import load_model
 from straw.replay.diagnose.systems.function.recording import read_recordings, recordings_of

@@ -6,8 +6,9 @@ import argparse
 from collections.abc import Sequence
 
 from straw.replay.diagnose.discover.discover import discover
-from straw.replay.diagnose.discover.findings import SystemFindings, text
+from straw.replay.diagnose.discover.findings import SystemFindings
 from straw.replay.diagnose.discover.page import page
+from straw.replay.diagnose.discover.said import text
 from straw.replay.diagnose.systems.function.check import check_on
 from straw.replay.diagnose.systems.function.model import load_model
 from straw.replay.diagnose.systems.function.recording import read_recordings

@@ -13,9 +13,10 @@ from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.discover.blocks import FEWEST_BLOCKS, how_held
 from straw.replay.diagnose.discover.choose import refusals
 from straw.replay.diagnose.discover.discover import base_trial, discover
-from straw.replay.diagnose.discover.findings import SystemFindings, text
+from straw.replay.diagnose.discover.findings import SystemFindings
 from straw.replay.diagnose.discover.inline import Inline
 from straw.replay.diagnose.discover.page import page
+from straw.replay.diagnose.discover.said import text
 from straw.replay.diagnose.discover.samples import to_predict
 from straw.replay.diagnose.fit import fitted
 from straw.replay.diagnose.systems.function.least import least

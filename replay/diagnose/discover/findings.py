@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.discover.choose import drifts
 from straw.replay.diagnose.discover.discover import TO_NOISE, Discovery, Step
+from straw.replay.diagnose.discover.said import asides, gain, headline
 from straw.replay.diagnose.discover.trial import Trial
 from straw.replay.diagnose.discover.words import Told, acts_in_recording, as_json, is_fault, law_text, told
 from straw.replay.diagnose.systems.function.places import makes_sense, passed, states, together
@@ -86,17 +87,6 @@ class SystemFindings:
     def same(self) -> list[str]:
         """Other places in which the first law is the same law, in words."""
         return list(dict.fromkeys(one.laws[-1].says for one in self.first_step.same)) if self.first_step else []
-
-    @property
-    def asides(self) -> list[str]:
-        """Remarks on the first law, in sentences."""
-        told_ = {
-            "law 1 is the same law written in": self.same,
-            "the form of law 1 is not determined; it may equally be": self.forms,
-            "cannot be distinguished from law 1:": self.alike_places,
-            "varies together with the state of law 1 in all recordings:": self.goes_with,
-        }
-        return [f"{words} {'; '.join(names)}" for words, names in told_.items() if names]
 
     @property
     def forms(self) -> tuple[str, ...]:
@@ -174,60 +164,24 @@ class SystemFindings:
         return np.sqrt(np.maximum(self.discovery.held[-1] ** 2 - self.discovery.noise**2, 0.0))
 
     @property
+    def headline(self) -> str:
+        """The verdict in one sentence."""
+        return headline(self)
+
+    @property
+    def gain(self) -> str:
+        """How far the laws reduce the error on what was held out, in one sentence; empty without laws."""
+        return gain(self)
+
+    @property
     def says(self) -> str:
         """The verdict, and where there are laws how far they reduce the error, in a sentence each."""
         return f"{self.headline} {self.gain}".strip()
 
     @property
-    def gain(self) -> str:
-        """How far the laws reduce the error on what was held out, in one sentence; empty without laws."""
-        if self.verdict not in ("ambiguous", "measurement_fault", "missing_physics"):
-            return ""
-        d = self.discovery
-        before, after = (float(np.sqrt(np.mean((h / d.base.unit) ** 2))) for h in (d.held[0], d.held[-1]))
-        form = "Its form is not determined. " if self.forms else ""
-        return f"{form}With it the error on what was held out is {100 * after / before:.2g} % of the base model's."
-
-    @property
-    def headline(self) -> str:
-        """The verdict in one sentence."""
-        runs = len(self.recordings)
-        these = f"{'this recording' if runs == 1 else f'these {runs} recordings'}"
-        verdict = self.verdict
-        if verdict == "complete":
-            return (
-                f"Nothing is missing: the base model explains {these} to within their noise where nothing was fitted."
-            )
-        if verdict == "within_tolerance":
-            return f"Good enough: {these} are explained within the tolerance given."
-        if verdict == "unknown_physics":
-            place = self.best_located
-            if place:
-                return (
-                    f"Located, not explained: what is missing shows most in {place}, but the law found there from what "
-                    "was fitted does not improve what was held out."
-                )
-            if np.all(np.sqrt(self.discovery.base.squared) <= TO_NOISE * self.discovery.noise):
-                return (
-                    "The base model explains what was fitted, but not what was held out; hold out less of what differs."
-                )
-            return f"The base model does not explain {these}, and they cannot tell what is missing."
-        names = [one.law.said for one in self.laws]
-        text = names[0] if len(names) == 1 else f"{'; '.join(names[:-1])}; and {names[-1]}"
-        if verdict == "ambiguous":
-            first = self.laws[0].law
-            others = [
-                *self.alike_places[:2],
-                *(f"a law over {one}, which varies together with it" for one in self.goes_with[:1]),
-            ]
-            if not others:
-                by_itself = "a delay" if first.place.unit == "s" else "a drift"
-                changing = drifts(first) and not acts_in_recording(first)
-                what = "a law over anything else that changes with time"
-                others = [what if changing else f"{by_itself} of the system itself"]
-            return f"Something is missing {names[0]}; {these} cannot distinguish it from {'; or '.join(others)}."
-        what = "The recording is at fault" if verdict == "measurement_fault" else "The model leaves something out"
-        return f"{what} {text}."
+    def asides(self) -> list[str]:
+        """Remarks on the first law, in sentences."""
+        return asides(self)
 
     @property
     def refused(self) -> list[str]:
@@ -290,25 +244,3 @@ class SystemFindings:
             "next_experiment": None,
             "system": {"file": d.base.system.model.path.name, "sha256": d.base.system.model.sha256},
         }
-
-
-def text(f: SystemFindings) -> str:
-    """Findings for a terminal: the verdict first."""
-    d, lines = f.discovery, [f.says, ""]
-    for k, one in enumerate(f.laws, 1):
-        lines.append(f"law {k}: {one.law.says}")
-        lines.append(f"  {one.formula}")
-        if len(one.constants) <= 4:
-            told_ = (f"{n} = {v:.4g} ± {s:.2g} {u}".removesuffix(" 1") for n, (v, s, u) in one.constants.items())
-            lines.append(f"  {', '.join(told_)}")
-    lines += f.asides
-    if f.refused:
-        lines.append(
-            f"chosen from what was fitted and refused, as it does not improve the rest: {'; '.join(f.refused)}"
-        )
-    steps: Sequence[Floats] = d.held
-    where = "where nothing was fitted" if any(o.held.any() for o in f.recordings) else "where it was fitted"
-    for k, channel in enumerate(d.base.system.channels):
-        path = " -> ".join(f"{h[k]:.4g}" for h in steps)
-        lines.append(f"{channel.symbol}, RMS {where}: {path} {channel.shown_unit}; noise {d.noise[k]:.2g}")
-    return "\n".join(lines)

@@ -26,8 +26,9 @@ from pathlib import Path
 import numpy as np
 
 from straw.replay.diagnose.discover.discover import discover
-from straw.replay.diagnose.discover.findings import SystemFindings, text
+from straw.replay.diagnose.discover.findings import SystemFindings
 from straw.replay.diagnose.discover.page import page
+from straw.replay.diagnose.discover.said import text
 from straw.replay.diagnose.systems.function.model import Model, load_model
 from straw.replay.diagnose.systems.function.recording import read_recordings
 from straw.replay.diagnose.systems.function.shapes import SHAPES, TABLE
