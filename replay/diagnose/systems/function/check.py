@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from straw.replay.diagnose.systems.function.functions import evaluated
 from straw.replay.diagnose.systems.function.model import Model, load_model
 from straw.replay.diagnose.systems.function.recording import Recorded
 from straw.replay.diagnose.systems.function.system import FunctionSystem
@@ -44,7 +45,7 @@ def check_on(system: FunctionSystem, recordings: Sequence[Recorded]) -> None:
         where = ", ".join(f"{n} = {v:.4g}" for n, v in given)
         for name, wanted in (("slopes", model.states), ("shown", [y.name for y in model.channels])):
             if hasattr(model.module, name):
-                _are_numbers(model, name, wanted, model.asked(name, at=(x0, u0)), f"{one.name} starts ({where})")
+                _are_numbers(model, name, wanted, evaluated(model, name, at=(x0, u0)), f"{one.name} starts ({where})")
 
 
 def _are_numbers(model: Model, name: str, wanted: Sequence[str], said: object, where: str) -> None:
@@ -69,7 +70,7 @@ def _gives_numbers(model: Model) -> list[str]:
     for name, wanted in (("slopes", model.states), ("shown", [y.name for y in model.channels])):
         if not hasattr(model.module, name):
             continue
-        said = model.asked(name)
+        said = evaluated(model, name)
         values = np.atleast_1d(np.asarray(said, dtype=object))
         if len(values) != len(wanted):
             out.append(f"{model.path}: {name} returns {len(values)} numbers for {len(wanted)}: {', '.join(wanted)}")

@@ -7,19 +7,17 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
-import inspect
-from collections import namedtuple
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import ModuleType
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.replay.diagnose.systems.function.compiled import users, writes
+from straw.replay.diagnose.systems.function.functions import in_one_line, writers
 from straw.replay.errors import ReplayError
 
 Floats = NDArray[np.float64]
@@ -112,94 +110,7 @@ class Model:
     @cached_property
     def functions(self) -> tuple[Callable[..., Any], Callable[..., Any]]:
         """Slopes and shown, compiled, that take arrays and write into their last argument."""
-        names = self._names()
-        scope: dict[str, Any] = {kind: fields(kind, given) for kind, given in names.items()}
-        for name in ("slopes", "shown"):
-            if hasattr(self.module, name):
-                scope[name] = _compiled(self, name)
-
-        def unpacked(kind: str, array: str) -> str:
-            return f"{kind}({', '.join(f'{array}[{i}]' for i in range(len(names[kind]))) or '0.0'})"
-
-        given = f"t, {unpacked('X', 'x')}, {unpacked('U', 'u')}, {unpacked('C', 'c')}"
-        lines = ["def write_slopes(t, x, u, c, out):"]
-        if self.states:
-            lines += [f"    r = slopes({given})"]
-            one = len(self.states) == 1 and not self._returns_tuple("slopes")
-            lines += ["    out[0] = r"] if one else [f"    out[{i}] = r[{i}]" for i in range(len(self.states))]
-        else:
-            lines += ["    return"]
-        lines += ["def write_shown(t, x, u, c, out):"]
-        if "shown" in scope:
-            lines += [f"    r = shown({given})"]
-            one = len(self.channels) == 1 and not self._returns_tuple("shown")
-            lines += ["    out[0] = r"] if one else [f"    out[{i}] = r[{i}]" for i in range(len(self.channels))]
-        else:
-            lines += [f"    out[{i}] = x[{self.states.index(y.name)}]" for i, y in enumerate(self.channels)]
-        exec("\n".join(lines), scope)
-        try:
-            return writes(scope["write_slopes"]), writes(scope["write_shown"])
-        except Exception as problem:  # numba's, of many kinds
-            raise ReplayError(
-                f"{self.path}: slopes or shown cannot be compiled; return a tuple of as many numbers as there are "
-                "states or channels"
-            ) from problem
-
-    def _names(self) -> dict[str, tuple[str, ...]]:
-        constants = tuple(c.name for c in self.constants)
-        return {"X": self.states, "U": tuple(i.name for i in self.inputs), "C": constants}
-
-    def _returns_tuple(self, name: str) -> bool:
-        return isinstance(self.asked(name), tuple | list | np.ndarray)
-
-    def asked(
-        self, name: str, function: Callable[..., Any] | None = None, at: tuple[Floats, Floats] | None = None
-    ) -> Any:
-        """Values of slopes or shown at the base's constants, in plain Python; ReplayError where they raise.
-
-        ``at``: states and inputs; 1 otherwise.
-        """
-        X, U, C = (fields(k, names) for k, names in self._names().items())
-        states, inputs = at if at is not None else (np.ones(len(self.states)), np.ones(len(self.inputs)))
-        x, u = X(*(states.tolist() or [1.0])), U(*(inputs.tolist() or [1.0]))
-        c = C(*([one.value for one in self.constants] or [0.0]))
-        try:
-            return (function or getattr(self.module, name))(0.0, x, u, c)
-        except Exception as problem:  # the user's code may raise anything
-            raise ReplayError(f"{self.path}: {name}(t, x, u, c) raised {_told(problem)}") from problem
-
-
-def fields(kind: str, names: Sequence[str]) -> Callable[..., Any]:
-    """Arguments of a file's functions: fields by name; numba needs at least one."""
-    return cast(Callable[..., Any], namedtuple(kind, tuple(names) or ("none",)))
-
-
-def _compiled(model: Model, name: str) -> Callable[..., Any]:
-    """One of the file's functions compiled, with what it calls."""
-    function = getattr(model.module, name)
-    for other in list(vars(model.module)):
-        thing = getattr(model.module, other)
-        if other != name and inspect.isfunction(thing) and other in function.__code__.co_names:
-            setattr(model.module, other, users(thing))
-    out: Callable[..., Any] = users(function)
-    try:
-        model.asked(name, out)
-    except ReplayError as problem:
-        text = str(problem.__cause__).strip().splitlines() or ["?"]
-        raise ReplayError(
-            f"{model.path}: {name} cannot be compiled ({text[-1][:120]}); use floats and NumPy's functions of numbers "
-            "in it, or give simulate(t, u, c), a plain function, in its place"
-        ) from problem
-    return out
-
-
-def _told(problem: Exception) -> str:
-    """An exception of the user's code in one line, with where it was raised."""
-    import traceback
-
-    frames = traceback.extract_tb(problem.__traceback__)
-    where = f" (line {frames[-1].lineno})" if frames else ""
-    return f"{type(problem).__name__}: {problem}{where}"
+        return writers(self)
 
 
 def load_model(path: Path, given: Sequence[tuple[str, float, float, float]] = ()) -> Model:
@@ -221,7 +132,7 @@ def load_model(path: Path, given: Sequence[tuple[str, float, float, float]] = ()
     except SystemExit as problem:
         raise ReplayError(f"{path}: ends Python when it is loaded; a system only defines things") from problem
     except Exception as problem:
-        raise ReplayError(f"{path}: cannot be run: {_told(problem)}") from problem
+        raise ReplayError(f"{path}: cannot be run: {in_one_line(problem)}") from problem
     model = _model(path, module)
     constants = {one.name: one for one in model.constants}
     for name, value, low, high in given:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from straw.replay.diagnose.systems.function.functions import fields
 from straw.replay.diagnose.systems.function.kernel import (
     CHANNEL,
     FACTOR,
@@ -17,7 +18,7 @@ from straw.replay.diagnose.systems.function.kernel import (
     delays,
     warped,
 )
-from straw.replay.diagnose.systems.function.model import Model, fields
+from straw.replay.diagnose.systems.function.model import Model
 from straw.replay.diagnose.systems.function.shapes import values_of
 from straw.replay.errors import ReplayError
 

@@ -5,16 +5,15 @@ from __future__ import annotations
 import fnmatch
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import comb
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
 from straw.replay.diagnose.system import Stretch
 from straw.replay.diagnose.systems.function.model import Model, Signal
+from straw.replay.diagnose.systems.function.noise import noise_of, rate
 from straw.replay.diagnose.systems.function.table import column, read_table
 from straw.replay.errors import ReplayError
 
@@ -23,15 +22,6 @@ Flags = NDArray[np.bool_]
 
 #: Least number of readings of a recording.
 SHORTEST = 4
-#: The window of an input's rate is the shortest in which noise makes at most this share of its deviation, and at most
-#: this share of the recording.
-RATE_NOISE, RATE_WINDOW = 0.1, 0.02
-#: Readings of a window for the noise; the quieter half of all windows is used.
-QUIET = 8
-#: In a recording of fewer readings, most of which may be a transient, a fifth of windows half as long is used.
-SHORT = 64
-#: Orders of differences for the noise.
-ORDERS = (2, 3, 4, 6)
 #: Parts of a single recording without a hold-out of its own, of which every third is held out.
 PARTS = 12
 
@@ -216,44 +206,6 @@ def _filled(model: Model, path: str, time: Floats, values: Floats, signal: Signa
     if not good.any():
         raise ReplayError(f"{path}: input {signal.name} ({signal.column}) has no number at all")
     return np.asarray(np.interp(time, time[good], values[good]))
-
-
-def noise_of(values: Floats) -> float:
-    """Noise of readings (n,), one deviation: differences, and a converter's steps (one over root 12)."""
-    good = values[np.isfinite(values)]
-    gaps = np.abs(np.diff(good))
-    steps = gaps[gaps > 1e-12 * max(1.0, float(np.max(np.abs(good))))]
-    step = float(np.quantile(steps, 0.02)) if len(steps) else 0.0
-    white = min((w for w in (_white(good, order) for order in ORDERS if len(good) > order) if w), default=0.0)
-    quantised = step / np.sqrt(12) if len(steps) < 0.9 * len(gaps) else 0.0
-    return max(white, quantised, 1e-9 * float(np.ptp(good)), 1e-300)
-
-
-def _white(values: Floats, order: int) -> float:
-    """White noise from differences of an order; a smooth signal adds less to them the higher the order is."""
-    squares = np.diff(values, order) ** 2 / comb(2 * order, order)
-    few = len(squares) < SHORT
-    if len(squares) < QUIET:
-        return 0.0  # unknown: all of it may be a transient
-    windows = np.array_split(squares, max(1, len(squares) // (QUIET // 2 if few else QUIET)))
-    return float(np.sqrt(np.quantile([np.mean(w) for w in windows], 0.2 if few else 0.5)))
-
-
-def rate(time_s: Floats, values: Floats) -> Floats:
-    """Rate of an input (n,): the slope of a cubic over the shortest window in which noise does not dominate."""
-    if np.ptp(values) == 0 or len(values) < 7:
-        return np.asarray(np.gradient(values, time_s))
-    step_s, noise = float(np.median(np.diff(time_s))), noise_of(values)
-    even = np.arange(time_s[0], time_s[-1] + step_s / 2, step_s)
-    y = np.interp(even, time_s, values)
-    out = np.gradient(y, step_s)
-    for window in (5, 7, 9, 11, 15, 21, 31, 45, 63):
-        if window >= min(len(even), max(6, RATE_WINDOW * len(even))):
-            break
-        out = savgol_filter(y, window, 2, deriv=1, delta=step_s)
-        if noise * np.sqrt(12 / window**3) / step_s < RATE_NOISE * np.std(out):
-            break
-    return np.asarray(np.interp(time_s, even, out))
 
 
 def _asked_to_hold(model: Model, one: Recorded, table: Mapping[str, Any]) -> Flags:
