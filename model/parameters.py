@@ -1,24 +1,22 @@
-"""StrawParameters: every constant of one straw, SI, checked once; read from and written to a TOML file."""
+"""StrawParameters: every constant of one straw, SI, checked once; its file is read by `straw_file.py`."""
 
 from __future__ import annotations
 
 import json
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.model import plugged
 from straw.model.constants import Constants
 from straw.model.elasticity import EQUATION_7, SHIPPED, elasticity_of
 from straw.model.errors import ModelError
-from straw.model.terms import COLUMNS, DEFAULTS, ORIGINS, TERMS, WIDTH
+from straw.model.term_constants import all_of, checked, finite, has, packed, per_frustum
+from straw.model.terms import ORIGINS
 from straw.model.terms.shell_energy import ROW
 
 Floats = NDArray[np.float64]
@@ -33,14 +31,6 @@ PER_FRUSTUM = ("zeta0_m", "h_m", "E_pa", "c_zeta_n_s_per_m", "c_phi_n_m_s_per_ra
 def _numbers(value: Any) -> Any:
     """A plain number unchanged, as it is checked faster than an array: a search makes thousands of straws a second."""
     return value if isinstance(value, float) else np.asarray(value)
-
-
-def _all(condition: Any) -> bool:
-    return condition if isinstance(condition, bool) else bool(np.all(condition))
-
-
-def _finite(value: Any) -> bool:
-    return math.isfinite(value) if isinstance(value, float) else bool(np.isfinite(np.asarray(value, np.float64)).all())
 
 
 @dataclass(frozen=True)
@@ -91,13 +81,13 @@ class StrawParameters:
             object.__setattr__(self, name, self._spread(name))
         positive = ("r_i_m", "r_o_m", "h_m", "E_pa", "r_ch_m", "m_tip_kg", "I_tip_kg_m2", "rho_kg_per_m3")
         for name in positive:
-            self._check(name, _all(_numbers(getattr(self, name)) > 0), "above zero")
+            self._check(name, all_of(_numbers(getattr(self, name)) > 0), "above zero")
         for name in ("c_zeta_n_s_per_m", "c_phi_n_m_s_per_rad"):
-            self._check(name, _all(getattr(self, name) >= 0), "zero or above")
+            self._check(name, all_of(getattr(self, name) >= 0), "zero or above")
         for name in ("g_m_per_s2", "phi_0_rad", "F_X_n", "F_Z_n", "M_Y_n_m"):
             self._check(name, math.isfinite(getattr(self, name)), "finite")
         self._check("cycle", self.cycle >= 0, "zero or above")
-        object.__setattr__(self, "terms", self._known_terms())
+        object.__setattr__(self, "terms", checked(self.terms, self.cells))
         self._check("r_o_m", self.r_o_m > self.r_i_m, f"above r_i_m = {self.r_i_m}")
         # |zeta0_even| < zeta0_odd keeps every cell's volume, length and mass positive whichever way it snaps.
         odd, even = self.zeta0_m[:, 0], self.zeta0_m[:, 1]
@@ -105,7 +95,7 @@ class StrawParameters:
         self._check("zeta0_m", np.all((odd > 0) & (even < 0) & (-even < odd)), "(odd, even) with 0 < -even < odd")
 
     def _check_elasticity(self) -> None:
-        if self.elasticity == EQUATION_7 and not self._has("walls"):
+        if self.elasticity == EQUATION_7 and not has(self.terms, "walls"):
             return
         table = elasticity_of(self.walls_table)
         for zeta0, h in {(z, h) for z, h in zip(self.zeta0_m[:, 1].tolist(), self.h_m[:, 1].tolist(), strict=True)}:
@@ -129,53 +119,10 @@ class StrawParameters:
 
     def _check(self, name: str, good: bool | np.bool_, expected: str) -> None:
         value = getattr(self, name)
-        if not (good and _finite(value)):
+        if not (good and finite(value)):
             value = np.asarray(value, dtype=np.float64)
             shown = value.flat[0] if value.size and np.all(value == value.flat[0]) else value.tolist()
             raise ModelError(f"straw: {name} = {shown}, expected {expected}")
-
-    def _known_terms(self) -> Mapping[str, Mapping[str, Any]]:
-        """The terms checked against `straw.model.terms`, as plain numbers and lists."""
-        checked: dict[str, dict[str, Any]] = {}
-        for name, given in self.terms.items():
-            if name not in TERMS:
-                raise ModelError(f"straw: unknown term {name!r}; known: {', '.join(TERMS)}")
-            if not isinstance(given, Mapping):
-                raise ModelError(f"straw: terms.{name} = {given!r}, expected constants by name")
-            known = {constant.name: constant for constant in TERMS[name].constants}
-            checked[name] = {}
-            for key, value in given.items():
-                where = f"terms.{name}.{key}"
-                if key not in known:
-                    raise ModelError(f"straw: unknown constant {where}; known: {', '.join(known)}")
-                plain = isinstance(value, float)
-                numbers = value if plain else self._per_frustum_of_term(where, value, TERMS[name].kind)
-                if known[key].low >= 0 and key in TERMS[name].strengths:
-                    good, expected = _all(numbers >= 0), "zero or above"
-                else:
-                    good, expected = _all((numbers > 0) | (known[key].low <= 0)), "above zero"
-                if not (good and _finite(numbers)):
-                    raise ModelError(f"straw: {where} = {value!r}, expected {expected}")
-                checked[name][key] = float(value) if plain else np.asarray(value, dtype=np.float64).tolist()
-            for points in TERMS[name].rising:
-                at = [checked[name].get(point, known[point].default) for point in points]
-                if any(np.ndim(x) for x in at) or not np.all(np.diff(at) > 0):
-                    raise ModelError(
-                        f"straw: terms.{name}: {points[0]} to {points[-1]} = {at}, expected rising numbers"
-                    )
-        return checked
-
-    def _per_frustum_of_term(self, where: str, value: Any, kind: str) -> Floats:
-        try:
-            given = np.asarray(value, dtype=np.float64)
-            if given.ndim == 1:  # one number a cell, for both of its frusta
-                given = np.broadcast_to(given[:, np.newaxis], (len(given), 2))
-            if given.ndim and (kind in ("body", "flow") or len(given) != self.cells):
-                raise ValueError
-            return np.broadcast_to(given, (self.cells, 2))
-        except (TypeError, ValueError):
-            wanted = "a number" if kind in ("body", "flow") else f"a number, {self.cells} numbers or {self.cells} pairs"
-            raise ModelError(f"straw: {where} = {value!r}, expected {wanted}") from None
 
     def with_term(self, name: str, **constants: Any) -> Self:
         """The same straw with some constants of a term changed, the term's other constants kept."""
@@ -228,9 +175,9 @@ class StrawParameters:
             c_zeta=self.c_zeta_n_s_per_m,
             c_phi=self.c_phi_n_m_s_per_rad,
             cycle=self.cycle,
-            plain=not (self._has("frustum") or self._has("memory")),
-            remembers=self._has("memory"),
-            terms=self._packed_terms(),
+            plain=not (has(self.terms, "frustum") or has(self.terms, "memory")),
+            remembers=has(self.terms, "memory"),
+            terms=packed(self.terms, self.cells),
         )
 
     @property
@@ -246,7 +193,7 @@ class StrawParameters:
         """
         rows = np.zeros((self.cells, 2, ROW))
         given = self.terms.get("wall_elasticity", {}).get("share", 0.0)
-        share = self._per_frustum_of_term("share", given, "walls")
+        share = per_frustum("share", given, "walls", self.cells)
         share = share if self.elasticity == EQUATION_7 else 1 - share
         places = np.flatnonzero((share[:, 1] != 0) | everywhere)
         table = elasticity_of(self.walls_table) if len(places) else None
@@ -262,27 +209,6 @@ class StrawParameters:
         c = self.constants()
         return self._wall_rows(c.C1, c.C2, everywhere=True)
 
-    def _has(self, kind: str) -> bool:
-        """Whether a term of that kind has a strength other than zero."""
-        return any(
-            np.any(np.asarray(self.terms[name].get(strength, 0.0)) != 0)
-            for name in self.terms
-            if TERMS[name].kind == kind
-            for strength in TERMS[name].strengths
-        )
-
-    def _packed_terms(self) -> Floats:
-        """Constants of all terms side by side, (cells, 2, WIDTH); defaults, strengths zero, where none are given."""
-        packed = np.empty((self.cells, 2, WIDTH))
-        packed[:] = DEFAULTS
-        for name, given in self.terms.items():
-            for column, constant in enumerate(TERMS[name].constants, COLUMNS[name][0]):
-                if constant.name in given:
-                    packed[:, :, column] = self._per_frustum_of_term(
-                        constant.name, given[constant.name], TERMS[name].kind
-                    )
-        return packed
-
     @property
     def laws(self) -> dict[str, str]:
         """Users' laws in this straw, for a recording's metadata: name and SHA-256; {} without any."""
@@ -290,7 +216,7 @@ class StrawParameters:
         return {"laws": ", ".join(told)} if told else {}
 
     def to_toml(self) -> str:
-        """The straw as the text of a straw file; `straw_from_toml` reads it back exactly."""
+        """The straw as the text of a straw file; `straw.model.straw_file.straw_from_toml` reads it back exactly."""
         lines = []
         if laws := sorted({ORIGINS[name].as_toml() for name in self.terms if name in ORIGINS}):
             lines.append(f"laws = [{', '.join(laws)}]")
@@ -310,74 +236,3 @@ class StrawParameters:
         for name, constants in self.terms.items():
             lines += ["", f"[terms.{name}]"] + [f"{key} = {value!r}" for key, value in constants.items()]
         return "\n".join(lines) + "\n"
-
-
-#: Keys of a straw file that name files of parts besides laws.
-PARTS = ("readers", "figures")
-
-
-def straw_from_toml(text: str, name: str = "straw file", folder: Path | None = None) -> StrawParameters:
-    """A straw from TOML text: any of the constants by name, the paper's value for each one left out.
-
-    Files that it names are looked for from ``folder``.
-    """
-    try:
-        table: Mapping[str, Any] = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ModelError(f"{name}: not TOML: {error}") from None
-    _check_laws(table.get("laws", []), folder or Path(), name)
-    parts = {}
-    for key in PARTS:
-        files = plugged.files_of(table.get(key, []), key, folder or Path(), name)
-        parts[key] = tuple(str(file.resolve() if folder else file) for file in files)
-    table = {key: value for key, value in table.items() if key not in ("laws", *PARTS)}
-    known = {f.name: f.type for f in fields(StrawParameters)}
-    for key, value in table.items():
-        if key not in known:
-            raise ModelError(f"{name}: unknown key {key!r}; known: {', '.join(known)}")
-        wanted = {"cells": int, "form": str, "elasticity": str, "terms": dict}.get(
-            key, list if key in PER_FRUSTUM else float
-        )
-        accepted = {list: (list, int, float), float: (int, float)}.get(wanted, (wanted,))
-        if isinstance(value, bool) or not isinstance(value, accepted):
-            expected = "a text" if wanted is str else "tables [terms.NAME]" if wanted is dict else "a number"
-            raise ModelError(f"{name}: {key} = {value!r}, expected {expected}")
-    if folder and table.get("elasticity", EQUATION_7) not in (EQUATION_7, SHIPPED):
-        table = {**table, "elasticity": str((folder / table["elasticity"]).resolve())}
-    try:
-        return StrawParameters(**table, readers=parts["readers"], figures=parts["figures"])
-    except ModelError as error:
-        raise ModelError(f"{name}: {error}") from None
-
-
-def _check_laws(given: object, folder: Path, name: str) -> None:
-    """Raise ModelError unless the laws that a straw file names are part of the model, unchanged."""
-    loaded = {origin.sha256 for origin in ORIGINS.values()}
-    for path, sha256 in plugged.laws_of(given, folder, name):
-        if sha256 in loaded:
-            continue
-        if sha256 and (path is None or not path.exists() or plugged.sha256_of(path) != sha256):
-            what = f"{path} has been changed or removed" if path else "the package is another version or not installed"
-            raise ModelError(
-                f"{name}: made with a law of SHA-256 {sha256[:12]}...: {what}; restore it, or leave out sha256"
-            )
-        if path and plugged.sha256_of(path) not in loaded:
-            raise ModelError(
-                f"{name}: its law {path} is not part of the model that is loaded; give --laws {path}, or call "
-                f"straw.add_laws({str(path)!r}) before anything else"
-            )
-
-
-def load_straw(path: str | Path | None = None) -> StrawParameters:
-    """The straw in a TOML file, the paper's for None; ModelError where it cannot be read or is not a straw."""
-    if path is None:
-        return StrawParameters()
-    path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not a text file"
-        raise ModelError(f"{path}: cannot read the straw file: {reason}") from None
-    if not text.strip():
-        raise ModelError(f"{path}: the straw file is empty; name a constant that differs, or leave the file out")
-    return straw_from_toml(text, str(path), path.parent)

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from straw.model.parameters import StrawParameters, straw_from_toml
+from straw.model.parameters import StrawParameters
+from straw.model.straw_file import straw_from_toml
 from straw.replay.api.findings_shown import constants_table, heldout_table, located_table, verdict_figure
 from straw.replay.api.given import GivenRuns, GivenStraw, the_runs, the_straw
 from straw.replay.api.shown import Rows, Shown

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TypeAlias
 
-from straw.model.parameters import StrawParameters, load_straw
+from straw.model.parameters import StrawParameters
+from straw.model.straw_file import load_straw
 from straw.replay.api.recordings import load_protocol
 from straw.replay.errors import ReplayError
 from straw.replay.gather import check_run, gather

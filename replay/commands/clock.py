@@ -6,7 +6,7 @@ import argparse
 import dataclasses
 from collections.abc import Iterator
 
-from straw.model.parameters import load_straw
+from straw.model.straw_file import load_straw
 from straw.replay.clock_motion import clock_from_motion
 from straw.replay.errors import ReplayError
 from straw.replay.gather import read_whole

@@ -12,10 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from straw.model.design import WANTED, Design, Wish, in_order, read_wish, refined, sweep, with_varied
+from straw.model.design import Design, in_order, refined, sweep, with_varied
 from straw.model.elasticity import EQUATION_7
 from straw.model.frustum_table import frustum_of
-from straw.model.parameters import StrawParameters, load_straw
+from straw.model.parameters import StrawParameters
+from straw.model.straw_file import load_straw
+from straw.model.wish import WANTED, Wish, read_wish
 from straw.replay.commands.shell import require_shell
 from straw.replay.errors import ReplayError
 from straw.replay.output import write_json, write_text

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 
-from straw.model.parameters import load_straw
+from straw.model.straw_file import load_straw
 from straw.replay.diagnose import figures
 from straw.replay.diagnose.diagnosis import inquire
 from straw.replay.diagnose.findings import Findings, conclude

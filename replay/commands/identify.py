@@ -11,7 +11,8 @@ import numpy as np
 
 from straw.model.filling import channel_radius, read_filling_tests
 from straw.model.geometry import Readings, identify_geometry
-from straw.model.parameters import StrawParameters, load_straw
+from straw.model.parameters import StrawParameters
+from straw.model.straw_file import load_straw
 from straw.replay.output import check_new, write_json, write_text
 from straw.replay.progress import prepare, progress_bar
 from straw.replay.workers import threads

@@ -22,7 +22,7 @@ def run(args: argparse.Namespace) -> int:
     if args.output is not None:
         check_new(args.output)
     if args.straw:
-        from straw.model.parameters import load_straw  # loads the compiler
+        from straw.model.straw_file import load_straw  # loads the compiler
 
         load_straw(args.straw)  # a file that names readers must be valid
     own = [is_own_table(path) for path in args.tables]

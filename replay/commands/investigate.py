@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from straw.model.parameters import load_straw
+from straw.model.straw_file import load_straw
 from straw.replay.commands.diagnose import chosen
 from straw.replay.commands.rig_of import settings_of, take_rig
 from straw.replay.diagnose.systems.straw.system import StrawSystem

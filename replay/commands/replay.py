@@ -8,7 +8,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from straw.model.parameters import load_straw
+from straw.model.straw_file import load_straw
 from straw.replay.compare import Comparison, compare
 from straw.replay.errors import ReplayError
 from straw.replay.gather import gather

@@ -6,7 +6,7 @@ import argparse
 import time
 from typing import Any
 
-from straw.model.parameters import load_straw
+from straw.model.straw_file import load_straw
 from straw.replay.commands.rig_of import settings_of, take_rig
 from straw.replay.commands.rig_run import emulation
 from straw.replay.errors import ReplayError

@@ -6,7 +6,7 @@ import argparse
 import time
 from collections import Counter
 
-from straw.model.parameters import load_straw
+from straw.model.straw_file import load_straw
 from straw.replay.commands.rig_run import emulation
 from straw.replay.errors import ReplayError
 from straw.replay.settings import settings_of

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from straw.model.parameters import StrawParameters, load_straw
+from straw.model.parameters import StrawParameters
 from straw.model.simulate import Stepper
+from straw.model.straw_file import load_straw
 from straw.replay.about_run import about_run, note_run
 from straw.replay.commands.rig_of import settings_of, take_rig
 from straw.replay.errors import ReplayError

@@ -8,8 +8,9 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 
-from straw.model.parameters import StrawParameters, load_straw
+from straw.model.parameters import StrawParameters
 from straw.model.simulate import Stepper
+from straw.model.straw_file import load_straw
 from straw.replay.about_run import about_run, note_run
 from straw.replay.commands.rig_emulate import cells_of
 from straw.replay.commands.rig_of import settings_of

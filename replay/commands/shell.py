@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from straw.model.parameters import StrawParameters, load_straw
+from straw.model.parameters import StrawParameters
+from straw.model.straw_file import load_straw
 from straw.replay.errors import ReplayError
 from straw.replay.output import write_json, write_text
 from straw.replay.progress import progress_bar, say

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 
-from straw.model.parameters import load_straw
+from straw.model.straw_file import load_straw
 from straw.model.stretches import LongPrediction
 from straw.replay.errors import ReplayError
 from straw.replay.output import check_new, write_json

@@ -6,10 +6,10 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
-from straw.model.parameters import load_straw
 from straw.model.solid.outline import Flange, section, volume_m3
 from straw.model.solid.step import step_text
 from straw.model.solid.stl import stl_bytes, triangles
+from straw.model.straw_file import load_straw
 from straw.replay.errors import ReplayError
 from straw.replay.output import write_text
 

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from straw.model.kinematics import tip_pose
-from straw.model.parameters import StrawParameters, load_straw
+from straw.model.parameters import StrawParameters
 from straw.model.rest import rest_state
+from straw.model.straw_file import load_straw
 from straw.replay.errors import ReplayError
 from straw.replay.gather import read_whole
 from straw.replay.output import write_json, write_text

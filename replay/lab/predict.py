@@ -20,7 +20,7 @@ RATE_HZ, MOST = 60.0, 3000
 
 def predicted(task: dict[str, Any]) -> dict[str, Any]:
     """The prediction's page, its snaps as [time s, cell], and where the tip ends; raises as its parts do."""
-    from straw.model.parameters import straw_from_toml
+    from straw.model.straw_file import straw_from_toml
     from straw.replay.live.follow import Follower
     from straw.replay.live.server import run_of
     from straw.replay.report.page import SCRIPTS, assemble

@@ -23,7 +23,8 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from straw.model.parameters import StrawParameters, straw_from_toml
+from straw.model.parameters import StrawParameters
+from straw.model.straw_file import straw_from_toml
 from straw.replay.errors import USER_ERRORS
 from straw.replay.lab.guard import Door, Guard
 from straw.replay.lab.serve import Server, bound

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from straw.model.design import Design, Wish
+from straw.model.design import Design
 from straw.model.parameters import StrawParameters
+from straw.model.wish import Wish
 from straw.replay.paper.style import STABLE, UNSTABLE, figure, label
 
 NAMES = {

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from straw.model.design import Wish, gives, in_order, read_wish, refined, sweep, with_varied
+from straw.model.design import gives, in_order, refined, sweep, with_varied
 from straw.model.errors import ModelError
 from straw.model.parameters import StrawParameters
+from straw.model.wish import Wish, read_wish
 
 RANGES = {"zeta01_mm": (3.0, 5.0), "zeta02_mm": (-3.5, -1.5), "h_mm": (0.3, 0.8)}
 

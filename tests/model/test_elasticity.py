@@ -10,9 +10,10 @@ import pytest
 from straw.model.elasticity import elasticity_of
 from straw.model.errors import ModelError
 from straw.model.frustum_table import frustum_of
-from straw.model.parameters import StrawParameters, load_straw, straw_from_toml
+from straw.model.parameters import StrawParameters
 from straw.model.rest import rest_state
 from straw.model.straw import potential_energy_at
+from straw.model.straw_file import load_straw, straw_from_toml
 from straw.model.terms.shell_energy import shell_energy, shell_force, shell_stiffness
 
 SHELL = StrawParameters(elasticity="shell")

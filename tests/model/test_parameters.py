@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from straw.model.errors import ModelError
-from straw.model.parameters import StrawParameters, load_straw, straw_from_toml
+from straw.model.parameters import StrawParameters
+from straw.model.straw_file import load_straw, straw_from_toml
 
 
 def test_a_straw_file_reads_back_exactly() -> None:

@@ -10,10 +10,11 @@ from straw.model.errors import ModelError
 from straw.model.frusta import MEMORY_TERMS
 from straw.model.kinematics import chain_of, motion_of
 from straw.model.load import no_load, project
-from straw.model.parameters import StrawParameters, straw_from_toml
+from straw.model.parameters import StrawParameters
 from straw.model.rest import rest_state
 from straw.model.simulate import simulate
 from straw.model.straw import pressure_at
+from straw.model.straw_file import straw_from_toml
 from straw.model.term import Frustum, Term
 from straw.model.terms import CAUSES, COLUMNS, TERMS
 from straw.model.typical import typical, with_typical

@@ -9,9 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from straw.model.parameters import StrawParameters, straw_from_toml
+from straw.model.parameters import StrawParameters
 from straw.model.simulate import run as simulate
 from straw.model.simulate import sampled
+from straw.model.straw_file import straw_from_toml
 from straw.replay.cli import main
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.diagnosis import inquire

@@ -7,8 +7,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from straw.model.parameters import StrawParameters, straw_from_toml
+from straw.model.parameters import StrawParameters
 from straw.model.simulate import simulate
+from straw.model.straw_file import straw_from_toml
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import fitted
 from straw.replay.diagnose.formula import Formula

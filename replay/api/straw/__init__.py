@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from straw.model.direction import Direction
     from straw.model.errors import ModelError
-    from straw.model.parameters import StrawParameters, load_straw
+    from straw.model.parameters import StrawParameters
     from straw.model.plugged import add_laws
+    from straw.model.straw_file import load_straw
     from straw.model.term import Constant, Law
     from straw.replay.api.comparing import Comparison, Replay, replay
     from straw.replay.api.diagnosing import Diagnosis, diagnose
@@ -138,7 +139,7 @@ _PLACES = {
     "emulated": "straw.replay.api.driving",
     "load_camera": "straw.tracking.camera",
     "load_protocol": "straw.replay.api.recordings",
-    "load_straw": "straw.model.parameters",
+    "load_straw": "straw.model.straw_file",
     "read_recording": "straw.replay.api.recordings",
     "run_protocol": "straw.replay.api.driving",
     "simulate": "straw.replay.api.predicting",

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from straw.model.drive import Table
 from straw.model.errors import ModelError
-from straw.model.parameters import StrawParameters, straw_from_toml
+from straw.model.parameters import StrawParameters
 from straw.model.simulate import run
+from straw.model.straw_file import straw_from_toml
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.propose.protocols import USUAL, Protocol, drawn
 from straw.replay.diagnose.propose.specimens import (
