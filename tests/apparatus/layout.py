@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 CELLS = 9
-# State: 36 coordinates (zeta of odd frusta, of even frusta, then phi likewise), momenta of 10 bodies, memories of laws.
+# State: 36 coordinates (zeta of odd frusta, of even frusta, then phi likewise), momenta of 10 bodies, memories.
 COORDINATES = 36
 MOMENTA = 36
 FLOW, GAS, STAGE_1, STAGE_2, BRANCHES, BRISTLES = 66, 67, 68, 69, 70, 97

@@ -36,7 +36,7 @@ for_s = {for_s}
 
 
 @dataclass(frozen=True)
-class Ended:
+class RunResult:
     """Result of one run."""
 
     well: bool
@@ -47,7 +47,7 @@ class Ended:
     spelt_alike: int
 
 
-def one(seed: int, baud: int, for_s: float, rate: float, late_s: float, kinds: tuple[str, ...]) -> Ended:
+def one(seed: int, baud: int, for_s: float, rate: float, late_s: float, kinds: tuple[str, ...]) -> RunResult:
     """One run on an Alicat at this line rate."""
     faults = SeededFaults(rate, seed=seed, kinds=kinds, late_s=(0.0, late_s))
     plant = PressurePlant(noise_pa=0.0, resolution_pa=0.0)
@@ -79,7 +79,7 @@ def one(seed: int, baud: int, for_s: float, rate: float, late_s: float, kinds: t
             why = ""
         except RigError as error:
             why = str(error)
-    return Ended(not why, why, cycles, Counter(fault.kind for fault in faults.log), tuple(wrong), alike)
+    return RunResult(not why, why, cycles, Counter(fault.kind for fault in faults.log), tuple(wrong), alike)
 
 
 def main() -> None:
@@ -94,7 +94,7 @@ def main() -> None:
     options.add_argument("--at-once", type=int, default=10, help="runs mostly wait")
     write_option(options)
     args = options.parse_args()
-    every: list[Ended] = []
+    every: list[RunResult] = []
     for baud in args.bauds:
         with ProcessPoolExecutor(args.at_once) as pool:
             jobs = [

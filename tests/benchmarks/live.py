@@ -46,7 +46,7 @@ print(n, last - first)
 """
 
 
-class ByTurns(Live):
+class AlternatingFeed(Live):
     """A feed that is silent in every other interval."""
 
     def heard(self, now_s: float, readings: Sequence[Reading], told_pa: Mapping[int, float]) -> None:
@@ -63,7 +63,7 @@ def main() -> None:
     args = asked.parse_args()
     seconds, figures = args.seconds, {}
     straw, protocol = StrawParameters(), protocol_from_toml(PROTOCOL.format(duration=seconds), "live")
-    with tempfile.TemporaryDirectory() as folder, ByTurns(straw, protocol) as live:
+    with tempfile.TemporaryDirectory() as folder, AlternatingFeed(straw, protocol) as live:
         client = subprocess.Popen([sys.executable, "-c", CLIENT, live.url], stdout=subprocess.PIPE, text=True)
         path = Path(folder) / "run.mcap"
         with emulation(straw, protocol.initial_deployed, "ob1-mk4") as emulated:

@@ -31,7 +31,7 @@ NO_STEPS_S = 1e9  # nothing behind the wire moves, so its history needs no steps
 
 
 @dataclass
-class Months:
+class LongRun:
     """Result of the run."""
 
     days: int
@@ -56,9 +56,9 @@ def resident_mb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
 
 
-def run_months(days: int, period_s: float, folder: Path) -> Months:
+def run_months(days: int, period_s: float, folder: Path) -> LongRun:
     """Run ``days`` of the protocol with a cycle each ``period_s``, read it back, cut it, and recover it."""
-    found, started_s = Months(days), time.monotonic()
+    found, started_s = LongRun(days), time.monotonic()
     protocol = protocol_from_toml(
         f'pressure_unit = "kPa"\ninitial_deployed = []\n[[main]]\nrepeat = {days}\ndo = [{DAY}]', "months.toml"
     )

@@ -45,7 +45,7 @@ GIVEN = {"open-a": (), "open-b": ("cohesion",), "open-c": ("poiseuille_loss",), 
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class Evaluated:
     """A proposal and the concealed causes."""
 
     name: str
@@ -81,16 +81,20 @@ def recordings_of(case: Case, keep: Path | None, split: str, seed: int) -> tuple
     return runs
 
 
-def asked(name: str, kind: str, label: tuple[str, ...], about: str, runs: tuple[Run, ...], learned: Learned) -> Asked:
+def asked(
+    name: str, kind: str, label: tuple[str, ...], about: str, runs: tuple[Run, ...], learned: Learned
+) -> Evaluated:
     """The proposal for some runs."""
     observations = [observe(run) for run in runs]
     start = time.process_time()
-    return Asked(name, kind, label, about, propose(observations, BASE, learned=learned), time.process_time() - start)
+    return Evaluated(
+        name, kind, label, about, propose(observations, BASE, learned=learned), time.process_time() - start
+    )
 
 
-def table(rows: list[Asked]) -> str:
+def table(rows: list[Evaluated]) -> str:
     """One line per kind of case, then every case whose truth is not first, with distance and disagreement."""
-    kinds: dict[str, list[Asked]] = defaultdict(list)
+    kinds: dict[str, list[Evaluated]] = defaultdict(list)
     for row in rows:
         kinds[row.kind].append(row)
     lines = [
@@ -116,14 +120,14 @@ def table(rows: list[Asked]) -> str:
     return "\n".join(lines)
 
 
-def leads(row: Asked) -> bool:
+def leads(row: Evaluated) -> bool:
     """Whether the true causes have the highest scores; no score above one half where there are none."""
     if not row.places:
         return max(row.proposal.scores.values()) < 0.5
     return max(row.places) <= len(row.places)
 
 
-def surely_wrong(row: Asked) -> bool:
+def surely_wrong(row: Evaluated) -> bool:
     """Whether a cause that is absent has a confident score."""
     return any(score > SURE and name not in row.label for name, score in row.proposal.scores.items())
 

@@ -18,7 +18,7 @@ NAMED = {"run_id": "benchmark", "specimen": "none", "initial_deployed": "", "cyc
 RAW = b">PINGA?|OK|-250:0:1:0:0:0:0:0:0:0:0:0\n"
 
 
-class Nothing:
+class DiscardedRecording:
     """Accepts messages as a recording does, and discards them."""
 
     def add(self, topic: str, happened_ns: int, **values: Any) -> None:
@@ -38,11 +38,11 @@ def main() -> None:
     with TemporaryDirectory() as folder:
         path = Path(folder) / "run.mcap"
         # The loop alone, half of it before and half after, since other load of the machine changes slowly.
-        loop_s = paced(seconds / 2, Nothing())[0]
+        loop_s = paced(seconds / 2, DiscardedRecording())[0]
         all_s, behind_s, pressures, tips = paced(
             seconds, RunWriter(path, {**NAMED, "zero_time_ns": str(time.time_ns())})
         )
-        loop_s += paced(seconds / 2, Nothing())[0]
+        loop_s += paced(seconds / 2, DiscardedRecording())[0]
         run = read_run(path)
         size = path.stat().st_size
     assert run.pressure is not None
@@ -60,7 +60,7 @@ def main() -> None:
     publish("recording", figures | {"core": f"{100 * (all_s - loop_s) / seconds:.1f} %"}, args.write)
 
 
-def paced(seconds: float, writer: RunWriter | Nothing) -> tuple[float, float, int, int]:
+def paced(seconds: float, writer: RunWriter | DiscardedRecording) -> tuple[float, float, int, int]:
     """CPU seconds of the process up to the finished file, the longest the loop was behind (s), pressures and poses."""
     random = np.random.default_rng(0).normal(size=(1000, 4)).tolist()
     pressures = tips = 0

@@ -40,7 +40,7 @@ POINTS = ((-0.1295, 0.215), (-0.27354, 0.22), (1.037, 0.104), (-0.867, 0.143), (
 STEPS = 14
 
 
-class Second:
+class NGSolveFrustum:
     """A half frustum over (s, theta) in NGSolve: displacement and change of the director, six fields."""
 
     def __init__(self, straw: StrawParameters, nx: int = 2, ny: int = 6, order: int = 4) -> None:
@@ -125,7 +125,7 @@ class Second:
 def main() -> None:
     """Print both codes' energies and their difference."""
     straw = StrawParameters()
-    second = Second(straw)
+    second = NGSolveFrustum(straw)
     problem = Problem(profile_of(straw), float(straw.E_pa[0, 1]))
     print("zeta mm  phi rad   NGSolve mJ  straw.model.shell mJ  relative      s      s")
     with one_thread():

@@ -173,11 +173,11 @@ def test_an_interrupted_landscape_continues_where_it_ended(tmp_path: Path) -> No
 def test_a_point_that_does_not_converge_is_reported_and_the_others_are_kept() -> None:
     problem = Problem(CONE, E_PA, NU, Mesh(1, 3, 3))
 
-    class Far(Grid):
+    class GridBeyondReach(Grid):
         def phi_rad(self, problem: Problem, zeta_m: float) -> np.ndarray:
             return np.array([0.0, 0.1, 3.0])
 
-    found = landscape(problem, Far((-1.0e-3,)))
+    found = landscape(problem, GridBeyondReach((-1.0e-3,)))
     assert len(found.points) == 2
     assert "no equilibrium found" in found.failed[0]
 

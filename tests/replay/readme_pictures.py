@@ -26,7 +26,7 @@ from tests.replay.lab import ServedLab
 
 READY = "document.documentElement.dataset.ready"
 PICTURES = Path(__file__).parents[2] / ".github"
-#: Width of a picture: twice that of the code host's column, for screens that have so many points.
+#: Width of a picture: twice that of the code host's column, for high-resolution screens.
 WIDTH_PX = 1660
 #: Width and height of the part of the demo's video around the board, px.
 BOARD_PX = 380

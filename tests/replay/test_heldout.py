@@ -51,7 +51,7 @@ def test_a_model_that_cannot_be_simulated_on_held_out_runs_counts_as_worse():
 def test_a_tolerance_by_channel_has_units():
     limits = parse_tolerance("x=0.1mm, phi=2mrad", CHANNELS)
     assert limits.si == pytest.approx({"x_m": 1e-4, "phi_rad": 2e-3})
-    one = held(above(NOISE, x=0.9e-4, z=1.0))  # of z nothing is said
+    one = held(above(NOISE, x=0.9e-4, z=1.0))  # none for z
     assert limits.holds(one.remainder, one.moves)
     assert not limits.holds(held(above(NOISE, x=1.1e-4)).remainder, one.moves)
 

@@ -73,7 +73,9 @@ def test_the_page_receives_what_is_recorded_thirty_times_a_second(tmp_path: Path
     np.testing.assert_allclose(told[-5:], run.pressure.pressure_pa[-5:], atol=1.0)
     assert len(heard) / (heard[-1][0] - heard[0][0]) <= 33  # no more often, whatever the loop's rate
     phi = np.array([row[8] for row in rows])
-    assert np.abs(phi[:, 0]).max() > 0.15  # the model beside the run bent cell 1, as the run's pressure has it
+    assert (
+        np.abs(phi[:, 0]).max() > 0.15
+    )  # the model that runs in parallel bent cell 1, as it should under the run's pressure
     assert rows[-1][7][0] < 0 < rows[0][7][0]  # and folded it
 
 

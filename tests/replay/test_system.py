@@ -100,7 +100,7 @@ def test_a_cause_with_a_stuck_search_is_fitted_from_a_pair_whose_other_cause_has
 
 
 def test_a_spent_budget_still_tries_each_cause_of_the_best_pair_alone(monkeypatch):
-    class OscillatorOfLittleWork(OscillatorSystem):
+    class OscillatorWithSpentBudget(OscillatorSystem):
         most_work = 1.0
 
     def only_one(campaign, *_):
@@ -111,7 +111,7 @@ def test_a_spent_budget_still_tries_each_cause_of_the_best_pair_alone(monkeypatc
 
     monkeypatch.setattr(diagnosis, "explain", only_one)
     with ThreadPoolExecutor() as pool:
-        found = diagnosis.inquire(stiffening(5e9), OscillatorOfLittleWork(), executor=pool)
+        found = diagnosis.inquire(stiffening(5e9), OscillatorWithSpentBudget(), executor=pool)
     assert found.spent
     assert found.singles["cubic_stiffness"].cost < found.pairs["cubic_stiffness+dry_friction"].cost + 1.0
 

@@ -143,7 +143,7 @@ def test_opening_a_run_that_was_changed_reports_the_change(folder: Path) -> None
     run = folder / "a.mcap"
     other = recorded(folder / "other.mcap", offset_pa=1.0).read_bytes()
     assert read_run(run).damage == ()
-    run.write_bytes(other)  # whole, with good checksums of its own: only the manifest knows
+    run.write_bytes(other)  # whole, with good checksums of its own: only the manifest shows the change
     assert "SHA-256 is not the one in its manifest" in read_run(run).damage[0]
     assert main(["runs", "compare", str(run), str(folder / "other.mcap")]) == 2
 

@@ -70,7 +70,7 @@ def test_a_vent_cannot_be_revoked_and_a_second_one_changes_nothing() -> None:
         person.order("explode", "Bea")
 
 
-def test_a_hold_that_nobody_ends_is_ended_by_venting(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_hold_that_is_not_ended_in_time_is_ended_by_venting(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(operator_module, "LONGEST_HOLD_S", 10.0)
     person = Operator()
     person.order("hold", "Ada")

@@ -102,7 +102,7 @@ def test_the_models_straw_can_stand_behind_the_wire() -> None:
     np.testing.assert_allclose(np.diff(history.time_s), 1e-3, atol=1e-9)
 
 
-def test_the_twin_keeps_real_time_and_knows_its_wall_clock(straw: object) -> None:
+def test_the_twin_runs_in_real_time_and_gives_its_wall_clock(straw: object) -> None:
     before_ns = time.time_ns()
     with Twin(straw, PressurePlant()) as twin:
         time.sleep(0.2)

@@ -175,7 +175,7 @@ def test_a_prediction_one_square_off_is_refused_or_corrected(small_clip):
 
 
 def test_an_upside_down_camera_needs_only_board_x_in_image(small, tmp_path):
-    """The board looks the same turned by 180 degrees: only ``board_x_in_image`` tells up from down."""
+    """The board looks the same turned by 180 degrees: only ``board_x_in_image`` distinguishes up from down."""
 
     def rising(time_s):
         return 0.02 + 0 * time_s, 0.03 * np.clip(time_s - 0.05, 0, None), 1.55 + 0 * time_s
