@@ -21,12 +21,12 @@ from straw.replay.diagnose.settings import (
     EXTRA_TIME_S,
     FINER_M,
     LIVELIEST_PER_S,
-    SECANT,
     SIMULATED_EVERY_S,
     TOLERANCE_M,
 )
 from straw.replay.diagnose.systems.straw.constants import applied
 from straw.replay.diagnose.systems.straw.instrument import Instrument
+from straw.replay.diagnose.systems.straw.nearby import Nearby, nearby
 from straw.replay.diagnose.systems.straw.observation import Observation
 from straw.replay.diagnose.systems.straw.snaps import SMOOTHED_S, cell_snaps, crossings
 
@@ -59,9 +59,10 @@ def simulated(
     tolerance_m: float = TOLERANCE_M,
 ) -> Simulated:
     """The straw's motion in this run with the unknowns at u; ModelError where it cannot be simulated."""
-    straw = straw.replace(cycle=float(observed.run.cycle))
-    changed, instrument = applied(straw, unknowns, at)
-    seen, by = _until_it_snaps(observed, straw, changed, instrument, unknowns, at, derivatives, tolerance_m)
+    near = nearby(straw, unknowns, at) if derivatives else None
+    changed, instrument = (near.straw, near.instrument) if near else applied(straw, unknowns, at)
+    changed = changed.replace(cycle=float(observed.run.cycle))
+    seen, by = _until_it_snaps(observed, changed, instrument, unknowns, near, tolerance_m)
     pose = np.stack([seen.x_m, seen.z_m, seen.phi_rad])
     stamped_s = instrument.stamped(seen.time_s)
     shown = instrument.seen(pose)
@@ -69,17 +70,17 @@ def simulated(
     none = 0 if by is None else len(unknowns)
     d_shown, d_true_s = np.zeros((*pose.shape, none)), np.zeros((len(true_events_s), none))
     d_stamped, d_late = np.zeros((len(stamped_s), none)), np.zeros((len(true_events_s), none))
-    if by is not None:
+    if near is not None and by is not None:
         moving, columns = by
         d_pose = np.stack([columns.x_m, columns.z_m, columns.phi_rad])
         d_shown[:, :, moving] = instrument.seen_tangent(pose, d_pose)
         d_true_s[:, moving] = _events_tangent(observed, seen, instrument, true_events_s, columns)
         for k, unknown in enumerate(unknowns):
             if unknown.target.startswith("instrument.") and k not in moving:
-                low, high, step = _beside(straw, unknowns, at, k)
-                d_shown[:, :, k] = (high[1].seen(pose) - low[1].seen(pose)) / step
-                d_stamped[:, k] = (high[1].stamped(seen.time_s) - low[1].stamped(seen.time_s)) / step
-                d_late[:, k] = (high[1].stamped(true_events_s) - low[1].stamped(true_events_s)) / step
+                low, high, step = near.beside[k].below, near.beside[k].above, near.beside[k].step
+                d_shown[:, :, k] = (high.seen(pose) - low.seen(pose)) / step
+                d_stamped[:, k] = (high.stamped(seen.time_s) - low.stamped(seen.time_s)) / step
+                d_late[:, k] = (high.stamped(true_events_s) - low.stamped(true_events_s)) / step
         # at a fixed stamped time: a shift of the clock moves the tip by its rate
         rate = np.gradient(shown, stamped_s, axis=1)
         d_shown -= rate[:, :, None] * d_stamped
@@ -94,16 +95,14 @@ def most_steps_per_s(tolerance_m: float) -> float:
 
 def _until_it_snaps(
     observed: Observation,
-    straw: StrawParameters,
     changed: StrawParameters,
     instrument: Instrument,
     unknowns: Sequence[Unknown],
-    at: Floats,
-    derivatives: bool,
+    about: Nearby | None,
     tolerance_m: float,
 ) -> tuple[Prediction, tuple[list[int], Derivatives] | None]:
     """The simulation, a little longer where the recording shows more snaps, and its derivatives by the straw's
-    unknowns."""
+    unknowns where these are known ``about`` the point."""
     deployed = observed.run.initial_deployed
     assert deployed is not None
     table = observed.pressure
@@ -116,11 +115,11 @@ def _until_it_snaps(
         raise ModelError(f"run {observed.name}: the clock is off by more than the run is long")
     start = min(first, observed.start_s)
     near, most = observed.rests.get(changed.form), most_steps_per_s(tolerance_m)
-    moving, directions = _directions(straw, changed, unknowns, at, table, shown_s) if derivatives else ([], [])
+    moving, directions = _directions(changed, unknowns, about, table, shown_s) if about else ([], [])
     for extra_s in (0.0, EXTRA_TIME_S):
         grid = np.arange(start, end + extra_s + 2 * SIMULATED_EVERY_S, SIMULATED_EVERY_S)
         by = None
-        if derivatives:
+        if about:
             by = differentiate(
                 changed,
                 pressure,
@@ -141,36 +140,20 @@ def _until_it_snaps(
 
 
 def _directions(
-    straw: StrawParameters,
-    changed: StrawParameters,
-    unknowns: Sequence[Unknown],
-    at: Floats,
-    table: Table,
-    shown_s: Floats,
+    changed: StrawParameters, unknowns: Sequence[Unknown], about: Nearby, table: Table, shown_s: Floats
 ) -> tuple[list[int], list[Direction]]:
     """The unknowns that affect the straw, and the directions in its constants or driving pressure."""
     moving, directions = [], []
-    for k, unknown in enumerate(unknowns):
-        if unknown.target.startswith(("straw.", "term.")):
-            (low, _), (high, _), step = _beside(straw, unknowns, at, k)
-            directions.append(Direction.between(low, high, step))
+    for k, (unknown, beside) in enumerate(zip(unknowns, about.beside, strict=True)):
+        if beside.direction is not None:
+            directions.append(beside.direction)
         elif unknown.target.startswith("instrument.gauge"):
-            (_, under), (_, over), step = _beside(straw, unknowns, at, k)
-            shift = over.true_pressure(table.pressure_pa, shown_s) - under.true_pressure(table.pressure_pa, shown_s)
-            directions.append(Direction.driven(changed, table._replace(pressure_pa=shift / step)))
+            over, under = (one.true_pressure(table.pressure_pa, shown_s) for one in (beside.above, beside.below))
+            directions.append(Direction.driven(changed, table._replace(pressure_pa=(over - under) / beside.step)))
         else:
             continue
         moving.append(k)
     return moving, directions
-
-
-def _beside(
-    straw: StrawParameters, unknowns: Sequence[Unknown], at: Floats, k: int
-) -> tuple[tuple[StrawParameters, Instrument], tuple[StrawParameters, Instrument], float]:
-    """Straw and instrument a little below and above in one unknown, within its bounds, and their distance."""
-    low, high = at.copy(), at.copy()
-    low[k], high[k] = max(at[k] - SECANT, unknowns[k].low), min(at[k] + SECANT, unknowns[k].high)
-    return applied(straw, unknowns, low), applied(straw, unknowns, high), float(high[k] - low[k])
 
 
 def _events(observed: Observation, seen: Prediction, instrument: Instrument) -> Floats:

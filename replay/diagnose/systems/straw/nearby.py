@@ -1,0 +1,85 @@
+"""A straw about a point of the search, worked out once for all runs: how its constants change with each unknown."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from straw.model.direction import Direction
+from straw.model.parameters import StrawParameters
+from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.settings import SECANT
+from straw.replay.diagnose.systems.straw.constants import applied
+from straw.replay.diagnose.systems.straw.instrument import Instrument
+
+Floats = NDArray[np.float64]
+
+#: Points that are remembered: workers are busy with a few at a time.
+REMEMBERED = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """Instruments a little below and above in one unknown, their distance in u, and the direction in which the straw's
+    constants change, None where they do not."""
+
+    below: Instrument
+    above: Instrument
+    step: float
+    direction: Direction | None
+
+
+@dataclass(frozen=True, eq=False)
+class Nearby:
+    """Straw and instrument at a point, and on both sides of it in each unknown."""
+
+    straw: StrawParameters
+    instrument: Instrument
+    beside: tuple[Beside, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Same:
+    """A straw as the key of a cache: itself, not one that equals it, which takes longer to compare."""
+
+    straw: StrawParameters
+
+    def __hash__(self) -> int:
+        return id(self.straw)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and other.straw is self.straw
+
+
+_ONE_AT_A_TIME = threading.Lock()
+
+
+def nearby(straw: StrawParameters, unknowns: Sequence[Unknown], at: Floats) -> Nearby:
+    """About u = ``at`` (unknowns,). ModelError where a constant there is none that a straw can have."""
+    with _ONE_AT_A_TIME:  # another worker asks for the same point of another run
+        return _nearby(_Same(straw), tuple(unknowns), tuple(at.tolist()))
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _nearby(same: _Same, unknowns: tuple[Unknown, ...], at: tuple[float, ...]) -> Nearby:
+    u = np.array(at)
+    beside = tuple(_beside(same.straw, unknowns, u, k) for k in range(len(unknowns)))
+    return Nearby(*applied(same.straw, unknowns, u), beside)
+
+
+def _beside(straw: StrawParameters, unknowns: Sequence[Unknown], at: Floats, k: int) -> Beside:
+    """Within the unknown's bounds."""
+    low, high = at.copy(), at.copy()
+    low[k], high[k] = max(at[k] - SECANT, unknowns[k].low), min(at[k] + SECANT, unknowns[k].high)
+    (minus, below), (plus, above), step = (
+        applied(straw, unknowns, low),
+        applied(straw, unknowns, high),
+        high[k] - low[k],
+    )
+    moves = unknowns[k].target.startswith(("straw.", "term."))
+    return Beside(below, above, float(step), Direction.between(minus, plus, float(step)) if moves else None)
