@@ -20,7 +20,7 @@ from straw.replay.diagnose.fit import Contestant, Fit, clipped, cost_at, evaluat
 from straw.replay.diagnose.hypothesis import Hypothesis
 from straw.replay.diagnose.inquiry import Inquiry, Told
 from straw.replay.diagnose.judge import CALIBRATION, unexplained
-from straw.replay.diagnose.pairs import find_pairs, nested, seconds, telling
+from straw.replay.diagnose.pairs import find_pairs, nested, seconds, shortened, telling
 from straw.replay.diagnose.propose.proposal import Proposal
 from straw.replay.diagnose.refine import explains, finish, refine
 from straw.replay.diagnose.saturated import subsets
@@ -126,8 +126,9 @@ def _at_once(
     found: Inquiry, wide: Campaign, base: Fit, hypotheses: Sequence[Hypothesis], proposal: Proposal | None
 ) -> set[str]:
     """The most promising single causes of a fit of all causes at once, and pairs where no single one explains the
-    coarse comparison, fitted coarsely from there, from the proposal's constants and, as long as none explains it, from
-    their own starts, then finished. Returns the names of those that were fitted from all of these."""
+    coarse comparison, fitted coarsely from there and from the proposal's constants, then finished. As long as none
+    explains it, singles have their own starts as well; pairs start on the way from the base's and their causes' fits,
+    too. Returns the names of singles that were fitted from all of these."""
     ranked = subsets(wide, base, hypotheses, _likely(found.campaign, proposal))
     begun: list[Contestant] = []
     tried: set[str] = set()
@@ -137,8 +138,11 @@ def _at_once(
         if explained and len(start.hypothesis.causes) > 1:
             break
         others = _proposed(base, start.hypothesis, proposal)
-        if not explained:
-            others += look(wide, base, start.hypothesis)[:STARTS]  # none of a pair
+        if len(start.hypothesis.causes) > 1:
+            alone = [one.fit for one in begun if one.name in start.hypothesis.causes]
+            others += [shortened(wide, fit, start) for fit in (base, *alone)]
+        elif not explained:
+            others += look(wide, base, start.hypothesis)[:STARTS]
             tried.add(start.hypothesis.name)
         begun.append(_begun(wide, base, start, others))
     refine(found, halved(wide, begun, len(begun)))

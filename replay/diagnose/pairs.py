@@ -41,10 +41,12 @@ def find_pairs(found: Inquiry, names: Sequence[str]) -> None:
 
 
 def shortened(campaign: Campaign, known: Fit, start: Start) -> Start:
-    """A start that first order leads to from a fit, on the way there where it is best: first order may lead too far."""
-    n, own = len(known.unknowns), start.hypothesis.unknowns[-(len(start.u) - len(known.unknowns)) :]
-    unknowns = (*known.unknowns, *own)
-    origin = np.concatenate([known.u, np.where([k.kind == "strength" for k in own], 0.0, start.u[n:])])
+    """A pair's start on the way there from a fit without one or both of its causes, where it is best: a linear or
+    quadratic expansion may lead too far."""
+    unknowns = (*known.unknowns[: len(campaign.system.base)], *start.hypothesis.unknowns)
+    at = {unknown.target: float(u) for unknown, u in zip(known.unknowns, known.u, strict=True)}
+    absent = np.where([one.kind == "strength" for one in unknowns], 0.0, start.u)
+    origin = np.array([at.get(one.target, none) for one, none in zip(unknowns, absent, strict=True)])
     points = [origin + (start.u - origin) / 2**k for k in range(FOLLOWED)]
     costs = [cost_at(unknowns, u, r) for u, r in zip(points, campaign.residuals(unknowns, points), strict=True)]
     return replace(start, u=points[int(np.argmin(costs))])
