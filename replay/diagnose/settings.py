@@ -96,12 +96,15 @@ BLOCK, BEYOND = 24, 5.0
 MOST_COUNTED = 4
 #: Probability that the surviving set of hypotheses must cover, of what the search can be certain of.
 COVERED = 0.95
-#: A hypothesis this probable is named alone; otherwise the surviving set is named.
+#: A hypothesis this probable is named alone; otherwise the surviving set is named. The expected loss is least with
+#: 1 - 1/5 where a wrong name costs five times as much as an open question.
 NAMED_ALONE = 0.8
 #: A second cause is accepted when fewer simulated campaigns with the first alone than this give one by chance: a false
 #: pair may be named in one of fifty.
 BY_CHANCE = 0.02
-#: Squared sigmas that are one deviation of a constant: six instruments' constants were 0.04 to 2.2 of these off.
+#: Squared sigmas that are one deviation of a constant: 20 to 25 make instruments' constants of right answers as far off
+#: as stated on the decks strong 20261202 and 20261203 and two 20261206, 22 constants (`python -m
+#: tests.benchmarks.sealed`).
 ONE_DEVIATION = 20.0
 #: An RMS is worse when it is larger by this factor: noise that lasts 50 ms leaves some 60 independent samples in a run
 #: of a few seconds, so an RMS has a standard deviation of 1 / sqrt(120) = 9 %, and this is three of them.

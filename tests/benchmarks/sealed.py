@@ -2,6 +2,8 @@
 
     python -m tests.benchmarks.sealed [--write]
 
+It also prints how far constants of instruments were off, by which `ONE_DEVIATION` was chosen.
+
 A file is named SPLIT-SEED-COMMIT.jsonl by its deck and the commit whose search made it (`python -m
 tests.benchmarks.concealed` makes it). "Above the limit" are cases in which the base leaves more than `LIMIT`.
 """
@@ -17,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from straw.replay.diagnose.settings import ONE_DEVIATION
 from tests.apparatus.cases import Case, deck
 from tests.benchmarks.concealed_score import (
     BINS,
@@ -64,6 +67,7 @@ def main() -> None:
         "reliability-now": table(SAID, [[_named(path), *reliability(done)] for path, done in again]),
     }
     print(*(f"{name}{text}" for name, text in tables.items()), sep="\n")
+    print(*(f"{_named(path)}: {scatter(done)}" for path, done in now if scatter(done)), sep="\n")
     publish("sealed", tables, args.write)
 
 
@@ -95,6 +99,14 @@ def line(done: Rows) -> list[str]:
         f"{', '.join(str(int(np.sum(off < k))) for k in (1, 2, 3))} of {len(off)}" if len(off) else "",
         f"{np.median(cpu):.0f}, {np.mean(cpu):.0f}, {max(cpu):.0f}",
     ]
+
+
+def scatter(done: Rows) -> str:
+    """What `ONE_DEVIATION` would have to be for instruments' constants of right answers to be as far off as stated."""
+    off = deviations([(c, r) for c, r in done if first(c, r)])
+    if not len(off):
+        return ""
+    return f"{len(off)} constants, {ONE_DEVIATION * np.mean(off**2):.2g} squared sigmas are one deviation"
 
 
 def reliability(done: Rows) -> list[str]:
