@@ -102,8 +102,8 @@ NAMED_ALONE = 0.8
 #: A second cause is accepted when fewer simulated campaigns with the first alone than this give one by chance: a false
 #: pair may be named in one of fifty.
 BY_CHANCE = 0.02
-#: Squared sigmas that are one deviation of a constant: 20 to 25 make instruments' constants of right answers as far off
-#: as stated on the decks strong 20261202 and 20261203 and two 20261206, 22 constants (`python -m
+#: Squared sigmas that are one deviation of a constant: 16 to 25 make instruments' constants of right answers as far off
+#: as stated on the decks strong 20261202 and 20261203 and two 20261206, 23 constants (`python -m
 #: tests.benchmarks.sealed`).
 ONE_DEVIATION = 20.0
 #: An RMS is worse when it is larger by this factor: noise that lasts 50 ms leaves some 60 independent samples in a run

@@ -37,7 +37,7 @@ class Growing:
 
 
 @pytest.mark.parametrize("alone", ["first", "second", ""])
-def test_a_pair_starts_at_most_an_eighth_of_the_way_where_all_of_it_leads_too_far(alone: str) -> None:
+def test_a_pair_starts_an_eighth_of_the_way_where_all_of_it_leads_too_far(alone: str) -> None:
     system: Any = Growing()
     recording: Any = SimpleNamespace(name="run", y=0.5 + 0.3 * X + np.exp(0.2 * X))
     known = (*BASE, *(one for one in (FIRST, RATE) if one.target == alone))

@@ -76,10 +76,6 @@ def _beside(straw: StrawParameters, unknowns: Sequence[Unknown], at: Floats, k: 
     """Within the unknown's bounds."""
     low, high = at.copy(), at.copy()
     low[k], high[k] = max(at[k] - SECANT, unknowns[k].low), min(at[k] + SECANT, unknowns[k].high)
-    (minus, below), (plus, above), step = (
-        applied(straw, unknowns, low),
-        applied(straw, unknowns, high),
-        high[k] - low[k],
-    )
-    moves = unknowns[k].target.startswith(("straw.", "term."))
-    return Beside(below, above, float(step), Direction.between(minus, plus, float(step)) if moves else None)
+    (minus, below), (plus, above) = applied(straw, unknowns, low), applied(straw, unknowns, high)
+    step, moves = float(high[k] - low[k]), unknowns[k].target.startswith(("straw.", "term."))
+    return Beside(below, above, step, Direction.between(minus, plus, step) if moves else None)
