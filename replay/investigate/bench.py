@@ -93,8 +93,9 @@ class Bench:
         self._inquiry, self.model = found, findings.model
         self._keep(findings)
         untried = findings.verdict == "complete" and bool(self.untried())
+        probability = dict(findings.judgement.probability)
         return Found(
-            findings.verdict, tuple(findings.causes), dict(findings.judgement.probability), findings.says, sums, untried
+            findings.verdict, tuple(findings.causes), probability, findings.says, sums, untried, runs=len(runs)
         )
 
     def untried(self) -> list[Proposal]:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from straw.replay.errors import USER_ERRORS
 from straw.replay.investigate.budget import ROUNDED, Budget
 from straw.replay.investigate.state import State
 from straw.replay.investigate.steps import Ahead, Found, Plan, Proposal
-from straw.replay.investigate.stop import Stop, unknown_again
+from straw.replay.investigate.stop import Stop, unconfirmed, unknown_again
 
 
 @dataclass(frozen=True)
@@ -25,10 +25,16 @@ class Chooser:
     ) -> tuple[Proposal, Plan] | Stop:
         """The best by information for its share of the budget that could decide, within limits and budget.
 
-        For an unknown cause nothing can be foreseen, so the most informative one is run once to see whether that helps.
+        For an unknown cause nothing can be foreseen, so the most informative one is run once to see whether that helps;
+        a name that no run has tested yet is tested by the most informative protocol that was not run yet.
         """
         spent = self.state.spent
-        confirm = found.verdict == "unknown_physics" and not unknown_again(self.state.history)
+        test = unconfirmed(found, self.state.history, self.certainty)
+        confirm = test or found.verdict == "unknown_physics" and not unknown_again(self.state.history)
+        if test:
+            why = f"to confirm {' and '.join(found.causes).replace('_', ' ')} by a run that was not fitted"
+            fresh = [one for one in offered if not self._before(one)] or offered
+            offered = [replace(one, why=f"{why}; {one.why}") for one in fresh]
         dear, many, forbidden = 0, 0, ""
         for one in sorted(offered, key=lambda one: -self._worth(one)):
             if not confirm and not self.runs(one):

@@ -57,7 +57,7 @@ class Loop:
                 )
             self._close()
         found = self._diagnosed()
-        if stop := reached(found, self.certainty):
+        if stop := reached(found, state.history, self.certainty):
             return stop
         if over := self.budget.why_over(state.spent):
             return Stop("budget", f"{over}; {found.says}")
@@ -87,9 +87,9 @@ class Loop:
 
     def _diagnosed(self) -> Found:
         """The findings: from the log if they are of the present recordings, else by a new diagnosis."""
-        found = self.state.found
+        found, history = self.state.found, self.state.history
         fresh = found is not None and found.recordings == self.steps.recordings()
-        if found is not None and fresh and (self.state.proposal is not None or reached(found, self.certainty)):
+        if found is not None and fresh and (self.state.proposal is not None or reached(found, history, self.certainty)):
             return found
         found = self.steps.diagnose()
         self._write("diagnosed", **asdict(found))

@@ -10,7 +10,7 @@ from typing import Protocol
 
 @dataclass(frozen=True)
 class Found:
-    """Result of a diagnosis. ``recordings`` are the SHA-256 of its recordings, ``probability`` by hypothesis.
+    """Result of a diagnosis of ``runs`` runs. ``recordings`` are the SHA-256 of its files, ``probability`` by hypothesis.
 
     ``untried``: nothing seems to be missing, but the largest pressures within the limits have not been run yet.
     """
@@ -21,6 +21,7 @@ class Found:
     says: str = ""
     recordings: tuple[str, ...] = ()
     untried: bool = False
+    runs: int = 0
 
 
 @dataclass(frozen=True)

@@ -26,8 +26,11 @@ ANSWERS = ("complete", "within_tolerance", "named")
 #: After so many consecutive runs that changed no probability by more than the allowed doubt the loop stops, whatever
 #: was expected of them: one run may be uninformative by chance, three hardly.
 IDLE_RUNS = 3
-#: "Unknown" is accepted when runs recorded after it was first found have not changed it.
+#: An answer that rests on few runs is accepted when a run recorded after it was first found has not changed it.
 SAID_BY = 2
+#: Number of runs of the campaigns with which the probabilities were calibrated (tests.benchmarks.calibrating). With
+#: fewer, a flexible law may explain by chance what it does not cause, and the probability does not tell.
+CALIBRATED_RUNS = 8
 
 
 @dataclass(frozen=True)
@@ -43,14 +46,22 @@ class Stop:
         return 0 if self.reason in ANSWERS else 1
 
 
-def reached(found: Found, certainty: float) -> Stop | None:
-    """The answer, where a diagnosis is one."""
+def reached(found: Found, history: Sequence[Found], certainty: float) -> Stop | None:
+    """The answer, where a diagnosis is one; ``history`` are those of each set of recordings, `found` the last."""
     if found.verdict == "within_tolerance":
         return Stop("within_tolerance", found.says)
     p = certainty_of(found)
-    if p < certainty or found.untried:
+    if p < certainty or found.untried or unconfirmed(found, history, certainty):
         return None
     return Stop("complete" if found.verdict == "complete" else "named", f"{found.says} (p = {p:.2f})")
+
+
+def unconfirmed(found: Found, history: Sequence[Found], certainty: float) -> bool:
+    """Whether a cause is named with certainty, but only after the last of few runs: one that no run has tested yet."""
+    if found.verdict == "complete" or certainty_of(found) < certainty or found.runs >= CALIBRATED_RUNS:
+        return False
+    last = history[-SAID_BY:]
+    return len(last) < SAID_BY or any((one.verdict, one.causes) != (found.verdict, found.causes) for one in last)
 
 
 def certainty_of(found: Found) -> float:

@@ -12,7 +12,7 @@ from straw.replay.investigate.budget import Budget
 from straw.replay.investigate.log import Log
 from straw.replay.investigate.loop import Loop
 from straw.replay.investigate.steps import Ahead, Found, Plan, Proposal, Ran
-from straw.replay.investigate.stop import Stop
+from straw.replay.investigate.stop import CALIBRATED_RUNS, Stop
 from straw.rig.errors import RigError
 
 UNSURE = {"cohesion": 0.5, "squeeze_film": 0.4, "complete": 0.1}
@@ -30,7 +30,8 @@ class Crash(BaseException):
 
 
 class Fakes:
-    """The steps of a loop, in memory, which outlive its crashes. After ``named_after`` runs the cause is certain.
+    """The steps of a loop, in memory, which outlive its crashes. After ``named_after`` runs the cause is certain, which
+    rests on so many runs that were ``recorded_before``.
     ``crash`` names a step: the next time it is taken the process dies, before it is done or, with ``late``, after."""
 
     def __init__(self, named_after: int = 2, menu: Sequence[Proposal] = ()) -> None:
@@ -39,6 +40,7 @@ class Fakes:
         self.sure = Found("missing_physics", ("cohesion",), SURE, "cohesion is missing")
         self.unsure = [Found("ambiguous", ("cohesion",), UNSURE, "not told")]  # the last one is repeated
         self.answer, self.forbidden, self.tracks, self.hand = "somebody", set[str](), True, ""
+        self.recorded_before = CALIBRATED_RUNS
         self.ended: dict[str, Ran] = {}
         self.status, self.error = "success", ""
         self.crash, self.late, self.dead = "", False, False
@@ -60,7 +62,7 @@ class Fakes:
         runs = self.recordings()
         unsure = self.unsure[min(len(runs), len(self.unsure) - 1)]
         found = self.sure if len(runs) >= self.named_after else unsure
-        return replace(found, recordings=runs)
+        return replace(found, recordings=runs, runs=self.recorded_before + len(runs))
 
     def propose(self, found: Found) -> Sequence[Proposal]:
         self._dies("propose", False)
@@ -92,7 +94,7 @@ class Fakes:
             raise RigError(self.error)
         if (self.crash, self.late) != ("run", True):
             self.ended[recording] = Ran(self.status, recording, recording, proposal.minutes, proposal.snaps)
-            self.ran.append(proposal.why)
+            self.ran.append(proposal.why.rpartition("; ")[2])
         self._dies("run", True)
 
     def after(self, recording: str) -> Ran:

@@ -42,6 +42,31 @@ def test_a_cause_below_the_required_certainty_does_not_end_it(path: Path) -> Non
     assert (stop.reason, stop.code) == ("budget", 1)
 
 
+def test_a_cause_named_after_few_runs_must_be_named_again_after_a_run_under_another_protocol(path: Path) -> None:
+    fakes = Fakes(named_after=2, menu=[offered("a", 0.9), offered("b", 0.5), offered("c", 0.2, chances=(0.0,))])
+    fakes.recorded_before = 0
+    assert (went(path, fakes).reason, fakes.ran) == ("named", ["a", "b", "c"])
+    proposed = [line["proposal"]["why"] for line in lines(path) if line["kind"] == "proposed"]
+    assert proposed[-1] == "to confirm cohesion by a run that was not fitted; c"
+
+
+def test_a_cause_that_another_replaces_after_the_next_run_does_not_end_it(path: Path) -> None:
+    fakes = Fakes(named_after=3)
+    fakes.recorded_before = 0
+    other = Found("missing_physics", ("squeeze_film",), {"squeeze_film": 0.95, "cohesion": 0.05}, "a film")
+    fakes.unsure = [fakes.unsure[0], fakes.unsure[0], other]
+    stop = went(path, fakes)
+    assert (stop.reason, stop.says[:8], len(fakes.ran)) == ("named", "cohesion", 4)
+
+
+def test_where_the_budget_does_not_pay_for_a_run_that_confirms_the_name_it_is_no_answer(path: Path) -> None:
+    fakes = Fakes(named_after=2)
+    fakes.recorded_before = 0
+    stop = went(path, fakes, Budget(rounds=2))
+    assert (stop.reason, stop.code) == ("budget", 1)
+    assert stop.says.endswith("cohesion is missing")
+
+
 def test_a_complete_model_ends_it_without_a_run(path: Path) -> None:
     fakes = Fakes(named_after=0)
     fakes.sure = Found("complete", (), {"complete": 0.95, "cohesion": 0.05}, "nothing is missing")
