@@ -7,20 +7,19 @@ to the blur. Several starts are followed that way on a few dissimilar runs; the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import least_squares
 
 from straw.model.parameters import StrawParameters
 from straw.replay.compare import CHANNELS
 from straw.replay.errors import ReplayError
-from straw.replay.fit_difference import GAUGE_DRAWS, Difference, sigmas, with_values
+from straw.replay.fit_difference import GAUGE_DRAWS, sigmas, with_values
+from straw.replay.fit_problem import Problem, pool_of, samples
 from straw.rig.run import Run
 
 Floats = NDArray[np.float64]
@@ -36,8 +35,6 @@ MOST_EVALUATIONS = 15
 BLOCK_S = 0.5
 #: Differences beyond this many sigmas count linearly, not squared.
 ROBUST_SIGMAS = 5.0
-#: Simulations that fail count as this many sigmas everywhere.
-FAILED_SIGMAS = 1e3
 
 
 @dataclass(frozen=True)
@@ -66,63 +63,6 @@ def value_of(straw: StrawParameters, name: str) -> float:
     return float(value[:, 1].mean() if value.ndim == 2 else value)
 
 
-class _Problem:
-    """Weighted differences of all runs as a function of the constants' logarithms."""
-
-    def __init__(self, runs: Sequence[Run], straw: StrawParameters, names: Sequence[str], pool: Executor) -> None:
-        self.runs, self.pool, self.difference = list(runs), pool, Difference(straw, tuple(names))
-        self.failures = 0
-
-    def many(self, points: Sequence[Floats]) -> list[list[Floats]]:
-        """Differences of every run at every point, spread over the pool."""
-        jobs = [[self.pool.submit(self.difference.at, run, point) for run in self.runs] for point in points]
-        out = []
-        for row in jobs:
-            found = [job.result() for job in row]
-            self.failures += sum(one is None for one in found)
-            out.append(
-                [
-                    np.full((len(CHANNELS), _samples(run)), FAILED_SIGMAS) if one is None else one
-                    for run, one in zip(self.runs, found, strict=True)
-                ]
-            )
-        return out
-
-    def slopes(self, at: Floats, blur_s: float) -> Floats:
-        """Derivatives of the blurred differences by the logarithms, (all samples, constants)."""
-        jobs = [self.pool.submit(self.difference.slope, run, at) for run in self.runs]
-        found = [job.result() for job in jobs]
-        self.failures += sum(one is None for one in found)
-        rows = [
-            np.zeros((len(CHANNELS), _samples(run), len(at))) if one is None else one
-            for run, one in zip(self.runs, found, strict=True)
-        ]
-        return np.stack([self.blurred([row[..., k] for row in rows], blur_s) for k in range(len(at))], axis=1)
-
-    def blurred(self, rows: list[Floats], blur_s: float) -> Floats:
-        """Differences of all runs as one vector, blurred in time."""
-        parts = []
-        for run, row in zip(self.runs, rows, strict=True):
-            assert run.tip is not None
-            step_s = float(np.median(np.diff(run.tip.time_s)))
-            parts.append((gaussian_filter1d(row, blur_s / step_s, axis=1) if blur_s else row).ravel())
-        return np.concatenate(parts)
-
-
-def _samples(run: Run) -> int:
-    assert run.tip is not None
-    return int(np.count_nonzero(run.tip.valid))
-
-
-@contextmanager
-def _pool(executor: Executor | None) -> Iterator[Executor]:
-    if executor is not None:
-        yield executor
-        return
-    with ThreadPoolExecutor() as own:  # the compiled model releases the GIL
-        yield own
-
-
 def most_different(runs: Sequence[Run]) -> list[Run]:
     """The most informative runs: for each start configuration the one whose tip travels furthest, longest first."""
     furthest: dict[tuple[int, ...] | None, tuple[float, Run]] = {}
@@ -139,7 +79,7 @@ def _gentle(differences: Floats) -> float:
     return float(np.sum(np.log1p((differences / ROBUST_SIGMAS) ** 2)))
 
 
-def _descend(problem: _Problem, at: Floats, blur_s: float) -> Floats:
+def _descend(problem: Problem, at: Floats, blur_s: float) -> Floats:
     def differences(x: Floats) -> Floats:
         return problem.blurred(problem.many([x])[0], blur_s)
 
@@ -176,9 +116,9 @@ def fit(
     model does not look certain, and include the gauge's noise, which shifts all snaps of a run together. They do not
     account for a wrong model. Raises ReplayError where nothing can be simulated.
     """
-    with _pool(executor) as pool:
-        problem = _Problem(runs, straw, names, pool)
-        few = problem if len(runs) <= SEARCHED_RUNS else _Problem(most_different(runs), straw, names, pool)
+    with pool_of(executor) as pool:
+        problem = Problem(runs, straw, names, pool)
+        few = problem if len(runs) <= SEARCHED_RUNS else Problem(most_different(runs), straw, names, pool)
         own = np.array([value_of(straw, name) for name in names])
         points = [np.log(start) for start in (own, *starts) if np.all(start > 0)]
         if not points:
@@ -240,7 +180,7 @@ def _plain(run: Run, row: Floats, channel: int) -> Floats:
     return np.asarray(row[channel] * sigmas(run)[channel])
 
 
-def _covariance(problem: _Problem, left: list[Floats], slopes: Floats) -> Floats:
+def _covariance(problem: Problem, left: list[Floats], slopes: Floats) -> Floats:
     """Covariance that is valid for correlated residuals: blocks of time are treated as independent.
 
     (J'J)^-1 (sum over blocks of (J'r)(J'r)') (J'J)^-1, the sandwich of Liang and Zeger (1986).
@@ -261,14 +201,14 @@ def _covariance(problem: _Problem, left: list[Floats], slopes: Floats) -> Floats
     return np.asarray(bread @ meat @ bread * share)
 
 
-def _from_gauge(problem: _Problem, best: Floats, slopes: Floats) -> Floats:
+def _from_gauge(problem: Problem, best: Floats, slopes: Floats) -> Floats:
     """Covariance from the gauge's noise: first-order change of the optimum when its noise is added once more."""
     jobs = [problem.pool.submit(problem.difference.gauge, run, best) for run in problem.runs]
     bread, changes = np.linalg.pinv(slopes.T @ slopes), []
     for run, job in zip(problem.runs, jobs, strict=True):
         found = job.result()
         problem.failures += found is None
-        change = np.zeros((len(CHANNELS), _samples(run), GAUGE_DRAWS)) if found is None else found
+        change = np.zeros((len(CHANNELS), samples(run), GAUGE_DRAWS)) if found is None else found
         changes.append(change.reshape(-1, GAUGE_DRAWS))
     moves = bread @ slopes.T @ np.concatenate(changes)
     return np.asarray(moves @ moves.T / GAUGE_DRAWS)

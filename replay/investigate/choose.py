@@ -30,7 +30,7 @@ class Chooser:
         """
         spent = self.state.spent
         test = unconfirmed(found, self.state.history, self.certainty)
-        confirm = test or found.verdict == "unknown_physics" and not unknown_again(self.state.history)
+        confirm = test or (found.verdict == "unknown_physics" and not unknown_again(self.state.history))
         if test:
             why = f"to confirm {' and '.join(found.causes).replace('_', ' ')} by a run that was not fitted"
             fresh = [one for one in offered if not self._before(one)] or offered

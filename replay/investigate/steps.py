@@ -10,7 +10,7 @@ from typing import Protocol
 
 @dataclass(frozen=True)
 class Found:
-    """Result of a diagnosis of ``runs`` runs. ``recordings`` are the SHA-256 of its files, ``probability`` by hypothesis.
+    """Result of a diagnosis of ``runs`` runs. ``recordings``: SHA-256 of its files; ``probability`` by hypothesis.
 
     ``untried``: nothing seems to be missing, but the largest pressures within the limits have not been run yet.
     """

@@ -16,10 +16,10 @@ from straw.model.straw_file import straw_from_toml
 from straw.replay.cli import main
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.diagnosis import inquire
-from straw.replay.diagnose.explain import from_each_other
 from straw.replay.diagnose.findings import conclude
 from straw.replay.diagnose.fit import Contestant, Fit, evaluated, fitted
 from straw.replay.diagnose.inquiry import Inquiry
+from straw.replay.diagnose.rivals import from_each_other
 from straw.replay.diagnose.said import says
 from straw.replay.diagnose.screen import screen
 from straw.replay.diagnose.settings import COARSE_TOLERANCE_M, TOLERANCE_M

@@ -15,12 +15,12 @@ from straw.replay.diagnose import diagnosis, explain
 from straw.replay.diagnose import findings as findings_module
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.diagnosis import inquire
-from straw.replay.diagnose.explain import absent
 from straw.replay.diagnose.findings import conclude
 from straw.replay.diagnose.fit import Contestant, evaluated, fitted
 from straw.replay.diagnose.heldout import Held
 from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.pairs import nested
+from straw.replay.diagnose.rivals import absent
 from straw.replay.diagnose.systems.oscillator.system import (
     FINE,
     LIBRARY,
