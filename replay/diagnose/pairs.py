@@ -64,10 +64,14 @@ def seconds(found: Inquiry, names: Sequence[str]) -> None:
 
 
 def _beside(found: Inquiry, first: Contestant, names: Sequence[str], rounds: int, least: float = -np.inf) -> None:
-    """The second causes that gain most to first order beside a first one, and more than ``least``, fitted."""
+    """The second causes that gain most to first order beside a first one, and more than ``least``, fitted; also those
+    of pairs that leave more than the first alone, which they contain: the search for them ended in a local minimum."""
     campaign = found.campaign
     others = [campaign.hypothesis([name]) for name in names if name not in first.hypothesis.causes]
-    for start in screen(campaign, first.fit, others, first.hypothesis)[:FOLLOWED]:
+    poor = {one.name for one in found.pairs.values() if one.cost > first.cost}
+    for k, start in enumerate(screen(campaign, first.fit, others, first.hypothesis)):
+        if k >= FOLLOWED and start.hypothesis.name not in poor:
+            continue
         if start.gain > least and not campaign.stop():
             start = shortened(campaign, first.fit, start)
             found.keep(fitted_contestant(campaign, start, rounds, found.null.unknowns))
