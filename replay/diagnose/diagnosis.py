@@ -30,12 +30,15 @@ def inquire(
     Raises ReplayError where a run cannot be simulated at all. A search that takes more than the system's
     ``most_work`` steps ends there, at the same place on every machine, and reports it.
 
+    The result does not depend on the order of the recordings, which are taken in that of their names.
+
     ``before``: the inquiry of fewer runs of the same specimen, whose base constants are one more start.
 
     ``executor`` computes residuals: a `ThreadPoolExecutor` (the compiled model releases the GIL), or a Dask client's
     ``client.get_executor()``. It must outlive later uses of the inquiry.
     """
     names = [n for n in system.causes if library is None or n in library]
+    observations = sorted(observations, key=lambda one: one.name)
     system.ready(observations)
     proposal = system.propose(observations, names) if names else None
     campaign = Campaign(observations, system, executor, stop)

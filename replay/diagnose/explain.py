@@ -41,7 +41,7 @@ from straw.replay.diagnose.tournament import fitted_contestant, halved, look, to
 Floats = NDArray[np.float64]
 
 #: Largest number of stages of progress.
-STAGES = 8
+STAGES = 10
 
 
 def explain(
@@ -72,8 +72,9 @@ def explain(
     if not far:
         found.null = fitted(campaign, null.unknowns, found.null.u, rounds=ROUNDS)
     hypotheses = [campaign.hypothesis([name]) for name in names]
+    tried: set[str] = set()
     if far:  # a first-order expansion around a poor fit is not informative
-        _large(found, hypotheses, wide_known, proposal, steps)
+        tried = _large(found, hypotheses, wide_known, proposal, steps)
     if not found.contestants or not far or found.goes_on:
         steps("causes that are small", found)
         left = found.goes_on
@@ -82,10 +83,12 @@ def explain(
                 found.keep(fitted_contestant(campaign, start, FIRST_ROUNDS))
         finish(found)
     if not far and found.goes_on:
-        _large(found, hypotheses, wide_known, proposal, steps)
+        tried = _large(found, hypotheses, wide_known, proposal, steps)
     if found.goes_on:
         steps("pairs", found)
         find_pairs(found, names)
+        if found.goes_on:  # the best may be in a poor minimum, or a wrong one
+            _from_own_starts(found, [h for h in hypotheses if h.name not in tried], wide_known, proposal, steps)
     elif not campaign.stop():
         steps("second causes that are small", found)
         seconds(found, names)
@@ -100,9 +103,25 @@ def explain(
 
 def _large(
     found: Inquiry, hypotheses: Sequence[Hypothesis], base: Fit, proposal: Proposal | None, steps: _Steps
+) -> set[str]:
+    """All causes at once, the best ones and twos of them alone; if much is left, each cause from its own starts. Returns
+    the names of those that were."""
+    wide = telling(found)
+    known = evaluated(wide, base.unknowns, base.u)
+    if explains(known):
+        return set()
+    steps("all causes at once", found)
+    tried = _at_once(found, wide, known, hypotheses, proposal)
+    if unexplained(found.campaign, found.best) <= FAR:
+        return tried
+    _from_own_starts(found, [h for h in hypotheses if h.name not in tried], base, proposal, steps)
+    return {h.name for h in hypotheses}
+
+
+def _from_own_starts(
+    found: Inquiry, hypotheses: Sequence[Hypothesis], base: Fit, proposal: Proposal | None, steps: _Steps
 ) -> None:
-    """All causes at once, the best ones and twos of them alone; if much is left, each cause from its own starts, the
-    proposal's first ones before the others.
+    """Each cause from its own starts, the proposal's first ones before the others, until one explains the runs.
 
     Where the base explains the coarse comparison to noise, no cause can show there.
     """
@@ -110,12 +129,8 @@ def _large(
     known = evaluated(wide, base.unknowns, base.u)
     if explains(known):
         return
-    steps("all causes at once", found)
-    tried = _at_once(found, wide, known, hypotheses, proposal)
     given = _starts(found.campaign, proposal)
-    far = unexplained(found.campaign, found.best) > FAR  # one in a poor minimum may still explain more
-    groups = _in_turn([h for h in hypotheses if h.name not in tried], proposal) if far else []
-    for group in groups:
+    for group in _in_turn(hypotheses, proposal):
         steps("causes that are large", found)
         refine(found, tournament(wide, known, group, given))
         finish(found)
