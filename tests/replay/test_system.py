@@ -61,6 +61,23 @@ def test_a_spring_that_stiffens_is_named_and_a_linear_one_is_complete(cubic, ver
         assert found["unit"] == "N/m^3"
 
 
+def test_the_order_of_the_recordings_does_not_matter():
+    records = stiffening(5e9)
+    with ThreadPoolExecutor(1) as pool:
+        one, other = (inquire(given, OscillatorSystem(), executor=pool) for given in (records, records[::-1]))
+    assert one.judgement() == other.judgement()
+
+
+def test_as_long_as_much_is_left_every_cause_is_fitted_from_its_own_starts(monkeypatch):
+    monkeypatch.setattr(explain, "FAR", np.inf)
+    monkeypatch.setattr(explain, "screen", lambda *_args: [])
+    monkeypatch.setattr(explain, "_at_once", lambda *_args: set())
+    with ThreadPoolExecutor() as pool:
+        found = inquire(stiffening(3e8), OscillatorSystem(), executor=pool)
+    assert found.contestants[0].name == "cubic_stiffness"
+    assert not found.goes_on
+
+
 def test_a_cause_that_predicts_held_out_runs_worse_is_not_named_and_the_base_model_is_kept(monkeypatch):
     one, two = {"y_m": 1e-5}, {"y_m": 2e-5}
     floor, moves, steps = {"y_m": SIGMA_M}, {"y_m": 1e-3}, (("cubic_stiffness", two),)
