@@ -26,6 +26,7 @@ POINTS, REACH, ANGLE_RAD = 81, 1.15, 0.3
 SPEED_M_PER_S, PERIOD_S = 0.01, 1.0
 #: Pressure (Pa), time (s) over which an instrument's fault is shown.
 PRESSURES_PA, TIMES_S = (-30e3, 40e3), (0.0, 4.0)
+#: Step of a central difference in u: truncation of some 1e-8 and rounding of 1e-12 are both too small to be seen.
 STEP = 1e-4
 ODD = "e, modulus of the odd frusta over the even"
 #: Labels of both axes, points (n,), and values (n,) for a straw and an instrument.
