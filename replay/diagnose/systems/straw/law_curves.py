@@ -178,8 +178,8 @@ def _of(straw: StrawParameters, term: str, name: str) -> float:
 
 
 def _flow_m3_per_s(straw: StrawParameters) -> Floats:
-    """Flows up to what 30 kPa drive through the channel."""
-    return np.linspace(0.0, np.pi * straw.r_ch_m**2 * np.sqrt(2 * 30e3 / straw.rho_kg_per_m3), POINTS)
+    """Flows up to what the suction of `PRESSURES_PA` drives through the channel."""
+    return np.linspace(0.0, np.pi * straw.r_ch_m**2 * np.sqrt(-2 * PRESSURES_PA[0] / straw.rho_kg_per_m3), POINTS)
 
 
 def _line(straw: StrawParameters, term: str, name: str, over: str, at: Floats, shown: float) -> Curve:

@@ -44,6 +44,7 @@ class Levels:
 def levels_of(phi_rad: Floats) -> Levels:
     """Levels from the measured Phi (n,) of a run."""
     rest = float(np.median(phi_rad))
+    # of all samples but three in a thousand, so that a few wrong ones do not count
     high, low = np.quantile(phi_rad, [0.997, 0.003]) - rest
     most = high if high >= -low else low
     return Levels(rest, LEAVES * float(most), RETURNS * float(most))
