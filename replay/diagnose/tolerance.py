@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from straw.replay.diagnose.system import Channel
 from straw.replay.errors import ReplayError
 
 #: Factors to SI of units that may follow a number.
-UNITS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "rad": 1.0, "mrad": 1e-3, "deg": 0.017453292519943295, "Pa": 1.0, "kPa": 1e3}
+UNITS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "rad": 1.0, "mrad": 1e-3, "deg": math.radians(1.0), "Pa": 1.0, "kPa": 1e3}
 
 
 @dataclass(frozen=True)

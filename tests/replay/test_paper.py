@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from pathlib import Path
 from typing import Any
@@ -15,13 +16,18 @@ from straw.model.parameters import StrawParameters
 from straw.model.rest import rest_state
 from straw.replay.cli import main
 from straw.replay.paper.shapes import outline_m
+from tests.replay.test_readme import PAPER, commands
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+def made(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """By the guide's command, with the numbers in a file as well."""
     folder = tmp_path_factory.mktemp("paper")
-    assert main(["paper", "--out", str(folder / "figures"), "--json", str(folder / "numbers.json")]) == 0
-    return folder, json.loads((folder / "numbers.json").read_text())
+    assert PAPER in commands(repository)
+    with contextlib.chdir(folder):
+        assert main([*PAPER.split()[1:], "--json", "numbers.json"]) == 0
+    found = json.loads((folder / "numbers.json").read_text())
+    return folder, found | {"figures": [folder / name for name in found["figures"]]}
 
 
 def test_every_number_of_the_paper_is_reproduced_within_its_rounding(made: tuple[Path, dict[str, Any]]) -> None:
@@ -37,7 +43,7 @@ def test_every_number_is_the_papers_and_says_how_the_models_was_obtained(made: t
 def test_each_figure_is_a_picture_with_something_on_it_and_a_drawing_with_text(
     made: tuple[Path, dict[str, Any]],
 ) -> None:
-    names = [Path(name) for name in made[1]["figures"]]
+    names = made[1]["figures"]
     assert {path.stem.split("-")[0] for path in names} == {"fig3", "fig4", "fig5", "fig6", "fig7", "figS1"}
     for path in names:
         if path.suffix == ".png":
@@ -46,7 +52,7 @@ def test_each_figure_is_a_picture_with_something_on_it_and_a_drawing_with_text(
             assert np.mean(picture < 250) > 0.02
         else:
             assert "</svg>" in path.read_text(encoding="utf-8")
-    assert not list((made[0] / "figures").glob("*.part"))
+    assert not list((made[0] / "paper").glob("*.part"))
 
 
 @pytest.mark.parametrize("bent", [{}, {2: 1, 5: -1}])

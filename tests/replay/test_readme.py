@@ -18,6 +18,9 @@ import pytest
 
 from straw.rig.run_read import read_run
 
+#: Of the guide; run in tests/replay/test_paper.py.
+PAPER = "straw paper --out paper"
+
 
 def commands(repository: Path) -> list[str]:
     """Every line of the sh blocks, once, without the part that installs (this environment is installed already)."""
@@ -38,8 +41,8 @@ def place(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterato
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     with contextlib.ExitStack() as servers:
         for command in commands(repository):
-            if "pytest" in command:
-                continue  # the tests themselves
+            if "pytest" in command or command == PAPER:
+                continue  # the tests themselves, and what they run as printed
             assert command.startswith("straw "), f"README runs {command!r}, which this test does not know"
             argv = command.removesuffix(" &").split()
             where = shutil.which(argv[0], path=path)

@@ -15,6 +15,7 @@ INK, SOFT, LINE, BEFORE, AFTER, BAND = "#010101", "#020202", "#030303", "#040404
 THEMED = {INK: "ink", SOFT: "soft", LINE: "line", BEFORE: "before", AFTER: "after", BAND: "noise"}
 #: Colours of lines other than base and improved model.
 OTHERS = (BEFORE, AFTER, INK, SOFT)
+#: Legends without a frame, in the page's smaller size of letters, points.
 LEGEND: dict[str, Any] = {"frameon": False, "labelcolor": INK, "fontsize": 9}
 STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",

@@ -14,6 +14,7 @@ from straw.replay.diagnose.propose.seen import RATE_HZ, Seen
 
 Floats = NDArray[np.float64]
 
+#: Unit of a pressure, Pa: straws snap at some 10 to 30 kPa.
 PRESSURE_PA = 2e4
 #: Windows of the residual's course.
 WINDOWS = 10

@@ -21,6 +21,7 @@ Singles = NDArray[np.float32]
 
 TRAIN = "train it with python -m straw.replay.diagnose.propose.train"
 SHIPPED = Path(__file__).with_name("weights.npz")
+#: Of the layout of the file with the weights; a file of another is refused.
 VERSION = 1
 #: Precision of the limits of the training distribution; the networks' weights have half of it.
 EXACT, HALF = np.float32, np.float16

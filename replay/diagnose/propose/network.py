@@ -17,9 +17,12 @@ Singles = NDArray[np.float32]
 
 #: Widths: of the encoder's two layers and of the head's first.
 ENCODER, HEAD = (256, 128), 256
+#: Largest step, decay of weights and memory of both moments of Adam (Loshchilov and Hutter 2019, its usual memory).
 RATE, DECAY, BETAS = 2e-3, 0.1, (0.9, 0.999)
+#: Shares of inputs and of neurons that are left out in training (Srivastava et al. 2014).
 DROP_IN, DROP = 0.02, 0.25
-#: Least and largest logarithm of a stated deviation; weight of the numbers beside the causes.
+#: Least and largest logarithm of a stated deviation; weight of the numbers beside the causes;
+#: deviations beyond which an error of a number no longer pulls.
 LOG_SD, NUMBERS, OUTLIER = (-3.0, 2.0), 0.3, 2.5
 
 

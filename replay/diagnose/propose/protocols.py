@@ -35,8 +35,11 @@ def _step(kpa: float, deployed: tuple[int, ...], cycle: int, seconds: float) -> 
     return Protocol(((0.0, 0.0), (0.25, 1e3 * kpa)), deployed, cycle, seconds)
 
 
+#: Levels of the given staircase, kPa, half a second each.
 _STAIRS = (0.0, -4.0, -8.0, -4.0, 4.0, 10.0, 4.0, -6.0, 0.0)
+#: Times (s) and pressures (Pa) of the given pulses.
 _PULSES = ((0.0, 0.0), (0.2, 12e3), (0.5, -9e3), (0.8, 12e3), (1.1, 0.0), (1.6, 18e3), (2.4, -10e3), (3.2, 0.0))
+#: Cells deployed at the beginning of the given runs that deploy the others.
 _BUT_1_4 = (2, 3, 5, 6, 7, 8, 9)
 #: The runs of the recordings the project was given (../shared/recordings).
 USUAL = (

@@ -17,6 +17,7 @@ from straw.replay.diagnose.systems.straw.observation import Observation
 
 Floats = NDArray[np.float64]
 
+#: Samples a second: a quarter of the camera's, and more than twice the highest frequency of `movement.BANDS_HZ`.
 RATE_HZ = 60
 #: Longest part of a run that is used, s.
 LONGEST_S = 12.0

@@ -40,6 +40,7 @@ Singles = NDArray[np.float32]
 
 #: Specimens that share their protocols, and share of groups that run the usual ones.
 SPECIMENS, USUALLY = 12, 0.4
+#: Time between pictures of the camera, and between points of the pressure's table, s.
 FRAME_S, TABLE_S = 1 / 240, 1e-3
 #: Extra duration of a simulated motion, for clocks that are early.
 BEYOND_S = 0.3

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from straw.model.parameters import StrawParameters
 from straw.model.terms import TERMS
 from straw.replay.diagnose.hypothesis import Unknown
-from straw.replay.diagnose.systems.straw.constants import MEASUREMENT, base_unknowns
+from straw.replay.diagnose.systems.straw.constants import MEASUREMENT, REPEATS, REPEATS_MOUNT, base_unknowns
 from straw.replay.diagnose.systems.straw.library import causes
 
 Floats = NDArray[np.float64]
@@ -22,9 +22,14 @@ MOST_UNITS_OF_FAULTS = 30.0
 #: Shares of specimens with one, two, ... physical causes; faults of the recording are added later, see `recorded`.
 HOW_MANY = (0.25, 0.47, 0.28)
 #: Deviation of a specimen's constants from the nominal: r_ch, c_zeta, c_phi as logarithms, the rest in deviations of
-#: the library's prior; and the factor by which it is smaller where they have been fitted already.
+#: the library's prior.
 DAMPING, CHANNEL, NEAR = 1.6, 0.25, 1.0
+#: Factors by which it is smaller where they have been fitted already, each with its share of the groups.
 FITTED = ((1.0, 0.4), (0.3, 0.35), (0.08, 0.25))
+#: Constants given with the recordings (../shared/recordings), and the range of the logarithm of others over them.
+GIVEN = {"r_ch_m": 0.40e-3, "c_zeta_n_s_per_m": 20.0, "c_phi_n_m_s_per_rad": 2e-3}
+#: The paper's lie at -0.24 to 0.07, -5.3 to 3.4 and -1.05 to 0.41; the least axial damping is left out.
+VARIES = {"r_ch_m": (-0.3, 0.3), "c_zeta_n_s_per_m": (-1.2, 3.5), "c_phi_n_m_s_per_rad": (-1.2, 1.2)}
 #: Deviation of fitted elasticity and geometry from the paper's.
 FITTED_DIFFER = 0.02
 #: Deviation of cells of one specimen from each other, in E: too small to be called a spread.
@@ -34,13 +39,9 @@ CELLS_DIFFER = 3e-3
 def nominal(rng: np.random.Generator) -> StrawParameters:
     """A random straw file: damping and channel as given with the recordings in half of all, elasticity and geometry as
     in the paper in half, else some percent off, as of a straw that has been fitted."""
-    given = {"r_ch_m": 0.40e-3, "c_zeta_n_s_per_m": 20.0, "c_phi_n_m_s_per_rad": 2e-3}
+    given = GIVEN
     if rng.random() < 0.5:
-        given = {
-            "r_ch_m": 0.40e-3 * float(np.exp(rng.uniform(-0.3, 0.3))),
-            "c_zeta_n_s_per_m": 20.0 * float(np.exp(rng.uniform(-1.2, 3.5))),
-            "c_phi_n_m_s_per_rad": 2e-3 * float(np.exp(rng.uniform(-1.2, 1.2))),
-        }
+        given = {name: value * float(np.exp(rng.uniform(*VARIES[name]))) for name, value in GIVEN.items()}
     straw = StrawParameters().replace(**given)
     if rng.random() < 0.5:
         return straw
@@ -144,8 +145,8 @@ def another_time(rng: np.random.Generator, straw: StrawParameters) -> StrawParam
     """The straw in one of its runs: repeats differ by wear, temperature and mounting."""
     young, axial, bending, angle = rng.normal(size=4)
     return straw.replace(
-        E_pa=straw.E_pa * (1 + 1.5e-3 * young),
-        c_zeta_n_s_per_m=straw.c_zeta_n_s_per_m * (1 + 0.03 * axial),
-        c_phi_n_m_s_per_rad=straw.c_phi_n_m_s_per_rad * (1 + 0.03 * bending),
-        phi_0_rad=straw.phi_0_rad + 2e-4 * angle,
+        E_pa=straw.E_pa * (1 + REPEATS["straw.E_pa"] * young),
+        c_zeta_n_s_per_m=straw.c_zeta_n_s_per_m * (1 + REPEATS["straw.c_zeta_n_s_per_m"] * axial),
+        c_phi_n_m_s_per_rad=straw.c_phi_n_m_s_per_rad * (1 + REPEATS["straw.c_phi_n_m_s_per_rad"] * bending),
+        phi_0_rad=straw.phi_0_rad + REPEATS_MOUNT.scale * angle,
     )

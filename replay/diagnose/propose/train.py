@@ -29,6 +29,8 @@ from straw.replay.progress import progress_bar, say
 
 #: Every tenth group is held out for the test, and as many again calibrate the limits and the temperature.
 FOLDS, HELD_OUT, CALIBRATE = 10, 2, 3
+#: Recordings of a step, passes through all of them, networks that are averaged; principal directions and quantiles that
+#: describe the training distribution.
 BATCH, EPOCHS, MEMBERS, DIRECTIONS, LEVELS = 48, 40, 3, 40, 201
 Indices = NDArray[np.int64]
 Singles = NDArray[np.float32]

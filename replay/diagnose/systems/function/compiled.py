@@ -17,9 +17,11 @@ _Function = TypeVar("_Function", bound=Callable[..., object])
 
 #: Division by zero gives inf as in NumPy.
 _HOW: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+#: Numba's type of an array of one dimension.
 _VECTOR: Any = types.Array(types.f8, 1, "C")
 #: f(t, x, u, c, out), which writes into its last argument.
 WRITES = types.void(types.f8, _VECTOR, _VECTOR, _VECTOR, _VECTOR)
+#: Numba's types of arguments, by the words of a signature.
 _KINDS = {
     "function": types.FunctionType(WRITES),
     "vector": _VECTOR,

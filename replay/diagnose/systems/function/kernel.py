@@ -15,9 +15,10 @@ Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Function = Callable[..., Any]
 
-#: Places and states of a law. Columns of a law's row of integers: place, its number, state, its number, shape, first
-#: parameter, number of parameters, number of its lagging state or -1.
+#: Places of a law. Columns of a law's row of integers: place, its number, state, its number, shape, first parameter,
+#: number of parameters, number of its lagging state or -1.
 RATE, FACTOR, CHANNEL, CLOCK, DELAY, STRENGTH, INPUT, SHIFT = range(8)
+#: States of a law, as in its row.
 OF_STATE, OF_RATE, OF_INPUT, OF_TIME, OF_NOTHING, OF_SHOWN = range(6)
 #: A state beyond this has diverged.
 DIVERGED = 1e12

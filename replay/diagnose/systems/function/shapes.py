@@ -11,6 +11,7 @@ from straw.replay.diagnose.systems.function.compiled import compiled
 
 Floats = NDArray[np.float64]
 
+#: Shapes by their number in a law's row.
 TABLE, CONSTANT, LINEAR, SQUARE, CUBE, QUADRATIC, SIGN, ROOT, POWER, SATURATES, ABOVE, BELOW, FADES, STEP = range(14)
 
 

@@ -220,6 +220,7 @@ def unknown_of(constant: Constant, *, strength: bool = False) -> Unknown:
     """A constant as an unknown: by its logarithm where its range is positive."""
     target = f"constant.{constant.name}"
     if strength:
+        # ten units reach the end of the range, a nearly flat prior
         scale = max(abs(constant.low), abs(constant.high)) / 10
         return Unknown(target, scale, kind="linear", sd=10.0, low=constant.low / scale, high=constant.high / scale)
     if constant.low > 0:

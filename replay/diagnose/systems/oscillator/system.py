@@ -21,6 +21,7 @@ from straw.replay.diagnose.system import Channel, Differences, Level, Stretch, S
 Floats = NDArray[np.float64]
 
 RATE_HZ, FINE = 750.0, 8  # output rate; steps of the input and of the integration to one of the output
+#: Mass of the benchmark's oscillator (Noel and Schoukens 2016), kg.
 MASS_KG = 2.0
 #: Noise of y: band-limited, 8e-3 mm, as in the benchmark.
 SIGMA_M = 8e-6
@@ -41,6 +42,7 @@ def _shape(target: str, start: float, factor: float) -> Unknown:
     return Unknown(target, 1.0, start, "log", sd=1.0, low=-np.log(factor), high=np.log(factor))
 
 
+#: Damping (N s/m) and stiffness (N/m) of the base; both start at twice the benchmark's.
 BASE = (Unknown("base.c", 1.0, 20.0, "log", sd=2.0), Unknown("base.k", 0.3, 1e5, "log", sd=2.0))
 #: Unknowns and starts of every cause, small effects first. Units are such that one is well seen.
 LIBRARY: dict[str, tuple[tuple[Unknown, ...], tuple[tuple[float, ...], ...]]] = {

@@ -19,10 +19,11 @@ from straw.replay.diagnose.systems.straw.of import straw_of
 
 Floats = NDArray[np.float64]
 
-#: Channel radius (m), axial (N s/m) and angular damping (N m s/rad) searched; the paper's are 0.315 to 0.43 mm,
-#: 0.1 to 620 and 0.7e-3 to 3e-3.
+#: Channel radii searched, m; the paper's are 0.315 to 0.43 mm.
 R_CH = tuple(0.28e-3 * 1.06**k for k in range(12))
+#: Axial dampings searched, N s/m; the paper's are 0.1 to 620.
 C_ZETA = (1.0, 4.0, 8.0, 16.0, 32.0, 64.0, 150.0, 600.0)
+#: Angular dampings searched, N m s/rad; the paper's are 0.7e-3 to 3e-3.
 C_PHI = (0.4e-3, 0.8e-3, 1.6e-3, 3.2e-3, 6.4e-3, 12.8e-3)
 #: Runs used, and starts followed.
 LOOKED_AT = 3

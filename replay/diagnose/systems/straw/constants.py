@@ -58,9 +58,10 @@ def base_unknowns(straw: StrawParameters) -> tuple[Unknown, ...]:
     )
 
 
-#: Differences between runs of one straw, one standard deviation as a step in u: wear and temperature in E and damping,
-#: mounting. A larger one would absorb effects, a smaller one would take the difference of two repeats for physics.
+#: Differences between runs of one straw, one standard deviation as a step in u: wear and temperature in E and
+#: damping. A larger one would absorb effects, a smaller one would take the difference of two repeats for physics.
 REPEATS = {"straw.E_pa": 1.5e-3, "straw.c_zeta_n_s_per_m": 0.03, "straw.c_phi_n_m_s_per_rad": 0.03}
+#: The same of the mounting's angle, rad.
 REPEATS_MOUNT = Unknown("straw.mount_rad", 2e-4, kind="linear")
 
 

@@ -25,6 +25,7 @@ def quieted(measured: PressureLog, command: PressureLog | None) -> PressureLog:
     pressure_pa = measured.pressure_pa
     if len(pressure_pa) < 4:
         return measured
+    # of normal noise: 1.4826 median deviations are one sigma, and a second difference has 1 + 4 + 1 variances
     sigma_pa = 1.4826 * float(np.median(np.abs(np.diff(pressure_pa, 2)))) / np.sqrt(6)
     told = command.time_s[1:][np.diff(command.pressure_pa) != 0] if command else np.empty(0)
     edges = np.concatenate([[0], np.searchsorted(measured.time_s, told), [len(pressure_pa)]])

@@ -26,6 +26,7 @@ POINTS, REACH, ANGLE_RAD = 81, 1.15, 0.3
 SPEED_M_PER_S, PERIOD_S = 0.01, 1.0
 #: Pressure (Pa), time (s) over which an instrument's fault is shown.
 PRESSURES_PA, TIMES_S = (-30e3, 40e3), (0.0, 4.0)
+#: Step of a central difference in u: truncation of some 1e-8 and rounding of 1e-12 are both too small to be seen.
 STEP = 1e-4
 ODD = "e, modulus of the odd frusta over the even"
 #: Labels of both axes, points (n,), and values (n,) for a straw and an instrument.
@@ -177,8 +178,8 @@ def _of(straw: StrawParameters, term: str, name: str) -> float:
 
 
 def _flow_m3_per_s(straw: StrawParameters) -> Floats:
-    """Flows up to what 30 kPa drive through the channel."""
-    return np.linspace(0.0, np.pi * straw.r_ch_m**2 * np.sqrt(2 * 30e3 / straw.rho_kg_per_m3), POINTS)
+    """Flows up to what the suction of `PRESSURES_PA` drives through the channel."""
+    return np.linspace(0.0, np.pi * straw.r_ch_m**2 * np.sqrt(-2 * PRESSURES_PA[0] / straw.rho_kg_per_m3), POINTS)
 
 
 def _line(straw: StrawParameters, term: str, name: str, over: str, at: Floats, shown: float) -> Curve:

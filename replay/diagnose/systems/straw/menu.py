@@ -108,5 +108,6 @@ def _ramp(section: str, before: float, after: float, limits: PressureLimits) -> 
     rate = limits.max_rate_pa_s
     if rate is None or before == after:
         return []
+    # a tenth slower than allowed
     seconds = abs(after - before) / (0.9 * rate / 1e3)
     return ["", f"[[{section}]]", f"ramp = [{before:g}, {after:g}]", f"for_s = {seconds:.6g}"]

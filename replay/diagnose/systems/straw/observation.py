@@ -28,11 +28,14 @@ from straw.rig.run import Run
 
 Floats = NDArray[np.float64]
 
-#: What two runs of the same straw differ by beside the camera's noise: m, m, rad, s in the time of a snap, and s by
-#: which the ringing after it is early or late; the last also allows for laws whose form is not exact.
+#: What two runs of the same straw differ by beside the camera's noise, in X, Z (m) and Phi (rad).
 REPEATABILITY = (5e-6, 5e-6, 0.3e-3)
+#: The same in the time of a snap, s.
 REPEATABILITY_S = 1e-3
+#: By which the ringing after it is early or late, s; allows for laws whose form is not exact, too.
 SLACK_S = 2e-3
+#: The tip's rate is that of its mean over this, s: two pictures at 240 Hz.
+RATE_OVER_S = 8e-3
 #: Window in which a ringing tip is once fast, s.
 RINGS_S = 0.08
 #: How long the recorded tip must be at least.
@@ -133,9 +136,9 @@ def observe(run: Run) -> Observation:
     stated = np.stack([getattr(tip, f"sigma_{c}")[good] for c in CHANNELS])
     camera = np.where(np.isfinite(stated) & (stated > 0), stated, np.array([[UNSTATED[c]] for c in CHANNELS]))
     step_s = float(np.median(np.diff(time_s)))
-    rate = np.abs(np.gradient(gaussian_filter1d(seen, 8e-3 / step_s, axis=1), time_s, axis=1))
+    rate = np.abs(np.gradient(gaussian_filter1d(seen, RATE_OVER_S / step_s, axis=1), time_s, axis=1))
     # what noise alone looks like as a rate is taken off
-    rate = np.clip(rate - camera / np.sqrt(8e-3 / step_s) / 8e-3, 0, None)
+    rate = np.clip(rate - camera / np.sqrt(RATE_OVER_S / step_s) / RATE_OVER_S, 0, None)
     # what rings is as uncertain where it turns as where it is fast
     rate = maximum_filter1d(rate, round(RINGS_S / step_s) | 1, axis=1)
     at_rest = np.sqrt(camera**2 + np.array(REPEATABILITY)[:, None] ** 2)

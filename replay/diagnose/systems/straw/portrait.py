@@ -11,6 +11,7 @@ from straw.replay.diagnose.page.words import and_
 
 #: Millimetres drawn left of the clamp and right of the tip, and above and below the axis beyond the rim.
 LEFT, RIGHT, ABOVE, BELOW = 42.0, 16.0, 24.0, 9.0
+#: Drawn from the tip to the board's plane, mm.
 BOARD_MM = 8.8
 #: Names of places, by what is marked.
 PLACES = {

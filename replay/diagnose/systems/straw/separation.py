@@ -16,9 +16,10 @@ Floats = NDArray[np.float64]
 
 #: Unit of the difference: m, m, rad, including differences between repeats; and the noise's correlation time, s.
 SIGMA, LASTS_S = np.array([40e-6, 60e-6, 3e-3]), 0.1
-#: Elasticity of a repeat that snaps later than most, as a factor, and how many standard deviations between repeats it
-#: is: 2, so that a run near the threshold of a snap is recognised.
+#: Standard deviations between repeats by which a repeat that snaps later than most is stiffer: 2, so that a run near
+#: the threshold of a snap is recognised.
 STIFF_SD = 2.0
+#: Its elasticity as a factor.
 STIFF = 1.0 + STIFF_SD * REPEATS["straw.E_pa"]
 
 

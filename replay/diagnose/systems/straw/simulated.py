@@ -186,6 +186,7 @@ def _events_tangent(
             rows = np.clip(np.arange(k - reach, k + reach + 1), 0, len(seen.time_s) - 1)
             moved, speed = weights @ by.phi_rad[rows] / weights.sum(), rate[k]
         else:  # a cell passes its flat state
+            # of those that move; 1 km puts the others last
             cell = int(np.argmin(np.abs(zeta[k]) + 1e3 * (np.abs(zeta_rate[k]) < 1e-6)))
             moved, speed = by.zeta_m[k, cell, 1], zeta_rate[k, cell]
         if speed != 0:

@@ -17,6 +17,7 @@ Floats = NDArray[np.float64]
 LEAVES, RETURNS = 0.5, 0.25
 #: Smallest excursion of Phi that is a snap, rad; a frustum that snaps bends by 0.2.
 SMALLEST_RAD = 0.08
+#: Phi is averaged over this before it is compared with the levels, s: one picture at 240 Hz.
 SMOOTHED_S = 4e-3
 #: A snap that begins this soon after another has ended is its ringing, s.
 RINGS_S = 0.06
@@ -43,6 +44,7 @@ class Levels:
 def levels_of(phi_rad: Floats) -> Levels:
     """Levels from the measured Phi (n,) of a run."""
     rest = float(np.median(phi_rad))
+    # of all samples but three in a thousand, so that a few wrong ones do not count
     high, low = np.quantile(phi_rad, [0.997, 0.003]) - rest
     most = high if high >= -low else low
     return Levels(rest, LEAVES * float(most), RETURNS * float(most))

@@ -173,6 +173,7 @@ def points(state: State, visited: Sequence[Floats]) -> Floats | None:
     if len(few) <= POINTS:
         return few if len(few) >= FEWEST else None
     if state.odd:
+        # of all but one sample in two thousand, below one in a thousand on either side: a few may be wrong
         return np.asarray(np.geomspace(SLOWEST, 1.0, POINTS) * np.quantile(x, 0.9995))
     low, high = np.quantile(x, [0.001, 0.999])
     if not high > low:

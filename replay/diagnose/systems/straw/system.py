@@ -37,6 +37,7 @@ from straw.replay.diagnose.systems.straw.simulated import simulated
 
 Floats = NDArray[np.float64]
 
+#: Channels with their unit on pages and its factor.
 CHANNELS = (
     Channel("x_m", "X", "mm", 1e3),
     Channel("z_m", "Z", "mm", 1e3),
