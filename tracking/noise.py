@@ -35,6 +35,7 @@ class Frames:
     key: Flags
     jump_px: Floats
     speed_px: Floats
+    askew_px: Floats
     rms_px: Floats
 
 
@@ -74,6 +75,11 @@ def lag_of(frames: Frames) -> float:
     # medians: where the motion is not well described by a quintic, jumps are a hundred times larger
     ahead_px = float(np.median((frames.jump_px[keys] - np.median(frames.jump_px[others])) / share[keys]))
     return (max(ahead_px, 0.0) * count + USUAL_LAG_PX * _USUAL_WEIGHT) / (count + _USUAL_WEIGHT)
+
+
+def usual_lag(key: Flags) -> float:
+    """Return the lag, px, where no keyframe (f,) tells it; 0 for pictures that are all coded without prediction."""
+    return USUAL_LAG_PX * (not key.all())
 
 
 def without_lag(

@@ -120,8 +120,7 @@ class Scatter:
         """
         patterns = Patterns.of(self.shape)
         variance = self._of_frames(rest, patterns.between(rest.answer()))[0]
-        own = np.tensordot(variance, patterns.between(answer[None]), 1)[0]
-        return np.asarray(own + self._of_shift(answer[None])[0])
+        return np.asarray(np.tensordot(variance, patterns.between(answer[None]), 1)[0])
 
     def _of_shift(self, answer: Floats) -> Floats:
         """Return the covariance (f, c, c) of quantities with sensitivity (f, nx, ny, 2, c) to a board's shift."""
