@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.tracking.noise import Frames
+from straw.tracking.noise import Frames, settled
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -21,8 +21,6 @@ MOST = 0.8
 _COPIED, _SLOW_PX = 0.8, 0.003  # share in a picture that copies a keyframe, and the speed (px a frame) that halves it
 _TELLING_PX = 0.02, 1.0  # speeds at which a keyframe differs from its neighbours, and these are on a smooth course
 _FEWEST = 4  # keyframes
-_MEDIAN, _MAD = 1.2533, 1.4826  # standard deviation of a median over a mean's; a deviation's over the median one
-_SCATTER, _WEIGHT = 1.0, 20.0  # usual deviation of one keyframe's jump, in lags, and its weight: a few tell theirs badly
 
 
 def leaning(grid: Floats) -> Floats:
@@ -64,9 +62,5 @@ def askew_of(frames: Frames, lag_px: float) -> tuple[float, float]:
         return usual, sigma
     beside = present(np.zeros_like(frames.key), frames.speed_px)
     jump = (frames.askew_px / (1 - beside))[tell]
-    middle = float(np.median(jump))
-    scatter = (_MAD * float(np.median(np.abs(jump - middle)))) ** 2
-    scatter = (len(jump) * scatter + _WEIGHT * (_SCATTER * lag_px) ** 2) / (len(jump) + _WEIGHT)
-    doubt = _MEDIAN**2 * scatter / len(jump)
-    weight = doubt / (sigma**2 + doubt)
-    return max(weight * usual + (1 - weight) * middle, 0.0), sigma * np.sqrt(weight)
+    size, doubt = settled(jump, usual, sigma, lag_px)  # one jump scatters by about a lag
+    return max(size, 0.0), doubt
