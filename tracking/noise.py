@@ -17,9 +17,10 @@ FOLLOWED_PX = 0.5  # a frame: from here on a motion vector of whole pixels, all 
 _SMEARED_PX = 1.5  # a frame: edges that move this fast are certainly widened
 _FEWEST_SMEARED = 4
 _MOST_EXPOSURE = 1.0  # of the frame's period
-# Of 48 clips painted at 60 Mbit/s, as tests.benchmarks.tracking_sigmas draws them, H.264 by two ways of coding:
-USUAL_LAG_PX = 0.012
-_USUAL_WEIGHT = 4.0  # weight of the usual value, in keyframes
+# Of 60 clips of two painters, H.264 at 30 and 60 Mbit/s; a clip's few keyframes scatter by as much as that:
+USUAL_LAG_PX, _USUAL_SIGMA_PX = 0.018, 0.006
+_MEDIAN, _MAD = 1.2533, 1.4826  # standard deviation of a median over a mean's; a deviation's over the median one
+_WEIGHT = 20.0  # of the usual scatter of a keyframe's jump, in keyframes
 _SLOW_PX, _FAST_PX = 0.015, 0.3  # a frame: the lag grows with the motion until motion compensation sets in
 # The lag of the board's size in the picture, in lags of its position; it saturates by itself, whatever the shift.
 _SIZE, _SLOW_SIZE_PX = 0.6, 0.02
@@ -35,6 +36,7 @@ class Frames:
     key: Flags
     jump_px: Floats
     speed_px: Floats
+    askew_px: Floats
     rms_px: Floats
 
 
@@ -62,8 +64,8 @@ def lag_of(frames: Frames) -> float:
     """Return how far, px per coordinate, predicted pictures are behind their motion, as the frames show it.
 
     The part of the change that the quantiser drops is missing alike for all corners that move alike, so no residual of
-    a single frame shows it. A keyframe is free of it: there the corners jump ahead. A few jumps are weighted with the
-    usual lag; without any, nothing is corrected.
+    a single frame shows it. A keyframe is free of it: there the corners jump ahead, by the usual lag give or take as
+    much. Without any, nothing is corrected.
     """
     share = np.where(np.isfinite(frames.jump_px), lag_share(frames.speed_px), 0.0)
     seen = share > 0.3
@@ -72,8 +74,25 @@ def lag_of(frames: Frames) -> float:
     if not count or not others.any():
         return 0.0
     # medians: where the motion is not well described by a quintic, jumps are a hundred times larger
-    ahead_px = float(np.median((frames.jump_px[keys] - np.median(frames.jump_px[others])) / share[keys]))
-    return (max(ahead_px, 0.0) * count + USUAL_LAG_PX * _USUAL_WEIGHT) / (count + _USUAL_WEIGHT)
+    jump = (frames.jump_px[keys] - np.median(frames.jump_px[others])) / share[keys]
+    return max(settled(jump, USUAL_LAG_PX, _USUAL_SIGMA_PX, USUAL_LAG_PX)[0], 0.0)
+
+
+def settled(jump: Floats, usual: float, sigma: float, scatter: float) -> tuple[float, float]:
+    """Return the mean of a usual value +- ``sigma`` and of what keyframes' jumps tell, by their variances; its sigma.
+
+    ``scatter``: usual deviation of one jump, as a few tell theirs badly.
+    """
+    count, middle = len(jump), float(np.median(jump))
+    own = (_MAD * float(np.median(np.abs(jump - middle)))) ** 2
+    doubt = _MEDIAN**2 * (count * own + _WEIGHT * scatter**2) / (count + _WEIGHT) / count
+    weight = doubt / (sigma**2 + doubt)
+    return weight * usual + (1 - weight) * middle, float(sigma * np.sqrt(weight))
+
+
+def usual_lag(key: Flags) -> float:
+    """Return the lag, px, where no keyframe (f,) tells it; 0 for pictures that are all coded without prediction."""
+    return USUAL_LAG_PX * (not key.all())
 
 
 def without_lag(

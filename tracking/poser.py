@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.tracking.errors import TrackingError
-from straw.tracking.noise import MOTION_VECTOR_PX, USUAL_LAG_PX, of_rate, off_chord, without_lag
+from straw.tracking.noise import MOTION_VECTOR_PX, of_rate, off_chord, usual_lag, without_lag
 from straw.tracking.pose import Poses, apply
 from straw.tracking.settle import Settled
 from straw.tracking.start import free_start
@@ -26,24 +26,29 @@ class Poser:
         self._points_m = apply(settled.camera.tip_from_board, settled.points_m)
         self._usual = np.full(3, np.nan)  # a pose of the clip, where a start cannot be found otherwise
         self._scatter: Scatter | None = None
+        self._askew_px = 0.0
 
-    def learn(self, views: Views) -> None:
-        """Learn the clip's variances from some frames."""
+    def learn(self, views: Views, askew_px: float = 0.0) -> None:
+        """Learn the clip's variances from some frames; ``askew_px``: standard deviation of what ``askew_of`` gives."""
         fits, _, seen, *_ = self._fitted(views)
+        self._askew_px = askew_px
         fit = np.isfinite(fits.rms_px)
-        lag_px = self.lag_px or USUAL_LAG_PX * (not views.key.all())  # where no keyframe tells it
+        lag_px = self.lag_px or usual_lag(views.key)
         self._scatter = learnt(self.shape, seen, lag_px)
         if fit.any():
             self._usual = fits.vector[fit][0]
         if self.settled.rest_frames:
             rest = self.settled.bundle.views.pick(np.zeros(1, np.intp))
-            self.settled.doubt_rest(self._scatter, self._fitted(rest)[2])
+            self.settled.doubt_rest(self._scatter, self._fitted(rest)[2], rest.off(askew_px)[0])
 
     def poses(self, views: Views) -> tuple[Poses, Floats, Floats]:
         """Return the fits, the poses (f, 3) with the codec's lag put right, and their covariance (f, 3, 3)."""
         assert self._scatter is not None
         fits, vector, seen, rate, codec = self._fitted(views)
-        return fits, vector, self._scatter.covariance(seen) + self.settled.covariance(views, vector, rate) + codec
+        off = (views.across[:, None] @ views.off(self._askew_px)[..., None])[..., 0]
+        askew = np.einsum("fijwm,fijw->fm", seen.answer(), off.reshape(-1, *self.shape, 2))
+        settled = self.settled.covariance(views, vector, rate, askew)
+        return fits, vector, self._scatter.covariance(seen) + settled + codec
 
     def _fitted(self, views: Views) -> tuple[Poses, Floats, Seen, Floats, Floats]:
         plane, line_s = self.settled.plane, self.settled.camera.line_s or 0.0

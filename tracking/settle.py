@@ -31,6 +31,7 @@ class Settled:
     camera: Camera
     bundle: Bundle
     rest_frames: int
+    askew: Floats  # change of the constants by the edges' lean at rest
 
     @property
     def turn_sigma_rad(self) -> tuple[float, float]:
@@ -54,24 +55,28 @@ class Settled:
         assert self.camera.world_from_camera is not None
         return Plane(self.camera.lens, self.camera.world_from_camera)
 
-    def doubt_rest(self, scatter: Scatter, rest: Seen) -> None:
+    def doubt_rest(self, scatter: Scatter, rest: Seen, off: Floats) -> None:
         """Widen the constants' covariance: frames cannot show by their disagreement what the rest alone fixes.
 
-        ``rest``: the fit of its mean picture.
+        ``rest``: the fit of its mean picture; ``off`` (n, 2): one standard deviation of its askew edges' error, px.
         """
         answer = self.bundle.by_rest
+        self.askew[:] = np.einsum("nwc,nw->c", answer, off @ self.bundle.views.across[0].T)
         self.bundle.spread = self.bundle.spread + scatter.at_rest(answer.reshape(*scatter.shape, 2, -1), rest)
 
-    def covariance(self, views: Views, poses: Floats, rate: Floats) -> Floats:
+    def covariance(self, views: Views, poses: Floats, rate: Floats, askew: Floats) -> Floats:
         """Return the covariance (f, 3, 3), SI, that the constants' uncertainty adds to poses (f, 3) moving at ``rate``
         (f, 3).
 
+        ``askew`` (f, 3): change of the poses by one standard deviation of the error of edges that run askew, which is
+        one in all frames and at rest.
         A wrong row time also dates a pose wrongly, by as many rows as the board's middle is down the picture.
         """
         by_theta = self.bundle.response(views, poses)
         by_theta[..., LINE] -= rate * views.middle[:, None]
         flat = by_theta.reshape(-1, by_theta.shape[-1]) @ self.bundle.spread
-        return np.asarray(flat.reshape(by_theta.shape) @ by_theta.transpose(0, 2, 1))
+        lean = askew - by_theta @ self.askew  # residuals are corners less points: what moves one moves the other back
+        return np.asarray(flat.reshape(by_theta.shape) @ by_theta.transpose(0, 2, 1) + lean[:, :, None] * lean[:, None])
 
 
 def settle(
@@ -95,7 +100,7 @@ def settle(
         views = _with_mean_rest(views, still)
     bundle = Bundle(camera, board, rest_pose, views, level, exposure_s)
     bundle.solve()
-    return Settled(bundle.camera_at(bundle.theta), bundle, still)
+    return Settled(bundle.camera_at(bundle.theta), bundle, still, np.zeros(len(bundle.theta)))
 
 
 def _still(views: Views) -> int:

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from straw.tracking.askew import askew_of
 from straw.tracking.chapters import Timeline
 from straw.tracking.course import Courses, course_of
 from straw.tracking.doubt import doubted
 from straw.tracking.errors import TrackingError
 from straw.tracking.follow import NOT_DUE
 from straw.tracking.lens import Lens
-from straw.tracking.noise import Frames, exposure_by_smear, lag_of
+from straw.tracking.noise import Frames, exposure_by_smear, lag_of, usual_lag
 from straw.tracking.pose import Poses
 from straw.tracking.poser import Poser
 from straw.tracking.record import CHUNK, Record, Rows
@@ -54,7 +55,8 @@ class Gathered:
                 self.views[start] = views, where
             size = np.sqrt(views.rays.var(axis=1).sum(axis=1))
             middle = np.column_stack((views.rays.mean(axis=1) * self._lens.fx, size * self._lens.fx))
-            quality = (views.widths, views.sweep, views.key, views.jump_px, views.speed_px, rows["rms_px"][where])
+            motion = (views.jump_px, views.speed_px, views.askew_px)
+            quality = (views.widths, views.sweep, views.key, *motion, rows["rms_px"][where])
             course = course_of(rows["grid"][where].astype(np.float64))
             self._kept.append(
                 (start + where, middle, *quality, rows["time_s"][where], course, self._since(rows)[where])
@@ -102,12 +104,19 @@ def solved(work: Task, record: Record, gathered: Gathered, report: DecodeReport,
     chosen = np.unique(np.concatenate((np.arange(min(REST_FRAMES, len(seen))), _spread(features))))
     tell = telling(frames)
     viewed = viewer(record, work.camera.lens, said == "", gathered.views)
-    views = pick(record, viewed, seen[np.union1d(chosen, tell)])
+    lag_px = lag_of(frames)
+    askew_px, askew_sigma_px = askew_of(frames, lag_px or usual_lag(frames.key))
+    views = pick(record, viewed, seen[np.union1d(chosen, tell)]).straightened(askew_px)
     constants, others = (views.pick(np.flatnonzero(np.isin(views.frame, seen[which]))) for which in (chosen, tell))
     settled = settle(work.camera, board, work.rest_pose, constants, level=work.level, exposure_s=exposure_s)
-    poser = Poser(work, settled, timeline.period_s, lag_of(frames), exposure_s)
-    poser.learn(others)
-    return _fit_all(work, record, viewed, report, poser, said, timeline)
+    poser = Poser(work, settled, timeline.period_s, lag_px, exposure_s)
+    poser.learn(others, askew_sigma_px)
+
+    def straight(start: int, rows: Rows) -> Viewed:
+        found, where = viewed(start, rows)
+        return found.straightened(askew_px), where
+
+    return _fit_all(work, record, straight, report, poser, said, timeline)
 
 
 def _commonest(record: Record) -> str:

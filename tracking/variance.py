@@ -27,10 +27,10 @@ _MOST_ACROSS = 9  # corners along a side that components are estimated from
 MOTION_LIKE = np.array((5.0, 2.0, 1.0))
 #: More than these squared lags of the codec do not look like a motion: coarsely coded noise is a residual, too.
 MOST_LAGS = 2.0
-#: Variance of a shift of the whole board, in squared lags of the codec: what was coded wrong in one frame is copied
-#: into the next ones, also while the board rests, and differs where the board lies otherwise among the codec's blocks.
+#: Variance of a shift of the whole board in a frame, in squared lags of the codec: what was coded wrong in one frame is
+#: copied into the next ones. At rest there is none but that of edges that run askew (``askew``).
 #: The three are from the errors of painted clips; tests/benchmarks/README.md names them.
-SHIFT = 0.08
+SHIFT = 0.05
 
 
 @dataclass(frozen=True)
@@ -120,8 +120,7 @@ class Scatter:
         """
         patterns = Patterns.of(self.shape)
         variance = self._of_frames(rest, patterns.between(rest.answer()))[0]
-        own = np.tensordot(variance, patterns.between(answer[None]), 1)[0]
-        return np.asarray(own + self._of_shift(answer[None])[0])
+        return np.asarray(np.tensordot(variance, patterns.between(answer[None]), 1)[0])
 
     def _of_shift(self, answer: Floats) -> Floats:
         """Return the covariance (f, c, c) of quantities with sensitivity (f, nx, ny, 2, c) to a board's shift."""

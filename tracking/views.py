@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from straw.tracking.around import nearest, polynomial
+from straw.tracking.askew import along, leaning, present
 from straw.tracking.lens import Lens
 from straw.tracking.record import Record, Rows
 
@@ -43,7 +44,8 @@ class Views:
     them. ``key`` (f,): coded without prediction. ``speed_px`` (f,): the corners' motion from
     frame to frame, rms per coordinate, and ``jump_px`` (f,) how far ahead they lie of the prediction from three frames
     on either side; NaN without those. ``chord_px`` (f, n, 2): of B pictures, the mean by time of the pictures
-    around it, from which it is predicted, minus the corners' smooth course.
+    around it, from which it is predicted, minus the corners' smooth course. ``leans`` (f, n, 2) and ``askew_px`` (f,):
+    errors of edges askew to the raster, as shares, and how far corners lie ahead of the prediction along these.
     """
 
     frame: NDArray[np.int64]
@@ -65,6 +67,20 @@ class Views:
     jump_px: Floats
     speed_px: Floats
     chord_px: Floats
+    leans: Floats
+    askew_px: Floats
+
+    def straightened(self, askew_px: float) -> Views:
+        """Return views without the error of edges that run askew, which is ``askew_px`` in keyframes."""
+        off = self.off(askew_px)
+        (a, b), (c, d) = np.moveaxis(self.px_per_ray, (-2, -1), (0, 1))
+        u, v, by = off[..., 0], off[..., 1], a * d - b * c
+        change = np.stack((d * u - b * v, a * v - c * u), axis=-1) / np.where(by == 0, 1.0, by)[..., None]
+        return replace(self, rays=self.rays - change)
+
+    def off(self, askew_px: float) -> Floats:
+        """Return the error (f, n, 2), px, of edges that run askew."""
+        return np.asarray(askew_px * present(self.key, self.speed_px)[:, None, None] * self.leans)
 
     def at_once(self, line_s: float, exposure_s: float) -> Floats:
         """Return the rays (f, n, 2) as an ideal global shutter would have seen them.
@@ -107,7 +123,8 @@ def views_of(
     flat, slopes = lens.rays_with_slopes(np.where(seen[:, None, None], pixels, lens.cx).reshape(-1, 2))
     rays = flat.reshape(pixels.shape)
     rate, bend, jerk, doubt = _derivatives(rays, time_s, seen)
-    jump_px, speed_px = _jumps(pixels, time_s, seen)
+    leans = leaning(pixels.reshape(-1, *record.shape, 2))
+    jump_px, speed_px, askew_px = _jumps(pixels, leans, time_s, seen)
     where = np.flatnonzero(seen[lead : lead + len(rows)])
     at = where + lead
     middle = pixels[at, :, 1].mean(axis=1)
@@ -139,6 +156,8 @@ def views_of(
         jump_px=jump_px[at],
         speed_px=speed_px[at],
         chord_px=chords(pixels, time_s, seen, around["between"])[at],
+        leans=leans.reshape(-1, n, 2)[at],
+        askew_px=askew_px[at],
     )
     return views, where
 
@@ -202,10 +221,11 @@ def _runs(flags: Flags, length: int) -> Flags:
     return np.asarray(np.lib.stride_tricks.sliding_window_view(flags, length).all(axis=1))
 
 
-def _jumps(pixels: Floats, time_s: Floats, seen: Flags) -> tuple[Floats, Floats]:
-    """Return how far (f,) the corners are ahead of the quintic through three frames on either side, and their speed."""
+def _jumps(pixels: Floats, leans: Floats, time_s: Floats, seen: Flags) -> tuple[Floats, Floats, Floats]:
+    """Return how far (f,) the corners are ahead of the quintic through three frames on either side, and their speed;
+    then how far along ``leans`` (f, nx, ny, 2)."""
     n = len(time_s)
-    jump, speed = np.full((2, n), np.nan)
+    jump, speed, askew = np.full((3, n), np.nan)
     if n > 6:
         even = np.diff(time_s) < _NEIGHBOUR_PERIODS * np.median(np.diff(time_s))
         whole = _runs(seen, 7) & _runs(even, 6)
@@ -214,4 +234,5 @@ def _jumps(pixels: Floats, time_s: Floats, seen: Flags) -> tuple[Floats, Floats]
         length = np.sqrt((motion**2).mean(axis=(1, 2)))
         jump[3:-3] = np.where(whole, (parts * motion).mean(axis=(1, 2)) / np.maximum(length, 1e-9), np.nan)
         speed[3:-3] = np.where(whole, length, np.nan)
-    return jump, speed
+        askew[3:-3] = np.where(whole, along(parts.reshape(-1, *leans.shape[1:]), leans[3:-3]), np.nan)
+    return jump, speed, askew

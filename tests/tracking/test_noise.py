@@ -28,7 +28,7 @@ def frames(count=400, exposure_s=1 / 480, lag_px=0.02, seed=0) -> Frames:
     key = np.arange(count) % 20 == 0
     jump = np.where(key, lag_px * lag_share(speed * PERIOD_S), 0) + rng.normal(0, 0.004, count)
     middle = np.column_stack((np.cumsum(speed) * PERIOD_S, np.zeros(count)))
-    return Frames(middle, widths, sweep, key, jump, speed * PERIOD_S, np.full(count, 0.007))
+    return Frames(middle, widths, sweep, key, jump, speed * PERIOD_S, np.full(count, np.nan), np.full(count, 0.007))
 
 
 @pytest.mark.parametrize("exposure_s", [1 / 1000, 1 / 480, 1 / 250])

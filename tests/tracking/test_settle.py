@@ -47,6 +47,8 @@ def followed(seen_by_opencv, camera, poses, noise_px=0.0, y_m=0.0, line_s=0.0):
         jump_px=np.full(n, np.nan),
         speed_px=np.zeros(n),
         chord_px=np.zeros((n, 49, 2)),
+        leans=np.zeros((n, 49, 2)),
+        askew_px=np.full(n, np.nan),
     )
 
 
@@ -123,14 +125,15 @@ def test_errors_of_the_corners_at_rest_are_part_of_every_poses_sigma(setup, seen
     views = followed(seen_by_opencv, setup, folding(200), noise_px=0.005)
     settled = settle(Camera(setup.lens, line_s=0.0), Board(), REST, views)
     first = views.pick(np.array([0]))
-    before = settled.covariance(first, np.array([REST]), np.zeros((1, 3)))
+    still = np.zeros((1, 3))
+    before = settled.covariance(first, np.array([REST]), still, still)
     slopes, left = (
         np.random.default_rng(0).normal(size=(1, 7, 7, 2, 3)),
         np.full((1, 7, 7, 2), np.sqrt(1e-4 * 95 / 98)),
     )
     rest = Seen(slopes, left, np.ones((1, 49), bool), np.array([SLOW]))  # with the residual of any slow picture
-    settled.doubt_rest(Scatter((7, 7), np.tile((1e-4, 0.0, 0.0), (3, 1))), rest)
-    grown = settled.covariance(first, np.array([REST]), np.zeros((1, 3))) - before
+    settled.doubt_rest(Scatter((7, 7), np.tile((1e-4, 0.0, 0.0), (3, 1))), rest, np.zeros((49, 2)))
+    grown = settled.covariance(first, np.array([REST]), still, still) - before
     px_per_m = seen_by_opencv(setup, *REST) - seen_by_opencv(setup, REST[0], REST[1] + 1e-3, REST[2])
     metre_per_px = 1e-3 / np.linalg.norm(px_per_m.mean(axis=0))
     assert 1 < np.sqrt(grown[0, 1, 1]) / (0.01 / 7 * metre_per_px) < 3  # and the camera is rotated, too
