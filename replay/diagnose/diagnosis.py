@@ -32,7 +32,7 @@ def inquire(
 
     The result does not depend on the order of the recordings, which are taken in that of their names.
 
-    ``before``: the inquiry of fewer runs of the same specimen, whose base constants are one more start.
+    ``before``: the inquiry of fewer runs of the same specimen, whose base and best hypotheses are further starts.
 
     ``executor`` computes residuals: a `ThreadPoolExecutor` (the compiled model releases the GIL), or a Dask client's
     ``client.get_executor()``. It must outlive later uses of the inquiry.
@@ -43,7 +43,7 @@ def inquire(
     proposal = system.propose(observations, names) if names else None
     campaign = Campaign(observations, system, executor, stop)
     campaign.stop = lambda: stop() or campaign.tally["work"] > system.most_work
-    found = explain(campaign, names, told, proposal, before.null.u if before else None)
+    found = explain(campaign, names, told, proposal, before)
     found.whole, found.spent = not stop(), campaign.tally["work"] > system.most_work
     campaign.stop = stop  # later uses of the inquiry have a budget of their own
     if found.spent:  # unless each cause is fitted alone, one without effect would be named beside the other

@@ -49,12 +49,12 @@ def explain(
     names: Sequence[str],
     told: Told,
     proposal: Proposal | None = None,
-    known: Floats | None = None,
+    before: Inquiry | None = None,
 ) -> Inquiry:
     """Fit the base and every cause, alone and in pairs, until done or stopped.
 
-    ``known``: constants u of the base found with fewer runs of the same specimen. With one run more the search may end
-    in a worse minimum, in which something seems to be missing.
+    ``before``: the inquiry of fewer runs of the same specimen, whose base and best hypotheses are starts, too. With one
+    run more the search may end in a worse minimum, in which something else seems to be missing.
 
     A ``proposal`` adds starts and an order of causes: where the first ones explain the runs the others are left out,
     unless the runs are outside its training distribution.
@@ -63,8 +63,9 @@ def explain(
     steps("base model")
     given = _base_start(proposal)
     null, wide_known = campaign.system.fit_base(campaign, given) or fit_from_priors(campaign, given)
-    if known is not None and len(known) == len(null.unknowns):
-        null = min(null, fitted(campaign, null.unknowns, known, rounds=ROUNDS), key=lambda fit: fit.cost)
+    alike = before is not None and [k.target for k in before.null.unknowns] == [k.target for k in null.unknowns]
+    if before is not None and alike:
+        null = min(null, fitted(campaign, null.unknowns, before.null.u, rounds=ROUNDS), key=lambda fit: fit.cost)
     check_simulated(campaign, null)
     random_effects(campaign, null)
     found = Inquiry(campaign, fitted(campaign, null.unknowns, null.u, rounds=FIRST_ROUNDS))
@@ -104,8 +105,8 @@ def explain(
 def _large(
     found: Inquiry, hypotheses: Sequence[Hypothesis], base: Fit, proposal: Proposal | None, steps: _Steps
 ) -> set[str]:
-    """All causes at once, the best ones and twos of them alone; if much is left, each cause from its own starts. Returns
-    the names of those that were."""
+    """All causes at once, the best ones and twos of them alone; if much is left, each cause from its own starts.
+    Returns the names of those that were."""
     wide = telling(found)
     known = evaluated(wide, base.unknowns, base.u)
     if explains(known):

@@ -1,14 +1,18 @@
-"""Rivals of the best hypothesis: fitted again from its constants, or reported as absent without a fit."""
+"""Hypotheses fitted from constants that are known: the best rival's, or those found with fewer runs; or not at all."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from straw.replay.diagnose.fit import Contestant, Fit, fitted
+from straw.replay.diagnose.fit import Contestant, Fit, clipped, fitted
 from straw.replay.diagnose.hypothesis import Hypothesis
 from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.judge import CALIBRATION
+from straw.replay.diagnose.screen import Start
 from straw.replay.diagnose.settings import FAR, FOLLOWED, ROUNDS
+from straw.replay.diagnose.tournament import fitted_contestant
 
 
 def from_each_other(found: Inquiry) -> None:
@@ -36,3 +40,12 @@ def absent(null: Fit, h: Hypothesis) -> Contestant:
     return Contestant(
         h, Fit((*null.unknowns, *h.unknowns), np.concatenate([null.u, start]), null.residual, slopes, null.cost)
     )
+
+
+def as_before(found: Inquiry, before: Inquiry, names: Sequence[str]) -> None:
+    """The best hypotheses of fewer runs, from their constants there."""
+    for one in before.contestants[:FOLLOWED]:
+        if set(one.hypothesis.causes) <= set(names) and one.cost < before.null.cost - CALIBRATION.scale:
+            hypothesis = found.campaign.hypothesis(one.hypothesis.causes)
+            start = Start(hypothesis, clipped((*found.null.unknowns, *hypothesis.unknowns), one.fit.u))
+            found.keep(fitted_contestant(found.campaign, start, ROUNDS, found.null.unknowns))

@@ -154,6 +154,20 @@ def test_the_base_is_also_fitted_from_the_result_of_fewer_runs(monkeypatch):
     assert both.null.cost < samples + 5 * np.sqrt(2 * samples)  # chi-square of the samples' noise
 
 
+def test_a_cause_named_with_fewer_runs_is_found_again_where_the_search_alone_would_not(monkeypatch):
+    records = stiffening(5e9)
+    with ThreadPoolExecutor() as pool:
+        before = diagnosis.inquire(records[1:], OscillatorSystem(), executor=pool)
+        monkeypatch.setattr(explain, "_large", lambda *_args: {h.name for h in _args[1]})
+        monkeypatch.setattr(explain, "screen", lambda *_args: [])
+        alone, both = (
+            diagnosis.inquire(records, OscillatorSystem(), executor=pool, before=given) for given in (None, before)
+        )
+    for one in (before, both):
+        assert next(iter(one.judgement().probability)) == "cubic_stiffness"
+    assert both.best.cost < alone.best.cost / 10
+
+
 def test_derivatives_of_the_oscillator_are_those_of_wider_differences():
     system, (record, _) = OscillatorSystem(), stiffening(5e9)
     unknowns = (*system.base, *LIBRARY["cubic_stiffness"][0], *LIBRARY["dry_friction"][0])
