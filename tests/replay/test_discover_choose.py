@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from straw.replay.diagnose.discover.choose import drifts, forms_of, picked, rivals, written
+from straw.replay.diagnose.discover.choose import drifts, fitting, forms_of, picked, rivals, written
 from straw.replay.diagnose.discover.screen import Candidate, told_ahead
 from straw.replay.diagnose.systems.function.kernel import CHANNEL, CLOCK, OF_STATE, OF_TIME, RATE
 from straw.replay.diagnose.systems.function.laws import Law, Place, State
@@ -82,3 +82,12 @@ def test_the_fitted_readings_determine_no_law_over_time_at_later_times():
     assert not told_ahead(Law(SENSOR, TIME, LINEAR), HeldOut("after"))
     assert told_ahead(Law(SENSOR, TIME, LINEAR), HeldOut("between"))
     assert told_ahead(Law(LEAK, PRESSURE, LINEAR), HeldOut("after"))
+
+
+def test_a_curve_that_fits_but_does_not_predict_is_a_place_to_try_formulas_and_one_that_does_not_fit_is_none():
+    def fit(evidence: float, predicts: float) -> Any:
+        return SimpleNamespace(worth=40.0, predicts=predicts, evidence=lambda worth: evidence * worth / 40.0)
+
+    base = fit(0.0, 45.0)
+    bends, ahead, noise = fit(-170.0, 97.0), fit(-120.0, 12.0), fit(-8.0, 1.0)
+    assert fitting([noise, ahead, bends], base) == [bends, ahead]

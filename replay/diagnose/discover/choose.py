@@ -96,6 +96,13 @@ def of_note(one: Trial, current: Trial) -> bool:
     return one.predicts < OF_NOTE * current.predicts and one.evidence(worth) < current.evidence(worth) - STRONG
 
 
+def fitting(trials: Sequence[Trial], current: Trial) -> list[Trial]:
+    """Trials that fit better beyond the cost of their constants, whether they predict or not, the best first."""
+    worth = min([current.worth, *(one.worth for one in trials)])
+    better = [one for one in trials if one.evidence(worth) < current.evidence(worth) - STRONG]
+    return sorted(better, key=lambda one: one.evidence(worth))
+
+
 def holds(unit: Floats, before: Floats, after: Floats) -> bool:
     """Whether held-out RMS (channels,) is better after than before, in sigmas of ``unit`` (channels,)."""
     told = [float(np.sqrt(np.mean((h / unit) ** 2))) for h in (before, after)]

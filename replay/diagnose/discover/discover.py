@@ -1,8 +1,7 @@
 """Builds the missing part law by law: screens every place and state, fits the best, writes them as formulas.
 
-A law is chosen where it reduces the cross-validated error by a relevant share, beyond the cost of its constants, on
-folds of what was fitted, arranged like the hold-out. The search sees nothing of what is held out: that is asked at the
-end, to refuse the last laws where they do not improve it.
+A law is chosen where it reduces the cross-validated error by a relevant share, beyond its constants' cost, on folds of
+what was fitted, arranged like the hold-out. What is held out is asked at the end, to refuse laws that do not help.
 """
 
 from __future__ import annotations
@@ -20,6 +19,7 @@ from straw.replay.diagnose.discover.choose import (
     OF_NEARLY,
     OF_NOTE,
     apart,
+    fitting,
     forms_of,
     of_note,
     picked,
@@ -51,8 +51,7 @@ TO_NOISE = 1.3
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One round: the trial chosen, if any; all fitted ones, the best first; those that cannot be distinguished from
-    it.
+    """One round: the trial chosen, if any; all fitted ones, the best first; those not distinguishable from it.
 
     ``same`` are the chosen law in other places, ``forms`` names of other shapes that it may have, ``errors``
     (1 + alike, blocks) those of accepted and alike on the search's samples.
@@ -198,9 +197,10 @@ def one_round(current: Trial, unit: Floats, pool: Executor, stop: Callable[[], b
     jobs = [pool.submit(_fitted, current, candidate, unit) for candidate in picked(promised)]
     tables = sorted((job.result() for job in jobs), key=lambda one: one.predicts)
     near = [one for one in tables if one.predicts < OF_NOTE * current.predicts][:FORMULAS]
-    # where a law over history predicts well, a formula over the state itself may, though its table does not reach far
     late = {(one.laws[-1].place.name, one.laws[-1].state.name) for one in near if one.laws[-1].state.lag_s is not None}
     near += [one for one in tables if one not in near and (one.laws[-1].place.name, one.laws[-1].over) in late]
+    # where a law over history predicts, or a curve of many values fits, a formula over the state itself may do both
+    near += [one for one in fitting(tables, current) if one not in near][:FORMULAS]
     open_ = [one for one in near if one.laws[-1].shape == TABLE or one.laws[-1].state.lag_s]
     more = [] if stop() else [pool.submit(formulas, one, current, seen) for one in open_]
     every = [*tables, *(trial for job in more for trial in job.result())]
