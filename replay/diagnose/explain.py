@@ -23,7 +23,7 @@ from straw.replay.diagnose.judge import CALIBRATION, unexplained
 from straw.replay.diagnose.pairs import find_pairs, nested, seconds, shortened, telling
 from straw.replay.diagnose.propose.proposal import Proposal
 from straw.replay.diagnose.refine import explains, finish, refine
-from straw.replay.diagnose.rivals import absent, from_each_other
+from straw.replay.diagnose.rivals import absent, as_before, from_each_other
 from straw.replay.diagnose.saturated import subsets
 from straw.replay.diagnose.screen import Start, screen
 from straw.replay.diagnose.settings import (
@@ -73,6 +73,8 @@ def explain(
     if not far:
         found.null = fitted(campaign, null.unknowns, found.null.u, rounds=ROUNDS)
     hypotheses = [campaign.hypothesis([name]) for name in names]
+    if before is not None and alike:
+        as_before(found, before, names)
     tried: set[str] = set()
     if far:  # a first-order expansion around a poor fit is not informative
         tried = _large(found, hypotheses, wide_known, proposal, steps)
