@@ -91,7 +91,10 @@ def explain(
         steps("pairs", found)
         find_pairs(found, names)
         if found.goes_on:  # the best may be in a poor minimum, or a wrong one
+            first = found.ranked_singles[:1]
             _from_own_starts(found, [h for h in hypotheses if h.name not in tried], wide_known, proposal, steps)
+            if found.goes_on and found.ranked_singles[:1] != first:
+                find_pairs(found, names)
     elif not campaign.stop():
         steps("second causes that are small", found)
         seconds(found, names)
