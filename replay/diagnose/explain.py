@@ -1,9 +1,8 @@
 """Explains a campaign: the base model, every cause of the library, the best in pairs; proposed, then fitted exactly.
 
 Single causes and pairs are selected by a fit of all causes at once (`straw.replay.diagnose.saturated`), in a coarse
-comparison of the most informative runs; the survivors are fitted to all samples of all runs. Where these leave much,
-every other cause is fitted from its own starts (the library's, the learned proposal's and the rivals' constants), by
-successive halving (`straw.replay.diagnose.tournament`).
+comparison of the most informative runs; the survivors are fitted to all samples of all runs. Where these leave more
+than noise, every other cause is fitted from its own starts, by successive halving (`straw.replay.diagnose.tournament`).
 """
 
 from __future__ import annotations
