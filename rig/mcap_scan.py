@@ -98,6 +98,8 @@ def _opened(path: Path, read: Callable[[IO[bytes]], object]) -> None:
 
 
 def _unreadable(path: Path, error: OSError) -> RigError:
+    if isinstance(error, IsADirectoryError) or path.is_dir():  # Windows reports a folder as a denied permission
+        return RigError(f"recording {path} is a folder; give its files, as {path / '*.mcap'}")
     return RigError(f"recording {path} cannot be read: {error.strerror or error}; check the name")
 
 

@@ -139,9 +139,13 @@ def test_a_file_that_is_no_recording_is_refused_in_one_line(content: bytes, word
 
 
 def test_a_missing_recording_is_reported_in_one_line(tmp_path: Path) -> None:
-    for path in (tmp_path / "missing.mcap", tmp_path):
-        with pytest.raises(RigError, match="cannot be read"):
-            read_run(path)
+    with pytest.raises(RigError, match=r"missing\.mcap cannot be read"):
+        read_run(tmp_path / "missing.mcap")
+
+
+def test_a_folder_in_place_of_a_recording_is_reported_with_the_pattern_of_its_files(tmp_path: Path) -> None:
+    with pytest.raises(RigError, match=r"is a folder; give its files, as .*\*\.mcap$"):
+        read_run(tmp_path)
 
 
 def test_recordings_of_another_logger_survive_being_cut(recordings: Path, tmp_path: Path) -> None:
