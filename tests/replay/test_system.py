@@ -32,6 +32,7 @@ from straw.replay.diagnose.systems.oscillator.system import (
 )
 
 SAMPLES = 600
+SOME = ("cubic_stiffness", "dry_friction")
 
 
 def stiffening(cubic_n_per_m3: float) -> list[Record]:
@@ -64,7 +65,9 @@ def test_a_spring_that_stiffens_is_named_and_a_linear_one_is_complete(cubic, ver
 def test_the_order_of_the_recordings_does_not_matter():
     records = stiffening(5e9)
     with ThreadPoolExecutor(1) as pool:
-        one, other = (inquire(given, OscillatorSystem(), executor=pool) for given in (records, records[::-1]))
+        one, other = (
+            inquire(given, OscillatorSystem(), library=SOME, executor=pool) for given in (records, records[::-1])
+        )
     assert one.judgement() == other.judgement()
 
 
@@ -73,7 +76,7 @@ def test_as_long_as_much_is_left_every_cause_is_fitted_from_its_own_starts(monke
     monkeypatch.setattr(explain, "screen", lambda *_args: [])
     monkeypatch.setattr(explain, "_at_once", lambda *_args: set())
     with ThreadPoolExecutor() as pool:
-        found = inquire(stiffening(3e8), OscillatorSystem(), executor=pool)
+        found = inquire(stiffening(3e8), OscillatorSystem(), library=SOME, executor=pool)
     assert found.contestants[0].name == "cubic_stiffness"
     assert not found.goes_on
 
@@ -157,11 +160,12 @@ def test_the_base_is_also_fitted_from_the_result_of_fewer_runs(monkeypatch):
 def test_a_cause_named_before_is_found_again_where_the_search_alone_would_not(monkeypatch):
     records = stiffening(5e9)
     with ThreadPoolExecutor() as pool:
-        before = diagnosis.inquire(records, OscillatorSystem(), executor=pool)
+        before = diagnosis.inquire(records, OscillatorSystem(), library=SOME, executor=pool)
         monkeypatch.setattr(explain, "_large", lambda *_args: {h.name for h in _args[1]})
         monkeypatch.setattr(explain, "screen", lambda *_args: [])
         alone, both = (
-            diagnosis.inquire(records, OscillatorSystem(), executor=pool, before=given) for given in (None, before)
+            diagnosis.inquire(records, OscillatorSystem(), library=SOME, executor=pool, before=given)
+            for given in (None, before)
         )
     for one in (before, both):
         assert next(iter(one.judgement().probability)) == "cubic_stiffness"
