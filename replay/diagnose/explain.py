@@ -58,12 +58,12 @@ def explain(
     A ``proposal`` adds starts and an order of causes: where the first ones explain the runs the others are left out,
     unless the runs are outside its training distribution.
     """
-    steps = _Steps(told, campaign)
+    steps, given = _Steps(told, campaign), _base_start(proposal)
     steps("base model")
-    given = _base_start(proposal)
     null, wide_known = campaign.system.fit_base(campaign, given) or fit_from_priors(campaign, given)
-    alike = before is not None and [k.target for k in before.null.unknowns] == [k.target for k in null.unknowns]
-    if before is not None and alike:
+    if before and [k.target for k in before.null.unknowns] != [k.target for k in null.unknowns]:
+        before = None  # its constants are others
+    if before:
         null = min(null, fitted(campaign, null.unknowns, before.null.u, rounds=ROUNDS), key=lambda fit: fit.cost)
     check_simulated(campaign, null)
     random_effects(campaign, null)
@@ -72,7 +72,7 @@ def explain(
     if not far:
         found.null = fitted(campaign, null.unknowns, found.null.u, rounds=ROUNDS)
     hypotheses = [campaign.hypothesis([name]) for name in names]
-    if before is not None and alike:
+    if before:
         as_before(found, before, names)
     tried: set[str] = set()
     if far:  # a first-order expansion around a poor fit is not informative

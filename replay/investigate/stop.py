@@ -28,9 +28,9 @@ ANSWERS = ("complete", "within_tolerance", "named")
 IDLE_RUNS = 3
 #: An answer that rests on few runs is accepted when a run recorded after it was first found has not changed it.
 SAID_BY = 2
-#: Number of runs of the campaigns with which the probabilities were calibrated (tests.benchmarks.calibrating). With
-#: fewer, a flexible law may explain by chance what it does not cause, and the probability does not tell.
-CALIBRATED_RUNS = 8
+#: Number of runs of the apparatus' whole campaign. The probabilities were calibrated on most of it: three runs or six
+#: (tests.benchmarks.concealed). With fewer, a flexible law may explain by chance what it does not cause.
+WHOLE_CAMPAIGN = 8
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def reached(found: Found, history: Sequence[Found], certainty: float) -> Stop | 
 
 def unconfirmed(found: Found, history: Sequence[Found], certainty: float) -> bool:
     """Whether a cause is named with certainty, but only after the last of few runs: one that no run has tested yet."""
-    if found.verdict == "complete" or certainty_of(found) < certainty or found.runs >= CALIBRATED_RUNS:
+    if found.verdict == "complete" or certainty_of(found) < certainty or found.runs >= WHOLE_CAMPAIGN:
         return False
     last = history[-SAID_BY:]
     return len(last) < SAID_BY or any((one.verdict, one.causes) != (found.verdict, found.causes) for one in last)

@@ -12,7 +12,7 @@ from straw.replay.investigate.budget import Budget
 from straw.replay.investigate.log import Log
 from straw.replay.investigate.loop import Loop
 from straw.replay.investigate.steps import Ahead, Found, Plan, Proposal, Ran
-from straw.replay.investigate.stop import CALIBRATED_RUNS, Stop
+from straw.replay.investigate.stop import WHOLE_CAMPAIGN, Stop
 from straw.rig.errors import RigError
 
 UNSURE = {"cohesion": 0.5, "squeeze_film": 0.4, "complete": 0.1}
@@ -40,7 +40,7 @@ class Fakes:
         self.sure = Found("missing_physics", ("cohesion",), SURE, "cohesion is missing")
         self.unsure = [Found("ambiguous", ("cohesion",), UNSURE, "not told")]  # the last one is repeated
         self.answer, self.forbidden, self.tracks, self.hand = "somebody", set[str](), True, ""
-        self.recorded_before = CALIBRATED_RUNS
+        self.recorded_before = WHOLE_CAMPAIGN
         self.ended: dict[str, Ran] = {}
         self.status, self.error = "success", ""
         self.crash, self.late, self.dead = "", False, False
