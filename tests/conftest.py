@@ -11,6 +11,9 @@ from pathlib import Path
 
 import pytest
 
+# Tests run side by side, one on each processor: more threads for small matrices would only take time from each other.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 # Tests drive no real rig: `straw rig vent` must not find their instruments, nor may tests find a lab's own ports.
 os.environ["STRAW_STATE_DIR"] = tempfile.mkdtemp(prefix="straw-state-")
 

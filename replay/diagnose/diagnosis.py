@@ -9,12 +9,14 @@ from straw.replay.diagnose.bootstrap import accept
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.explain import explain
 from straw.replay.diagnose.inquiry import Inquiry, Told, silent
+from straw.replay.diagnose.one_thread import one_blas_thread
 from straw.replay.diagnose.pairs import nested
 from straw.replay.diagnose.settings import ROUNDS
 from straw.replay.diagnose.system import Recording, System
 from straw.replay.diagnose.tournament import finished
 
 
+@one_blas_thread()
 def inquire(
     observations: Sequence[Recording],
     system: System,

@@ -17,6 +17,7 @@ from straw.replay.diagnose.heldout import Held, hold_out, moves, noise_floor, pl
 from straw.replay.diagnose.inquiry import Inquiry, Told, silent
 from straw.replay.diagnose.judge import Judgement, by_cause, surviving
 from straw.replay.diagnose.locate import Located, Wandering, locate, sentence, wandering
+from straw.replay.diagnose.one_thread import one_blas_thread
 from straw.replay.diagnose.said import Refuted, doubts, made_worse, says
 from straw.replay.diagnose.settings import NAMED_ALONE
 from straw.replay.diagnose.tolerance import Tolerance
@@ -92,6 +93,7 @@ class Findings:
         }
 
 
+@one_blas_thread()
 def conclude(
     found: Inquiry,
     notes: Sequence[str] = (),

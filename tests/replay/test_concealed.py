@@ -65,7 +65,7 @@ def test_a_law_of_relaxation_fits_two_relaxation_times_and_leaves_bending_elasti
 
 
 def test_a_magnet_which_is_not_in_the_library_is_not_mistaken_for_a_cause_that_is() -> None:
-    rivals = ("intrinsic_curvature", "camera_roll")
+    rivals = ("intrinsic_curvature",)
     findings = diagnosed(Cause("unknown", 0.3, "magnet near the tip", 3), 22, rivals, runs=2)
     assert findings.verdict in ("unknown_physics", "ambiguous")
 

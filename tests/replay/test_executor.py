@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from straw.model.parameters import StrawParameters
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.diagnosis import inquire
 from straw.replay.diagnose.findings import conclude
+from straw.replay.diagnose.one_thread import one_blas_thread
 from straw.replay.diagnose.systems.oscillator.system import OscillatorSystem
 from straw.replay.diagnose.systems.straw.constants import base_unknowns
 from straw.replay.diagnose.systems.straw.observation import observe
@@ -55,3 +57,15 @@ def test_a_dask_cluster_of_processes_finds_what_threads_find() -> None:
             found.append(findings.as_json())
     assert found[0]["causes"] == ["cubic_stiffness"]
     assert found[0] == found[1]
+
+
+def test_the_linear_algebra_of_a_fit_has_one_thread() -> None:
+    def blas() -> set[int]:
+        return {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
+
+    inside: list[set[int]] = []
+    with threadpool_limits(limits=2, user_api="blas"):
+        before = blas()
+        one_blas_thread()(lambda: inside.append(blas()))()
+        assert blas() == before
+    assert inside == [{1}]

@@ -35,6 +35,7 @@ from straw.replay.diagnose.discover.screen import Candidate, screened
 from straw.replay.diagnose.discover.trial import LAST_ROUNDS, LAST_SHARE, Trial, noise_in, rough, tried
 from straw.replay.diagnose.fit import cost_at
 from straw.replay.diagnose.inquiry import Told, silent
+from straw.replay.diagnose.one_thread import one_blas_thread
 from straw.replay.diagnose.systems.function.kernel import STRENGTH
 from straw.replay.diagnose.systems.function.recording import Recorded
 from straw.replay.diagnose.systems.function.shapes import TABLE
@@ -103,6 +104,7 @@ class Discovery:
         return self.asked[: len(self.accepted) + 1]
 
 
+@one_blas_thread()
 def discover(
     system: FunctionSystem,
     recordings: Sequence[Recorded],

@@ -1,0 +1,16 @@
+"""One thread for the linear algebra of fits: matrices are small, and the processors are busy with simulations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import scipy.linalg  # noqa: F401  (loads SciPy's BLAS, as only what is loaded can be limited)
+from threadpoolctl import threadpool_limits
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """A context, or a function's decorator, in which BLAS uses one thread in this process."""
+    with threadpool_limits(limits=1, user_api="blas"):
+        yield
