@@ -12,7 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.model.bench import Columns
-from straw.model.channel import STATES, channel_of, inlet_slopes, lost, lost_to_table_moved
+from straw.model.channel import (
+    STATES,
+    channel_of,
+    inlet_slopes,
+    leaked,
+    leaked_moved,
+    lost,
+    lost_to_table_moved,
+    still_pressure,
+)
 from straw.model.columns import rest_columns
 from straw.model.compiled import compiled
 from straw.model.constants import Constants
@@ -204,23 +213,29 @@ def _start(
     still = linear.terms.copy()
     for name in MEMORY_TERMS:  # whose memory is zero at rest
         still[:, :, COLUMNS[name][0]] = 0.0
-    channel = channel_of(straw.constants())
-    lost_pa, by_lost_pa = (
-        lost(channel, 0.0)[0],
-        np.array([lost_to_table_moved(channel, 0.0, by) for by in changes.inlet_tables]),
-    )
+    channel, moved, tables = channel_of(straw.constants()), changes.inlet, changes.inlet_tables
+    inside_pa, flow = still_pressure(channel, first_pa, 0.0)
+    drain = channel.lag_s * channel.line_pa_per_m3
+    by_drain = moved[3] * channel.line_pa_per_m3 + channel.lag_s * moved[4]
+    drop = moved[0] * flow * abs(flow) + (moved[1] + by_drain) * flow
+    drop += np.array([lost_to_table_moved(channel, flow, by) for by in tables])
+    leak, resists = leaked(channel, inside_pa)[1], channel.resistance + drain + lost(channel, flow)[1]
+    by_leak = np.array([leaked_moved(channel, inside_pa, by) for by in tables])
+    by_inside = (by_first_pa - drop - resists * by_leak) / (1 + resists * leak)
+    by_flow = by_leak + leak * by_inside
     at_rest = linear._replace(terms=still, remembers=False)
-    rest = rest_columns(at_rest, changes, q, first_pa - lost_pa, by_first_pa - by_lost_pa)
+    rest = rest_columns(at_rest, changes, q, inside_pa, by_inside)
     for p, direction in enumerate(directions):
         if direction.start is not None:
             rest[:, :, p] += direction.start.reshape(moving, n).T
-    gas = inlet_slopes(channel, 1.0, first_pa, 0.0)
-    inlet[0] = by_first_pa
-    inlet[2] = gas.gas * by_first_pa + gas.gas_by_volume * changes.inlet[5] + gas.gas_by_exponent * changes.inlet[6]
+    gas = inlet_slopes(channel, 1.0, inside_pa, flow)
+    inlet[0] = by_first_pa - by_drain * flow - drain * by_flow
+    inlet[1] = by_flow
+    inlet[2] = gas.gas * by_inside + gas.gas_by_volume * moved[5] + gas.gas_by_exponent * moved[6]
     memory = np.zeros((n, 2, MEMORIES, 2, P if changes.remembers else 0))
     qv = np.zeros((n, 2 * moving, wide(P + 1)))
     qv[:, :moving, :P] = rest
-    return Columns(qv.reshape(n, -1), memory, inlet, by_first_pa), rest
+    return Columns(qv.reshape(n, -1), memory, inlet, by_inside), rest
 
 
 @compiled

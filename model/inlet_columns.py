@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.model.bench import Bench, Columns, add
-from straw.model.channel import Channel, inlet_slopes, lost_to_table_moved
+from straw.model.channel import Channel, inlet_slopes, leaked, leaked_moved, lost_to_table_moved
 from straw.model.compiled import called
 from straw.model.constants import Constants
 from straw.model.given import AREA, Given
@@ -30,6 +30,7 @@ def advance_inlet(
     for i in range(n):
         for x in range(c.active):
             per_pa += c.S * hg * b.found[i, x, P]
+    per_pa += leaked(w, inside_pa)[1]
     rate = volume_rate(c, s.v[stage]) / c.S
     for p in range(np.uint64(len(b.flow))):
         b.flow[p] = 0.0
@@ -47,8 +48,8 @@ def advance_inlet(
         drop += lost_to_table_moved(w, flow, given.inlet_tables[p])
         at_rest += slopes.inertia * b.known_inlet[1, p] - drop
         gas = slopes.gas_by_volume * moved[5] + slopes.gas_by_exponent * moved[6]
-        # inside = at_rest - resists Q,  Q = V' + (known gas - gas) / hg,  gas and V' in turn by the pressure inside
-        still = b.flow[p] + (b.known_inlet[2, p] - gas) / hg
+        # inside = at_rest - resists Q,  Q = V' + leak + (known gas - gas) / hg,  these in turn by the pressure inside
+        still = b.flow[p] + leaked_moved(w, inside_pa, given.inlet_tables[p]) + (b.known_inlet[2, p] - gas) / hg
         inside = (at_rest - slopes.resists * still) / (1 + slopes.resists * (per_pa - slopes.gas / hg))
         d.inside_pa[p] = b.inside_pa[p] = inside
         passes = still + (per_pa - slopes.gas / hg) * inside

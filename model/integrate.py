@@ -30,13 +30,14 @@ FIRST_STEPS = 1_000
 @compiled
 def at_rest(c: Constants, q: Floats, time_s: float, external_pa: float, first_step_s: float) -> State:
     """The state of a straw that rests at q."""
+    inlet, inside_pa = channel_at_rest(c, external_pa)
     return State(
         q.copy(),
         np.zeros_like(q),
         np.zeros_like(q),
         np.zeros((c.cells, 2, MEMORIES, 2)),
-        channel_at_rest(c, external_pa),
-        np.array([time_s, first_step_s, external_pa]),
+        inlet,
+        np.array([time_s, first_step_s, inside_pa]),
     )
 
 

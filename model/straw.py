@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.model.channel import channel_of, lost
+from straw.model.channel import channel_of, still_pressure
 from straw.model.compiled import allocates_nothing, called, compiled, composed
 from straw.model.constants import Constants
 from straw.model.frusta import MEMORIES, add_frusta, frusta_energy
@@ -119,9 +119,9 @@ def forces_left(
 
 @compiled
 def pressure_at(c: Constants, v: Floats, external_pa: float) -> float:
-    """Pressure inside, Pa (equation 2 and the laminar loss), of a straw whose inlet has no lag, gas or inertia."""
-    w, flow = channel_of(c), volume_rate(c, v)
-    return float(external_pa - lost(w, flow)[0] - w.resistance * flow)
+    """Pressure inside, Pa (equation 2, the laminar loss and leaks), where lag, gas and inertia of the inlet do not
+    matter."""
+    return still_pressure(channel_of(c), external_pa, volume_rate(c, v))[0]
 
 
 @compiled

@@ -20,7 +20,7 @@ from straw.replay.diagnose.robust import robust_cost, weights
 Floats = NDArray[np.float64]
 
 #: How many sums of one, two and three functions are tried on the runs; the condition number at which some count as
-#: alike.
+#: alike. One more of each size is the nearest where the base's constants stay.
 KEPT, ALIKE = (3, 2, 1), 12.0
 #: Rounds of a sum's fit and of the chosen one's, and the share of the gain that another constant has to earn.
 ROUNDS, LAST_ROUNDS, EARNS = 4, 10, 0.02
@@ -39,6 +39,7 @@ class Tangent:
     sigmas: Floats  # (n,) one deviation of each value, the roughness penalty and the values' prior included
     follow: Floats  # (base, n) how the optimum of the base's u follows d,
     rest: Floats  # (base,) and its step where d = 0
+    fixed: Floats  # (n, n) H where the base's constants stay
 
     def base_step(self, values: Floats) -> Floats:
         """Step of the base's u to the optimum beside other values of the curve (n,)."""
@@ -65,7 +66,8 @@ def tangent(fit: Fit, base: int, smooth: Floats) -> Tangent:
     g = (s[base:] - S[base:, :base] @ beside[:, -1]) / per_u
     values = np.array([k.value(float(u)) for k, u in zip(unknowns[base:], fit.u[base:], strict=True)])
     follow: Floats = -(beside[:, :-1] / per_u).astype(np.float64)
-    return Tangent(values, g, H, np.abs(per_u) * sigmas_u, follow, np.asarray(-beside[:, -1]))
+    fixed = S[base:, base:] / np.outer(per_u, per_u)
+    return Tangent(values, g, H, np.abs(per_u) * sigmas_u, follow, np.asarray(-beside[:, -1]), fixed)
 
 
 def deviations(information: Floats) -> Floats:
@@ -77,30 +79,41 @@ def deviations(information: Floats) -> Floats:
     return np.asarray(np.sqrt(np.sum(ways**2 / values, axis=1)) / size)
 
 
-def sparse(t: Tangent, at: Floats, atoms: Sequence[Atom]) -> list[tuple[tuple[Atom, ...], Floats]]:
-    """Atoms and coefficients of the sums nearest to the curve in the runs' likelihood: a few of each size.
+def sparse(t: Tangent, at: Floats, atoms: Sequence[Atom]) -> list[tuple[tuple[Atom, ...], Floats, bool]]:
+    """Atoms and coefficients of the sums nearest to the curve in the runs' likelihood, a few of each size, and whether
+    the base's constants follow.
 
     Exhaustive, and the first atom alone in any case; ``at`` (n,) in SI. Parts that the base's constants can compensate
-    cost nothing, so they need not be in a sum.
+    cost nothing, so they need not be in a sum. Where constants follow far, the likelihood is no longer what it is near
+    the curve: the nearest of each size with the base as it is is another start.
     """
     table = np.stack([atom.of(at) for atom in atoms], axis=1)
     size = np.linalg.norm(table, axis=0)
     table = table / size
-    target = t.H @ t.values - t.g
     found = []
     for k, most in enumerate(KEPT, 1):
-        rows = []
-        for chosen in itertools.combinations(range(len(atoms)), k):
-            A = table[:, chosen]
-            if np.linalg.cond(A) > ALIKE:  # the difference of two nearly equal functions is not informative
-                continue
-            a = np.linalg.lstsq(A.T @ t.H @ A, A.T @ target, rcond=1e-10)[0]
-            rows.append((_misfit(t, A @ a), chosen, a / size[list(chosen)]))
-        simplest = [row for row in rows if row[1] == (0,)]
-        rows.sort(key=lambda row: row[0])
-        tried = [*rows[:most], *(row for row in simplest if row[1] not in [r[1] for r in rows[:most]])]
-        found += [(tuple(atoms[j] for j in chosen), a) for _, chosen, a in tried]
+        sums = [chosen for chosen in itertools.combinations(range(len(atoms)), k) if _unlike(table[:, chosen])]
+        follows, stays = (
+            sorted((_nearest(t, H, g, table[:, chosen]), chosen) for chosen in sums)
+            for H, g in ((t.H, t.g), (t.fixed, np.zeros_like(t.g)))
+        )
+        simplest = [row for row in follows[most:] if row[1] == (0,)]
+        for rows, following in ((follows[:most] + simplest, True), (stays[:1], False)):
+            for (_, a), chosen in rows:
+                found.append((tuple(atoms[j] for j in chosen), np.array(a) / size[list(chosen)], following))
     return found
+
+
+def _unlike(table: Floats) -> bool:
+    """Whether functions (n, k) differ enough: the difference of two nearly equal ones is not informative."""
+    return bool(np.linalg.cond(table) <= ALIKE)
+
+
+def _nearest(t: Tangent, H: Floats, g: Floats, table: Floats) -> tuple[float, tuple[float, ...]]:
+    """The smallest -2 log L, up to a constant, of a sum of the columns (n, k), and its coefficients."""
+    a = np.linalg.lstsq(table.T @ H @ table, table.T @ (H @ t.values - g), rcond=1e-10)[0]
+    d = table @ a - t.values
+    return float(2 * g @ d + d @ H @ d), tuple(a.tolist())
 
 
 class Formed(Campaign):
@@ -166,9 +179,9 @@ def formula(
     curve_cost += float(np.sum((others @ fit.u[:base]) ** 2))
     price = max(float(np.log(count)), EARNS * (null_cost - curve_cost))
     scale = np.array([k.scale for k in fit.unknowns[base:]])
-    for chosen, start in sparse(t, at, atoms):
+    for chosen, start, follows in sparse(t, at, atoms):
         form = Sum(chosen, start, at, scale)
-        beside = fit.u[:base] + t.base_step(form.values(form.unknowns()[1]) * scale)
+        beside = fit.u[:base] + (t.base_step(form.values(form.unknowns()[1]) * scale) if follows else 0.0)
         end = fitted(campaign, fit.unknowns, beside, others, form, ROUNDS, 2e-3)
         score = end.cost + price * sum(atom.numbers for atom in chosen)
         if best is None or score < best[0]:
@@ -187,8 +200,3 @@ def formula(
     sigmas = deviations((end.slopes * w[:, None]).T @ end.slopes / spread + prior)[base:]
     keeps = (null_cost - end.cost) / max(null_cost - curve_cost, 1e-9)
     return form.atoms_at(u, sigmas), form.coefficients(u), np.abs(form.start * sigmas[: len(form.start)]), keeps
-
-
-def _misfit(t: Tangent, values: Floats) -> float:
-    d = values - t.values
-    return float(2 * t.g @ d + d @ t.H @ d)

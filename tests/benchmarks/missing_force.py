@@ -77,7 +77,7 @@ PLANTED = (
     Planted(_unknown("wall stiffer under pressure", 5e-6), "gauge over pressure", None),
     Planted(_unknown("wall softens with time", 2e-3), "cycles: stiffness", None),
     Planted(_unknown("channel clogs from run to run", 0.025), "cycles: channel", None),
-    Planted(_unknown("leak through the wall", 4e-11), "flow", None),
+    Planted(_unknown("leak through the wall", 4e-11), "leak", lambda p: 4e-11 * p),
     Planted(_unknown("camera skips a moment", 0.08), "clock over time", None),
     Planted(_unknown("self-excited tip", 0.25), "tip speed", None),
     Planted(Cause("cohesion", 6.0, "binding curve", 1), "height", _binding),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from straw.model.channel import channel_of, inside_pressure
+from straw.model.channel import channel_at_rest, channel_of, inside_pressure
 from straw.model.errors import ModelError
 from straw.model.frusta import MEMORY_TERMS
 from straw.model.kinematics import chain_of, motion_of
@@ -162,46 +162,67 @@ def test_drag_dissipates_energy_in_any_motion() -> None:
         assert force @ v < 0
 
 
+LEAKS = 4e-11  # m^3/s of water through the wall for each Pa inside
+
+
+@pytest.mark.parametrize("leaks", [0.0, LEAKS])
 @pytest.mark.parametrize("names", [["fluid_inertia"], ["poiseuille_loss"], ["line_lag"], ["trapped_gas"], list(CAUSES)])
-def test_the_pressure_loss_of_the_inlet_follows_its_laws(names: list[str]) -> None:
+def test_the_pressure_loss_of_the_inlet_follows_its_laws(names: list[str], leaks: float) -> None:
     """With a straw that takes in water at a given rate; the reference is the laws integrated by SciPy."""
     from scipy.integrate import solve_ivp
+    from scipy.optimize import brentq
 
     straw = FOLDING
     for name in names:
         straw = with_typical(straw, TERMS[name]) if TERMS[name].kind == "flow" else straw
     if "trapped_gas" in names:
         straw = straw.with_term("trapped_gas", exponent=1.3)
+    if leaks:
+        pressures = np.linspace(-90e3, 90e3, 8)
+        table = curve("pressure_{}_pa", pressures, "leak_{}_m3_per_s", leaks * pressures)
+        straw = straw.with_term("missing_loss", amount=1.0, **table)
     w = channel_of(straw.constants())
     external, rate = 20e3, lambda t: 4e-6 * np.sin(40 * t)
-    gas0 = w.gas_m3 / (1 + external / 101_325.0) ** (1 / w.exponent)
+    known, rest_pa = channel_at_rest(straw.constants(), external)
+
+    def drives(t, y, flow):  # pressure that drives the flow through the channel, less what that loses
+        reservoir = y[0] if w.lag_s > 0 else external
+        return reservoir - w.resistance * flow - w.loss * flow * abs(flow)
+
+    def inside_of(t, y):
+        if w.gas_m3 > 0:
+            return 101_325.0 * ((w.gas_m3 / y[2]) ** w.exponent - 1)
+        if w.inertance > 0 and leaks:
+            return (y[1] - rate(t)) / leaks
+        return brentq(lambda p: drives(t, y, rate(t) + leaks * p) - w.inertance * d_rate(t) - p, -90e3, 90e3)
+
+    def d_rate(t):
+        return 4e-6 * 40 * np.cos(40 * t)
 
     def law(t, y):
-        reservoir = y[0] if w.lag_s > 0 else external
-        flow = rate(t)
-        if w.gas_m3 > 0:
-            inside = 101_325.0 * ((w.gas_m3 / y[2]) ** w.exponent - 1)
-            drop = reservoir - inside
-            flow = y[1] if w.inertance > 0 else _flow_at(w, drop)
-            d_flow = (drop - w.resistance * flow - w.loss * flow * abs(flow)) / w.inertance if w.inertance > 0 else 0.0
-            return [_line(w, external, y[0], flow), d_flow, rate(t) - flow]
-        return [_line(w, external, y[0], flow), 0.0, 0.0]
+        inside = inside_of(t, y)
+        flow = rate(t) + leaks * inside
+        if w.inertance > 0:
+            flow = y[1] if w.gas_m3 > 0 or leaks else flow
+        elif w.gas_m3 > 0:
+            flow = _flow_at(w, (y[0] if w.lag_s > 0 else external) - inside)
+        d_flow = (drives(t, y, flow) - inside) / w.inertance if w.inertance > 0 else 0.0
+        return [_line(w, external, y[0], flow), d_flow, rate(t) + leaks * inside - flow]
 
+    assert rest_pa == pytest.approx(known[0] - w.resistance * known[1] - w.loss * known[1] * abs(known[1]))
+    assert known[1] == pytest.approx(leaks * rest_pa)
     end = 0.2
-    tight = solve_ivp(law, (0, end), [external, 0.0, gas0], method="LSODA", rtol=1e-10, atol=[1e-4, 1e-14, 1e-18])
-    known, now = np.array([external, 0.0, gas0]), np.array([external, 0.0, gas0])
+    tight = solve_ivp(law, (0, end), known, method="LSODA", rtol=1e-10, atol=[1e-4, 1e-14, 1e-18])
+    now, known = known.copy(), known.copy()
     steps = 40_000
     for i in range(1, steps + 1):
-        inside, _ = inside_pressure(w, known, end / steps, external, rate(i * end / steps), now)
+        inside, slope = inside_pressure(w, known, end / steps, external, rate(i * end / steps), now)
+        if i == steps // 3:
+            here, small = rate(i * end / steps), 1e-10
+            sides = [inside_pressure(w, known, end / steps, external, here + s, now.copy())[0] for s in (-small, small)]
+            assert slope == pytest.approx((sides[1] - sides[0]) / (2 * small), rel=1e-4)
         known[:] = now
-    reservoir, flow, gas = tight.y[:, -1]
-    if w.gas_m3 > 0:
-        assert inside == pytest.approx(101_325.0 * ((w.gas_m3 / gas) ** w.exponent - 1), abs=20.0)
-    else:
-        reservoir = reservoir if w.lag_s > 0 else external
-        flow, d_flow = rate(end), 4e-6 * 40 * np.cos(40 * end)
-        want = reservoir - w.resistance * flow - w.loss * flow * abs(flow) - w.inertance * d_flow
-        assert inside == pytest.approx(want, abs=20.0)
+    assert inside == pytest.approx(inside_of(end, tight.y[:, -1]), abs=20.0)
 
 
 def _line(w, external: float, reservoir: float, flow: float) -> float:

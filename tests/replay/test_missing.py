@@ -63,10 +63,14 @@ def test_a_formula_leaves_out_what_the_base_can_compensate():
     known = np.eye(8) * 1e4
     line = known @ v
     H = known - np.outer(line, line) / (v @ line)
-    t = Tangent(12.0 * v**2 - 3.0 * v, np.zeros(8), H, np.ones(8), np.zeros((0, 8)), np.zeros(0))
-    chosen, a = sparse(t, v, atoms(state, v))[0]
+    t = Tangent(12.0 * v**2 - 3.0 * v, np.zeros(8), H, np.ones(8), np.zeros((0, 8)), np.zeros(0), known)
+    (chosen, a, follows), *others = sparse(t, v, atoms(state, v))
+    assert follows
     assert [atom.text for atom in chosen] == ["|v| v"]
     assert a == pytest.approx([12.0])
+    stays = [(atoms, start) for atoms, start, follows in others if len(atoms) == 2 and not follows]
+    assert [atom.text for atom in stays[0][0]] == ["v", "|v| v"]  # where the base's damping stays as it is
+    assert stays[0][1] == pytest.approx([-3.0, 12.0])
     law = Formula("F(v)", chosen, a, np.array([0.4]), ("N/(m/s)^2",), 1.0)
     assert law.text == "F(v) = (12 ± 0.4) N/(m/s)^2 |v| v"
 

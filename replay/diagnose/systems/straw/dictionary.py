@@ -27,8 +27,10 @@ def atoms(state: State, at: Floats) -> tuple[Atom, ...]:
         return (*_powers(x, 2), *(_step(x, t) for t in _middles(at)))
     if state.state_unit == "cycles":
         return (*_powers(x, 2), Atom(f"(1 + {x})^-0.5", 0, lambda n, _: (1 + n) ** -0.5))
-    if state.zero:  # a loss: through zero, either direction its own
+    if state.zero:  # a loss: through zero, either direction its own; through an orifice by the root
+        root = Atom(f"sign({x}) |{x}|^0.5", 0.5, lambda q, _: np.sign(q) * np.sqrt(np.abs(q)))
         return (
+            *((root,) if state.name == "leak" else ()),
             Atom(x, 1, lambda q, _: q),
             Atom(f"|{x}| {x}", 2, lambda q, _: np.abs(q) * q),
             Atom(f"|{x}|", 1, lambda q, _: np.abs(q)),

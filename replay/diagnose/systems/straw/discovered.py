@@ -20,6 +20,7 @@ PLACES = {
     "tip X, along Z": ("tip_force", "tip_x"),
     "tip speed": ("tip_force", "tip_rate"),
     "flow": ("flow", "flow"),
+    "leak": ("flow", "pressure"),
     "cycles: channel": ("flow", "cycle"),
     "gauge over pressure": ("instrument:pressure", "pressure"),
     "gauge over time": ("instrument:pressure", "time"),

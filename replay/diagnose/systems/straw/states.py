@@ -144,6 +144,10 @@ STATES: tuple[State, ...] = (
         lambda straw, o, p: np.gradient(p.volume_m3, p.time_s), zero=True,
     ),
     State(
+        "leak", "p", "Pa", "q", "m^3/s", "a flow of water out through the walls that depends on the pressure inside",
+        "term.missing_loss.leak_{}_m3_per_s", "pressure_{}_pa", 1e-7, lambda straw, o, p: p.pressure_pa, zero=True,
+    ),
+    State(
         "cycles: channel", "n", "cycles", "k", "1", "a loss in the channel that changes with the cycles before",
         "term.missing_loss.share_{}", "cycle_{}", 0.01, _cycle,
     ),
