@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.figures import constants_of, smallest_seen
 from straw.replay.diagnose.fit import Contestant, Fit
-from straw.replay.diagnose.heldout import Held, hold_out, moves, noise_floor, plain_rms
+from straw.replay.diagnose.heldout import Held, helpful, hold_out, moves, noise_floor, plain_rms
 from straw.replay.diagnose.inquiry import Inquiry, Told, silent
 from straw.replay.diagnose.judge import Judgement, by_cause, surviving
 from straw.replay.diagnose.locate import Located, Wandering, locate, sentence, wandering
@@ -133,14 +133,14 @@ def conclude(
     laws = (
         system.missing(campaign, found.null, told) if found.whole and verdict == "unknown_physics" and not brief else ()
     )
-    for missing in laws:  # what explains more first
-        curve = missing.curve
-        tried = hold_out(curve.campaign, found.null, curve.fit, located, smooth=curve.smooth) if missing.tells else None
-        if tried and tried.better:
-            fit, there, held = curve.fit, curve.campaign, tried
+    if laws:
+        missing = laws[-1]
+        helps = helpful(found.null, laws, located)
+        if helps:
+            missing, held = helps
+            fit, there = missing.curve.fit, missing.curve.campaign
             places = (system.places(campaign, found.null, o) for o in campaign.observations)
             discovered = missing.discovered(sorted({place for run in places for place in run}))
-            break
     if missing and missing.tells and not discovered:
         notes.append("the curve of what is missing does not make the runs held out better: located, not explained")
     within = tolerance is not None and _within(tolerance, campaign, found.null, held)

@@ -40,17 +40,23 @@ class Held:
     @property
     def worse(self) -> list[str]:
         """Channels in which the improved model is further off than the base, by more than chance."""
-        return [
-            name
-            for name, after in self.after.items()
-            if not after <= WORSE * max(self.before[name], self.floor[name])  # also where it cannot be simulated
-        ]
+        return self._worse_than(self.before)
 
     @property
     def better(self) -> bool:
         """Whether the improved model is nearer in at least one channel, by more than chance, and worse in none."""
-        gains = [WORSE * self.after[name] < before for name, before in self.before.items()]
-        return any(gains) and not self.worse
+        return self.nearer_than(self.before)
+
+    def nearer_than(self, rms: dict[str, float]) -> bool:
+        """The same beside another model with this RMS by channel on the same runs."""
+        return any(WORSE * self.after[name] < other for name, other in rms.items()) and not self._worse_than(rms)
+
+    def _worse_than(self, rms: dict[str, float]) -> list[str]:
+        return [
+            name
+            for name, after in self.after.items()
+            if not after <= WORSE * max(rms[name], self.floor[name])  # also where it cannot be simulated
+        ]
 
     def of_base(self) -> Held:
         """The same where nothing improves on the base."""
@@ -123,6 +129,22 @@ def hold_out(
         tuple(steps) if added else (),
         {o.name: (_shown(rest, o, base), _shown(rest, o, last)) for o in rest.observations},
     )
+
+
+def helpful(null: Fit, laws: Sequence[Any], located: Sequence[Located]) -> tuple[Any, Held] | None:
+    """The law that makes held-out runs better than the base, and its errors there; None where none does.
+
+    ``laws``: a system's ``missing``, those with more parts first; a part is kept where it makes those runs better.
+    """
+    found: tuple[Any, Held] | None = None
+    for law in laws:
+        if not law.tells:
+            continue
+        curve = law.curve
+        held = hold_out(curve.campaign, null, curve.fit, located, smooth=curve.smooth)
+        if held and held.better and (found is None or not found[1].nearer_than(held.after)):
+            found = law, held
+    return found
 
 
 def _shown(campaign: Campaign, observed: Any, fit: Fit) -> Floats:

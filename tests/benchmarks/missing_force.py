@@ -23,7 +23,7 @@ import numpy as np
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.explain import random_effects
 from straw.replay.diagnose.fit import fitted
-from straw.replay.diagnose.heldout import hold_out
+from straw.replay.diagnose.heldout import helpful, hold_out
 from straw.replay.diagnose.judge import unexplained
 from straw.replay.diagnose.locate import locate
 from straw.replay.diagnose.settings import ROUNDS
@@ -131,11 +131,10 @@ def main() -> None:
             random_effects(here, null)
             null = fitted(here, null.unknowns, null.u, rounds=ROUNDS)
             left, start, before = unexplained(here, null), time.process_time(), here.tally["played"]
-            for found in missing_force(here, null, states=states):
-                curve = found.curve
-                held = hold_out(curve.campaign, null, curve.fit, locate(here, null), smooth=curve.smooth)
-                if held and found.tells and held.better:
-                    break
+            laws, located = missing_force(here, null, states=states), locate(here, null)
+            found, curve = laws[-1], laws[-1].curve
+            helps = helpful(null, laws, located)
+            found, held = helps or (found, hold_out(curve.campaign, null, curve.fit, located, smooth=curve.smooth))
         assert held is not None
         tried += 1
         right += planted.state in [law.state.name for law in found.laws]

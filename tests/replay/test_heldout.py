@@ -1,7 +1,10 @@
 """Held-out runs in the findings: the share explained, what remains, what is worse, and what is within tolerance."""
 
+from dataclasses import dataclass, field
+
 import pytest
 
+from straw.replay.diagnose import heldout
 from straw.replay.diagnose.heldout import Held
 from straw.replay.diagnose.systems.straw.system import CHANNELS
 from straw.replay.diagnose.tolerance import parse_tolerance
@@ -67,3 +70,38 @@ def test_a_tolerance_that_cannot_be_read_is_refused_in_one_line(text):
     with pytest.raises(ReplayError, match="--tolerance") as error:
         parse_tolerance(text, CHANNELS)
     assert "\n" not in str(error.value)
+
+
+@dataclass(frozen=True)
+class Curve:
+    campaign: None = None
+    fit: None = None
+    smooth: None = None
+
+
+@dataclass(frozen=True)
+class Law:
+    """A missing law with the X that it leaves on the runs held out, m; ``tells``: whether it explains enough."""
+
+    leaves_m: float
+    tells: bool = True
+    curve: Curve = field(default_factory=Curve)
+
+
+@pytest.mark.parametrize(
+    ("two", "one", "kept"),
+    [
+        (Law(1e-4), Law(2e-4), 0),  # the second part helps
+        (Law(2e-4), Law(1e-4), 1),  # it makes the run held out worse
+        (Law(2e-4), Law(2.01e-4), 1),  # it does not matter there
+        (Law(1e-4), Law(5e-4), 0),  # alone worse than the base
+        (Law(1e-4), Law(5e-5, tells=False), 0),
+        (Law(5e-4), Law(5e-4), None),
+    ],
+)
+def test_a_second_law_is_kept_where_it_makes_held_out_runs_better(two, one, kept, monkeypatch):
+    base = above(NOISE, x=4e-4)
+    seen = iter([law.leaves_m for law in (two, one) if law.tells])
+    monkeypatch.setattr(heldout, "hold_out", lambda *_args, **_more: held(base, above(NOISE, x=next(seen))))
+    found = heldout.helpful(None, [two, one], [])
+    assert (found and found[0]) is (None if kept is None else (two, one)[kept])
