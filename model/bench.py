@@ -50,7 +50,7 @@ class Bench(NamedTuple):
     flow: Floats  # (wide,)
     inside_pa: Floats  # (wide,)
     slopes: Floats  # (cells, 2, 2, 4)
-    memory_by: Floats  # (cells, 2, MEMORIES, 2, 6)
+    memory_by: Floats  # (cells, 2, MEMORIES, 2, 7)
     law: Floats  # (cells + 1, LAW_OUT, LAW_IN)
     pushed: Floats  # (cells + 1, LAW_OUT)
     eliminating: Floats
@@ -88,7 +88,7 @@ def bench_for(c: Constants, given: Given, P: int) -> Bench:
         np.zeros(wide(P + 1)),
         np.zeros(wide(P + 1)),
         np.zeros((n, 2, 2, 4)),
-        np.zeros((n, 2, MEMORIES, 2, 6)),
+        np.zeros((n, 2, MEMORIES, 2, 7)),
         np.zeros((n + 1, LAW_OUT, LAW_IN)),
         np.zeros((n + 1, LAW_OUT)),
         np.zeros((12, 24)),

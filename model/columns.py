@@ -21,7 +21,7 @@ from straw.model.elimination import eliminate
 from straw.model.frusta import MEMORIES
 from straw.model.frusta_slopes import frusta_slopes
 from straw.model.given import Given
-from straw.model.given_loads import add_given
+from straw.model.given_loads import add_given, add_per_pascal
 from straw.model.inlet_columns import advance_inlet
 from straw.model.kinematics import place, spread
 from straw.model.linearised import linearise
@@ -42,6 +42,7 @@ def _linearised(c: Constants, given: Given, s: Stages, stage: int, hg: float, b:
     """Linearise the straw at a stage's solution, and clear the block."""
     block = b.sweeps.block
     spread(c, s.q[stage], s.v[stage], s.a[stage], b.motion)
+    b.motion.inside_pa[0] = s.inside_pa[stage]
     if given.in_world or len(given.body):
         place(c, b.motion, b.chain)
         body_slopes(c, b)
@@ -70,6 +71,8 @@ def _answered(c: Constants, given: Given, s: Stages, stage: int, hg: float, b: B
     for i in range(n):
         for x in range(c.active):
             block[i, rows.force + x, P] = c.C3
+    if not c.plain:
+        add_per_pascal(c, s, stage, hg, b, rows, P)
     end = math.pi * c.r_i**2
     block[n - 1, rows.beyond, P] = end * b.links.axis[n, 0]
     block[n - 1, rows.beyond + 1, P] = end * b.links.axis[n, 1]
@@ -104,6 +107,7 @@ def _remembered(c: Constants, stage: int, hg: float, b: Bench, rows: Rows) -> No
                     v_zeta, v_phi = b.qv[stage, i, z * W :], b.qv[stage, i, f * W :]
                     for p in range(len(now)):
                         now[p] += by[0] * q_zeta[p] + by[1] * q_phi[p] + by[2] * v_zeta[p] + by[3] * v_phi[p]
+                        now[p] += by[6] * b.inside_pa[p]
                         rate[p] = (now[p] - known[p]) / hg
 
 

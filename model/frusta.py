@@ -112,6 +112,7 @@ def frustum_at(
         c.r_o,
         c.cycle,
         c.wall[i, j],
+        m.inside_pa[0],
     )
 
 

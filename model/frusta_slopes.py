@@ -75,6 +75,8 @@ MEMORY_OF = np.array([MEMORY_TERMS.index(name) if name in MEMORY_TERMS else -1 f
 #: Steps of the derivatives of the frusta's laws by zeta (m), phi (rad) and their rates: with central differences off by
 #: some 1e-9 of the law, as laws change over 5 um and more.
 LAW_STEPS = (1e-8, 1e-6, 1e-7, 1e-5)
+#: The pressure inside, in place of a constant's number, and its step, Pa.
+PRESSURE, PRESSURE_STEP_PA = -1, 1.0
 
 
 @allocates_nothing
@@ -94,6 +96,7 @@ def _with_constant(f: Frustum, field: int, more: float) -> Frustum:
         f.r_o + (more if field == 10 else 0.0),
         f.cycle + (more if field == 11 else 0.0),
         f.wall,
+        f.pressure + (more if field == PRESSURE else 0.0),
     )
 
 
@@ -114,7 +117,20 @@ def by_wall(c: Constants, m: Motion, i: int, j: int, way: Floats, e: float, row:
             row[x] = f.wall[x] + sign * e * way[x]
         one = walls_force(
             Frustum(
-                f.zeta, f.phi, f.d_zeta, f.d_phi, f.zeta0, f.C1, f.C2, f.c_zeta, f.c_phi, f.r_i, f.r_o, f.cycle, row
+                f.zeta,
+                f.phi,
+                f.d_zeta,
+                f.d_phi,
+                f.zeta0,
+                f.C1,
+                f.C2,
+                f.c_zeta,
+                f.c_phi,
+                f.r_i,
+                f.r_o,
+                f.cycle,
+                row,
+                f.pressure,
             )
         )
         force += sign * one[0] / (2 * e)
@@ -146,8 +162,9 @@ def frusta_slopes(
 ) -> None:
     """Derivatives of each frustum's force and moment by its zeta, phi and their rates, into by (cells, 2, 2, 4).
 
-    memory_by (cells, 2, MEMORIES, 2, 6) gets those of what each remembers after the step, by these four and by the
-    two values known before; ``scratch`` (2, MEMORIES, 2). Damping is linear, its slope written.
+    memory_by (cells, 2, MEMORIES, 2, 7) gets those of what each remembers after the step, by these four and by the
+    two values known before; the last, by the pressure, is that of `straw.model.given_loads.add_per_pascal`.
+    ``scratch`` (2, MEMORIES, 2). Damping is linear, its slope written.
     """
     for i in range(c.cells):
         for j in range(2 - c.active, 2):
@@ -178,7 +195,7 @@ def frusta_slopes(
 def _by_known(
     c: Constants, m: Motion, i: int, j: int, known: Floats, up: Floats, down: Floats, step_s: float, by: Floats
 ) -> None:
-    """Derivatives of what a frustum remembers after a step by what it did before, into by (MEMORIES, 2, 6) from 4."""
+    """Derivatives of what a frustum remembers after a step by what it did before, into by (MEMORIES, 2, 7) from 4."""
     for y in range(2):
         e = 1e-3 if y == 0 else 1e-5
         for at in range(MEMORIES):

@@ -11,7 +11,15 @@ from straw.model.bench import Bench, add
 from straw.model.compiled import allocates_nothing, called
 from straw.model.constants import Constants
 from straw.model.frusta import MEMORIES, frustum_at
-from straw.model.frusta_slopes import MEMORY_OF, base_force, beyond_base, by_wall, law_of
+from straw.model.frusta_slopes import (
+    MEMORY_OF,
+    PRESSURE,
+    PRESSURE_STEP_PA,
+    base_force,
+    beyond_base,
+    by_wall,
+    law_of,
+)
 from straw.model.given import AREA, C3, CYCLE, F_X, F_Z, GRAVITY, I_TIP, M_TIP, M_Y, PHI_0, R_I, R_O, RHO, Given
 from straw.model.links import ANGLE, AX, AZ, D_SPIN, own_loads
 from straw.model.stages import Stages
@@ -112,6 +120,23 @@ def _of_all_frusta(c: Constants, given: Given, s: Stages, stage: int, hg: float,
                         for at in range(MEMORIES):
                             for y in range(2):
                                 add(b.remembering[2, at, y], row, b.now_memory[i, j, at, y])
+
+
+@called
+def add_per_pascal(c: Constants, s: Stages, stage: int, hg: float, b: Bench, rows: Rows, P: int) -> None:
+    """Add to the block, in column P behind all others, what a pascal inside changes of the frusta's laws."""
+    block, e, up, down = b.sweeps.block, PRESSURE_STEP_PA, b.remembering[0], b.remembering[1]
+    for i in range(c.cells):
+        for j in range(2 - c.active, 2):
+            known = s.known_memory[stage, i, j]
+            force, moment = beyond_base(c, b.motion, i, j, PRESSURE, e, known, up, hg)
+            less, turned = beyond_base(c, b.motion, i, j, PRESSURE, -e, known, down, hg)
+            block[i, rows.force + j - 2 + c.active, P] += (force - less) / (2 * e)
+            block[i, rows.force + j - 2 + 2 * c.active, P] += (moment - turned) / (2 * e)
+            if c.remembers:
+                for at in range(MEMORIES):
+                    for y in range(2):
+                        b.memory_by[i, j, at, y, 6] = (up[at, y] - down[at, y]) / (2 * e)
 
 
 @allocates_nothing

@@ -27,6 +27,7 @@ class Motion(NamedTuple):
     d_phi: Floats
     dd_zeta: Floats
     dd_phi: Floats
+    inside_pa: Floats  # (1,) pressure inside, on which laws of the frusta may depend
 
 
 class Chain(NamedTuple):
@@ -59,7 +60,13 @@ def still_motion(c: Constants) -> Motion:
     """Allocate a motion: every frustum at its unloaded height, at rest."""
     n = c.cells
     return Motion(
-        c.zeta0.copy(), np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2))
+        c.zeta0.copy(),
+        np.zeros((n, 2)),
+        np.zeros((n, 2)),
+        np.zeros((n, 2)),
+        np.zeros((n, 2)),
+        np.zeros((n, 2)),
+        np.zeros(1),
     )
 
 

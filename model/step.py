@@ -65,6 +65,7 @@ def _newton_matrix(
     which couples all rates, is left out as well and put in by how the straw yields to a pascal (`_displaced`).
     """
     spread(c, state.q, state.v, state.a, w.room.motion)
+    w.room.motion.inside_pa[0] = state.clock[2]
     place(c, w.room.motion, w.start)
     tangent(c, w.room.motion, state.memory, s.memory[0], hg, w.blocks, w.K)
     articulate(c, w.start, w.blocks, hg, w.newton)
@@ -159,6 +160,7 @@ def _solve_stages(
         s.inside_pa[i], _ = inside_pressure(w.channel, s.known_inlet[i], hg, external_pa, volume_rate(c, v), w.inlet)
         if limits.remembers:
             spread(c, q, v, a, w.room.motion)
+            w.room.motion.inside_pa[0] = s.inside_pa[i]
             remember(c, w.room.motion, s.known_memory[i], s.memory[i], hg)
         for m in range(STATES):
             s.inlet[i, m] = w.inlet[m]

@@ -106,6 +106,7 @@ def forces_left(
     """
     m, s, load = room.motion, room.chain, room.load
     spread(c, q, v, a, m)
+    m.inside_pa[0] = inside_pa
     place(c, m, s)
     unload(load)
     add_inertia(c, s, load)

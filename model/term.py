@@ -32,6 +32,7 @@ class Frustum(NamedTuple):
     r_o: float  # m
     cycle: float  # how often the specimen was cycled before this run
     wall: Floats = EQUATION_7  # a row of `straw.model.terms.shell_energy`; equation 7 where its first number is zero
+    pressure: float = 0.0  # inside, Pa
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
-"""An unknown force of the even frusta: tables over height, bending angle and cycles.
+"""An unknown force of the even frusta: tables over height, bending angle, cycles and the pressure inside.
 
-F = f(zeta / |zeta_0|) (1 + c(cycle)) on zeta,  M = m(phi) (1 + c(cycle)) on phi,  and the walls with E (1 + e(cycle)).
+F = f(zeta / |zeta_0|) (1 + c(cycle)) on zeta,  M = m(phi) (1 + c(cycle)) on phi,  walls with E (1 + e(cycle) + s(p)).
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ def _force(f: Frustum, k: Floats) -> tuple[float, float]:
         changed = 1.0 + table(f.cycle, k, 49)
         force *= changed
         moment *= changed
-    if not empty(k, 33):
-        share = table(f.cycle, k, 33)
+    if not (empty(k, 33) and empty(k, 65)):
+        share = table(f.cycle, k, 33) + table(f.pressure, k, 65)
         elastic, bending = walls_force(f)
         force += share * elastic
         moment += share * bending
@@ -37,30 +37,39 @@ def _energy(f: Frustum, k: Floats) -> float:
     if f.zeta0 > 0:
         return 0.0
     stored = f.zeta0 * table_area(-f.zeta / f.zeta0, k, 1) - table_area(f.phi, k, 17)
-    changed, share = 1.0 + table(f.cycle, k, 49), table(f.cycle, k, 33)
+    changed, share = 1.0 + table(f.cycle, k, 49), table(f.cycle, k, 33) + table(f.pressure, k, 65)
     return float(k[0] * (stored * changed + share * walls_energy(f)))
 
 
 #: Dense where the faces of a folded frustum nearly touch.
 HEIGHTS = (-1.1, -1.0, -0.93, -0.85, -0.7, -0.2, 0.6, 0.95)
 ANGLES = (-0.3, -0.15, -0.06, -0.02, 0.02, 0.06, 0.15, 0.3)
+PRESSURES = (-30e3, -15e3, -5e3, 0.0, 5e3, 15e3, 25e3, 40e3)
 CYCLES = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
 
 TERM = Term(
     name="missing_force",
     kind="frustum",
-    law="F = f(zeta/|zeta_0|), M = m(phi), both (1 + c(cycle)), walls with E (1 + e(cycle)); tables, even frusta only",
+    law="F = f(zeta/|zeta_0|), M = m(phi), both (1 + c(cycle)), E (1 + e(cycle) + s(p)); tables, even frusta only",
     source="fitted by `straw diagnose` where no hypothesis explains the runs",
-    strengths=("amount", *names("force_{}_n"), *names("moment_{}_n_m"), *names("stiffness_{}"), *names("change_{}")),
+    strengths=(
+        "amount",
+        *names("force_{}_n"),
+        *names("moment_{}_n_m"),
+        *names("stiffness_{}"),
+        *names("change_{}"),
+        *names("stiffer_{}"),
+    ),
     constants=(
         AMOUNT,
         *points("height_{}", HEIGHTS, "force_{}_n", "N", -20.0, 2.0),
         *points("angle_{}_rad", ANGLES, "moment_{}_n_m", "N m", -0.1, 4e-3),
         *points("cycle_{}", CYCLES, "stiffness_{}", "1", -0.5, 0.2),
         *points("changed_{}", CYCLES, "change_{}", "1", -1.0, 0.5),
+        *points("pressed_{}_pa", PRESSURES, "stiffer_{}", "1", -0.5, 0.2),
     ),
     force=_force,
     energy=_energy,
-    rising=(names("height_{}"), names("angle_{}_rad"), names("cycle_{}"), names("changed_{}")),
+    rising=(names("height_{}"), names("angle_{}_rad"), names("cycle_{}"), names("changed_{}"), names("pressed_{}_pa")),
     cause=False,
 )

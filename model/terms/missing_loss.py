@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from straw.model.table import AMOUNT, names, points
 from straw.model.term import Term
-from straw.model.terms.missing_force import CYCLES
+from straw.model.terms.missing_force import CYCLES, PRESSURES
 
-PRESSURES = (-30e3, -15e3, -5e3, 0.0, 5e3, 15e3, 25e3, 40e3)
 FLOWS = (-4e-6, -2e-6, -0.7e-6, 0.0, 0.5e-6, 1.2e-6, 2.5e-6, 5e-6)
 
 TERM = Term(

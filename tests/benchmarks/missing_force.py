@@ -74,7 +74,7 @@ PLANTED = (
     Planted(_unknown("damping with the square of speed", 3e3), "speed", lambda v: 3e3 * v**2),
     Planted(_unknown("board against a stop", 1e-3), "tip X, along X", lambda x: -800 * np.maximum(0, x - 51e-3)),
     Planted(_unknown("magnet near the tip", 0.15), "tip X, along Z", None),
-    Planted(_unknown("wall stiffer under pressure", 5e-6), "gauge over pressure", None),
+    Planted(_unknown("wall stiffer under pressure", 5e-6), "pressure: stiffness", lambda p: 5e-6 * p),
     Planted(_unknown("wall softens with time", 2e-3), "cycles: stiffness", None),
     Planted(_unknown("channel clogs from run to run", 0.025), "cycles: channel", None),
     Planted(_unknown("leak through the wall", 4e-11), "leak", lambda p: 4e-11 * p),

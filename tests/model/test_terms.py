@@ -278,6 +278,16 @@ def test_tables_over_speed_flow_and_the_tip_give_their_forces() -> None:
     assert ends[0].z_m[-1] == pytest.approx(ends[1].z_m[-1], abs=1e-7)
 
 
+def test_a_stiffness_over_the_pressure_inside_is_that_of_the_modulus_and_grows_with_the_pressure() -> None:
+    pressures = np.linspace(-35e3, 35e3, 8)
+    stiffer = curve("pressed_{}_pa", pressures, "stiffer_{}", 2e-6 * pressures)
+    straw = FOLDING.with_term("missing_force", amount=1.0, **stiffer)
+    for pressure in (-8e3, 0.0, 12e3):
+        worn = FOLDING.replace(E_pa=FOLDING.E_pa * np.array([1.0, 1 + 2e-6 * pressure]))
+        assert rest_state(straw, [1, 4], pressure) == pytest.approx(rest_state(worn, [1, 4], pressure), abs=1e-9)
+    assert np.abs(rest_state(straw, [1, 4], 12e3) - rest_state(FOLDING, [1, 4], 12e3)).max() > 1e-6
+
+
 def test_a_straw_file_contains_its_terms() -> None:
     text = "[terms.cohesion]\nforce_n = 5.0\n[terms.frustum_spread]\nE_relative = [0, 0, 0, -0.1, 0, 0, 0, 0, 0]\n"
     straw = straw_from_toml(text)

@@ -15,6 +15,7 @@ PLACES = {
     "speed": ("frustum_force", "height_rate"),
     "damping over height": ("constant:c_zeta_n_s_per_m", "height"),
     "cycles: stiffness": ("constant:E_pa", "cycle"),
+    "pressure: stiffness": ("constant:E_pa", "pressure"),
     "cycles: force": ("frustum_force", "cycle"),
     "tip X, along X": ("tip_force", "tip_x"),
     "tip X, along Z": ("tip_force", "tip_x"),

@@ -123,6 +123,10 @@ STATES: tuple[State, ...] = (
         "term.missing_force.stiffness_{}", "cycle_{}", 2e-3, _cycle,
     ),
     State(
+        "pressure: stiffness", "p", "Pa", "e", "1", "a stiffness of the frusta that changes with the pressure inside",
+        "term.missing_force.stiffer_{}", "pressed_{}_pa", 5e-3, lambda straw, o, p: p.pressure_pa, zero=True,
+    ),
+    State(
         "cycles: force", "n", "cycles", "c", "1", "a change of the frusta's missing force with the cycles before",
         "term.missing_force.change_{}", "changed_{}", 0.02, _cycle,
     ),
