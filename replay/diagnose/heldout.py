@@ -40,18 +40,16 @@ class Held:
     @property
     def worse(self) -> list[str]:
         """Channels in which the improved model is further off than the base, by more than chance."""
-        return self._worse_than(self.before)
+        return self.worse_than(self.before)
 
     @property
     def better(self) -> bool:
         """Whether the improved model is nearer in at least one channel, by more than chance, and worse in none."""
-        return self.nearer_than(self.before)
+        gains = [WORSE * self.after[name] < before for name, before in self.before.items()]
+        return any(gains) and not self.worse
 
-    def nearer_than(self, rms: dict[str, float]) -> bool:
+    def worse_than(self, rms: dict[str, float]) -> list[str]:
         """The same beside another model with this RMS by channel on the same runs."""
-        return any(WORSE * self.after[name] < other for name, other in rms.items()) and not self._worse_than(rms)
-
-    def _worse_than(self, rms: dict[str, float]) -> list[str]:
         return [
             name
             for name, after in self.after.items()
@@ -134,7 +132,7 @@ def hold_out(
 def helpful(null: Fit, laws: Sequence[Any], located: Sequence[Located]) -> tuple[Any, Held] | None:
     """The law that makes held-out runs better than the base, and its errors there; None where none does.
 
-    ``laws``: a system's ``missing``, those with more parts first; a part is kept where it makes those runs better.
+    ``laws``: a system's ``missing``, those with more parts first; a part that makes those runs worse is left out.
     """
     found: tuple[Any, Held] | None = None
     for law in laws:
@@ -142,7 +140,7 @@ def helpful(null: Fit, laws: Sequence[Any], located: Sequence[Located]) -> tuple
             continue
         curve = law.curve
         held = hold_out(curve.campaign, null, curve.fit, located, smooth=curve.smooth)
-        if held and held.better and (found is None or not found[1].nearer_than(held.after)):
+        if held and held.better and (found is None or found[1].worse_than(held.after)):
             found = law, held
     return found
 
