@@ -98,7 +98,8 @@ def some_frusta(count: int = ASKED) -> list[Frustum]:
     states = random.uniform([-2.8e-3, -0.25, -0.5, -5.0], [2.8e-3, 0.25, 0.5, 5.0], (count, 4)).tolist()
     own = zeta0, c1, c2, 620.0, 7e-4, r_i, r_o, 0.0
     pressures = random.uniform(-30e3, 35e3, count).tolist()
-    return [Frustum(*state, *own, pressure=pa) for state, pa in zip(states, pressures, strict=True)]
+    moving = [Frustum(z, phi, dz, dphi, *own) for z, phi, dz, dphi in states]
+    return [f._replace(pressure=pa) for f, pa in zip(moving, pressures, strict=True)]
 
 
 def _asked(law: Law, k: Floats, f: Frustum, where: str, *more: float) -> tuple[float, float]:
