@@ -83,9 +83,13 @@ def beside(
     if campaign.stop() or not starts:
         return None
     tried = [_carried_on(start.curve, start.curve.campaign, FIRST_ROUNDS, 0.01) for start in starts[:FINISHED]]
-    best = min(tried, key=lambda c: c.fit.cost)
-    told(best.state.name, 1, 1)
-    return _finished(best, campaign, wide)
+    best = min(one.fit.cost for one in tried)
+    finished = []
+    for k, one in enumerate(tried, 1):
+        told(one.state.name, k, len(tried))
+        if one.fit.cost < RIVAL * best:
+            finished.append(_finished(one, campaign, wide))
+    return min(finished, key=lambda c: c.fit.cost)
 
 
 def _promising(
