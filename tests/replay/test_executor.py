@@ -15,7 +15,6 @@ from straw.model.parameters import StrawParameters
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.diagnosis import inquire
 from straw.replay.diagnose.findings import conclude
-from straw.replay.diagnose.one_thread import one_blas_thread
 from straw.replay.diagnose.systems.oscillator.system import OscillatorSystem
 from straw.replay.diagnose.systems.straw.constants import base_unknowns
 from straw.replay.diagnose.systems.straw.observation import observe
@@ -59,13 +58,22 @@ def test_a_dask_cluster_of_processes_finds_what_threads_find() -> None:
     assert found[0] == found[1]
 
 
-def test_the_linear_algebra_of_a_fit_has_one_thread() -> None:
+def test_the_linear_algebra_of_a_search_has_one_thread() -> None:
     def blas() -> set[int]:
         return {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
 
-    inside: list[set[int]] = []
-    with threadpool_limits(limits=2, user_api="blas"):
+    during: list[set[int]] = []
+    with threadpool_limits(limits=2, user_api="blas"), threads(1) as pool:
         before = blas()
-        one_blas_thread()(lambda: inside.append(blas()))()
+        if before != {2}:
+            pytest.skip("threadpoolctl cannot set the threads of this machine's BLAS")
+        inquire(
+            stiffening(5e9),
+            OscillatorSystem(),
+            library=("cubic_stiffness",),
+            executor=pool,
+            told=lambda *_: during.append(blas()),
+        )
         assert blas() == before
-    assert inside == [{1}]
+    assert during
+    assert all(one == {1} for one in during)
