@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 
 from straw.replay.diagnose.bootstrap import accept
 from straw.replay.diagnose.campaign import Campaign
@@ -11,6 +12,7 @@ from straw.replay.diagnose.explain import explain
 from straw.replay.diagnose.inquiry import Inquiry, Told, silent
 from straw.replay.diagnose.one_thread import one_blas_thread
 from straw.replay.diagnose.pairs import nested
+from straw.replay.diagnose.refine import without_a_run
 from straw.replay.diagnose.settings import ROUNDS
 from straw.replay.diagnose.system import Recording, System
 from straw.replay.diagnose.tournament import finished
@@ -48,10 +50,11 @@ def inquire(
     found = explain(campaign, names, told, proposal, before)
     found.whole, found.spent = not stop(), campaign.tally["work"] > system.most_work
     campaign.stop = stop  # later uses of the inquiry have a budget of their own
-    if found.spent:  # unless each cause is fitted alone, one without effect would be named beside the other
-        if found.contestants:
-            found.keep(finished(campaign, found.contestants[0], ROUNDS))
-        nested(found)
+    if found.contestants and (found.spent or found.goes_on):
+        told("the best without one of the runs", 1, 1)
+        best = finished(campaign, found.contestants[0], ROUNDS)
+        found.keep(replace(best, fit=without_a_run(campaign, best.fit)))
+        nested(found)  # unless each cause is fitted alone, one without effect would be named beside the other
     if found.whole:
         accept(found, names)
     return found

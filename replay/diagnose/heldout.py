@@ -13,7 +13,7 @@ from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Fit, fitted
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.locate import Located
-from straw.replay.diagnose.settings import FIRST_ROUNDS, WORSE
+from straw.replay.diagnose.settings import ROUNDS, WORSE
 
 Floats = NDArray[np.float64]
 
@@ -107,12 +107,12 @@ def hold_out(
         return None
     out = _chosen(campaign, located)
     train, rest = campaign.only([n for n in names if n not in out]), campaign.only(out)
-    base = fitted(train, null.unknowns, null.u, rounds=FIRST_ROUNDS)
+    base = fitted(train, null.unknowns, null.u, rounds=ROUNDS)
     before = plain_rms(rest, null.unknowns, base.u)
     last, after = base, before
     steps = []
     for cause, fit in added or ([] if better is null else [("", better)]):
-        last = fitted(train, fit.unknowns, fit.u, rounds=FIRST_ROUNDS, smooth=smooth)
+        last = fitted(train, fit.unknowns, fit.u, rounds=ROUNDS, smooth=smooth)
         after = plain_rms(rest, fit.unknowns, last.u)
         steps.append((cause, after))
     return Held(

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from straw.replay.diagnose.fit import Fit
-from straw.replay.diagnose.refine import drawn, refined
+from straw.replay.diagnose.fit import Fit, evaluated, fitted
+from straw.replay.diagnose.refine import drawn, refined, without_a_run
 from straw.replay.diagnose.settings import FAILED_SIGMAS, FIRST_ROUNDS, ROUNDS
 from tests.replay.test_fit_campaign import FIRST, SECOND, Toy
 
@@ -44,6 +44,26 @@ def coarse(at_hz, misfit):
     return Fit((FIRST,), np.array([at_hz]), np.full(25, misfit), slopes, 25 * misfit**2)
 
 
+class RingingAndCreeping(Toy):
+    """Two runs with one unknown frequency: a tip that rings at it, and one that creeps at a speed that goes with it."""
+
+    def __init__(self, true_hz, names=("rings", "creeps")):
+        super().__init__(lambda v: np.concatenate([self.run(name, v[0]) for name in names]))
+        self.true_hz = true_hz
+        self.observations = [SimpleNamespace(name=name, seen=np.zeros((1, SAMPLES))) for name in names]
+
+    def run(self, name, hz):
+        if name == "creeps":
+            return 2 * (hz - self.true_hz) * TIME_S
+        return 30 * (np.sin(2 * np.pi * hz * TIME_S) - np.sin(2 * np.pi * self.true_hz * TIME_S))
+
+    def only(self, names):
+        return RingingAndCreeping(self.true_hz, tuple(names))
+
+    def slices(self):
+        return [slice(k * SAMPLES, (k + 1) * SAMPLES) for k in range(len(self.observations))]
+
+
 def test_draws_about_a_coarse_fit_find_the_right_cycle_of_an_oscillation():
     fit = refined(Ringing(true_hz=6.0), coarse(4.6, 0.5), ROUNDS)  # three cycles off after two seconds
     assert fit.u[0] == pytest.approx(6.0, abs=1e-3)
@@ -66,3 +86,16 @@ def test_draws_follow_a_penalty_on_roughness_as_the_fit_does():
     points = np.array(drawn(fit, 1, np.array([[2e3, -1e3]])))
     np.testing.assert_allclose(points[:, 1], 2 * points[:, 0], rtol=1e-2, atol=1e-4)
     assert np.ptp(points[:, 0]) > 0
+
+
+def test_a_fit_held_by_one_run_in_a_wrong_cycle_is_freed_by_leaving_that_run_out():
+    both = RingingAndCreeping(true_hz=6.0)
+    held = fitted(both, (FIRST,), np.array([4.6]), rounds=ROUNDS)
+    assert without_a_run(both, held).u[0] == pytest.approx(6.0, abs=1e-3)
+
+
+def test_a_fit_that_leaves_noise_only_and_one_of_a_single_run_are_not_restarted():
+    right, one = RingingAndCreeping(true_hz=6.0), RingingAndCreeping(true_hz=6.0, names=("rings",))
+    for campaign, at_hz in ((right, 6.0), (one, 4.6)):
+        fit = evaluated(campaign, (FIRST,), np.array([at_hz]))
+        assert without_a_run(campaign, fit) is fit

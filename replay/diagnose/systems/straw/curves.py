@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Fit, evaluated, fitted
 from straw.replay.diagnose.inquiry import Told, silent
-from straw.replay.diagnose.refine import refined
+from straw.replay.diagnose.refine import refined, without_a_run
 from straw.replay.diagnose.robust import weights
 from straw.replay.diagnose.settings import COARSE_ROUNDS, ROUNDS
 from straw.replay.diagnose.systems.straw.base import telling_runs
@@ -136,7 +136,8 @@ def _finished(curve: Curve, campaign: Campaign, wide: Campaign) -> Curve:
     curve = _moved(curve, wide)
     here = campaign.with_system(curve.campaign.system)
     coarse = _carried_on(curve, here.coarse(), COARSE_ROUNDS[-1]).fit
-    return _moved(replace(curve, campaign=here, fit=refined(here, coarse, ROUNDS, curve.smooth)), campaign)
+    fit = without_a_run(here, refined(here, coarse, ROUNDS, curve.smooth), curve.smooth)
+    return _moved(replace(curve, campaign=here, fit=fit), campaign)
 
 
 def _moved(curve: Curve, campaign: Campaign) -> Curve:
