@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Contestant, Fit, clipped, cost_at, fitted
 from straw.replay.diagnose.inquiry import Inquiry
-from straw.replay.diagnose.judge import run_by_run, unexplained
+from straw.replay.diagnose.judge import CALIBRATION, run_by_run, unexplained
 from straw.replay.diagnose.robust import weights
 from straw.replay.diagnose.settings import (
     COARSE_ROUNDS,
@@ -60,7 +60,8 @@ def from_draws(campaign: Campaign, about: Fit, rounds: int, smooth: Floats | Non
 
 
 def without_a_run(campaign: Campaign, fit: Fit, smooth: Floats | None = None) -> Fit:
-    """The fit restarted from one that leaves out a run that misfits, the worst first, as long as that costs less.
+    """The fit restarted from one that leaves out a run that misfits, the worst first, as long as that ends in another,
+    better minimum: by more than the squared sigmas that count as one.
 
     One run that rings out of phase or snaps in another order can hold a fit to all runs in a local minimum. Leaving out
     what misfits most and fitting again are the concentration steps of least trimmed squares (Rousseeuw and Van
@@ -71,7 +72,7 @@ def without_a_run(campaign: Campaign, fit: Fit, smooth: Floats | None = None) ->
         rest = campaign.only([o.name for o in campaign.observations if o.name != waiting[0]])
         start = fitted(rest, fit.unknowns, fit.u, rounds=ROUNDS, smooth=smooth)
         other = fitted(campaign, fit.unknowns, start.u, rounds=ROUNDS, smooth=smooth)
-        if other.cost < fit.cost:
+        if other.cost < fit.cost - CALIBRATION.scale:
             fit, waiting = other, _misfitting(campaign, other)
         else:
             waiting = waiting[1:]
