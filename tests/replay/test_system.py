@@ -136,6 +136,20 @@ def test_a_spent_budget_still_tries_each_cause_of_the_best_pair_alone(monkeypatc
     assert found.singles["cubic_stiffness"].cost < found.pairs["cubic_stiffness+dry_friction"].cost + 1.0
 
 
+def test_a_search_that_ends_far_from_noise_is_restarted_with_one_run_left_out(monkeypatch):
+    def poor(campaign, *_):
+        base = campaign.system.base
+        found = Inquiry(campaign, fitted(campaign, base, np.zeros(len(base)), rounds=20))
+        found.keep(absent(found.null, campaign.hypothesis(["cubic_stiffness"])))
+        return found
+
+    monkeypatch.setattr(diagnosis, "explain", poor)
+    monkeypatch.setattr(diagnosis, "finished", lambda _campaign, one, _rounds: one)
+    with ThreadPoolExecutor() as pool:
+        found = diagnosis.inquire(stiffening(5e9), OscillatorSystem(), executor=pool)
+    assert not found.goes_on
+
+
 def test_the_base_is_also_fitted_from_the_result_of_fewer_runs(monkeypatch):
     records, system, starts = stiffening(0.0), OscillatorSystem(), []
     with ThreadPoolExecutor() as pool:
