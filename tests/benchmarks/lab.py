@@ -90,9 +90,11 @@ def measured(folder: Path, browser: Browser, pictures: Path | None) -> None:
             tab.until(READY)
             first_ms = float(tab.js(READY))
             print(f"{turn}: address after {said_s:.2f} s; first picture {first_ms:.0f} ms after the page was asked for")
-            while tab.js("state.reading") or not tab.js("fetch('/api/runs').then((a) => a.json()).then((d) => d.of)"):
+            total = len(list(folder.glob("*.mcap")))
+            while (
+                tab.js("state.reading") or tab.js("fetch('/api/runs').then((a) => a.json()).then((d) => d.of)") < total
+            ):
                 time.sleep(0.5)
-            total = tab.js("fetch('/api/runs').then((a) => a.json()).then((d) => d.of)")
             print(f"{turn}: all {total} recordings known after {time.monotonic() - began_s:.1f} s")
             if turn == "with index":
                 server = json.loads((folder / ".straw-lab" / "lab.json").read_text())["pid"]
