@@ -174,3 +174,15 @@ def test_the_page_vents_the_run_although_the_server_is_frozen_and_says_so(browse
     assert entry.status == "abort"
     assert entry.metadata["vent"] == "confirmed"
     assert "vented by" in entry.metadata["exit_reason"]
+
+
+@pytest.mark.parametrize("page", ["run", "specimen"])
+def test_a_page_of_what_is_not_there_says_so_and_shows_nothing_to_fill_in(
+    browser: Browser, lab: ServedLab, page: str
+) -> None:
+    tab = browser.tab(lab.door.url)
+    tab.goto(f"http://127.0.0.1:{lab.door.port}/{page}?name=nobody")
+    said = tab.until("document.getElementById('title').textContent")
+    assert "nobody" in said
+    assert tab.js("document.querySelectorAll('main input').length") == 0
+    assert tab.errors == []

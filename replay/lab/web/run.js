@@ -3,7 +3,7 @@ let shown = null;
 const name = here.get("name");
 async function loadRun() {
   const said = await attempt(() => ask(pageOf("/api/run", { name })));
-  if (!said) { $("#title").textContent = `${name} is not here`; return; }
+  if (!said) { $("#title").textContent = `${name} is not here`; $(".two").remove(); return; }
   shown = said;
   document.title = `${said.facts.run} · straw lab`;
   $("#title").innerHTML = `${html(said.facts.run)} <span class="soft">${html(said.kind)} · ${html(said.name)}</span>`;

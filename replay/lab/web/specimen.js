@@ -11,8 +11,10 @@ function drawConstants() {
       <text x="56" y="88" font-size="9" text-anchor="middle" fill="var(--soft)">cycle ${first}</text>${sorted.at(-1).cycle > first ? `<text x="290" y="88" font-size="9" text-anchor="middle" fill="var(--soft)">${sorted.at(-1).cycle}</text>` : ""}</svg></figure>`);
   }
 }
-attempt(async () => {
-  found = await ask(pageOf("/api/specimen", { name: here.get("name") || "" }));
+async function loadSpecimen() {
+  const name = here.get("name") || "";
+  found = await attempt(() => ask(pageOf("/api/specimen", { name })));
+  if (!found) { $("#title").textContent = `no run of specimen ${name} is here`; $(".two").remove(); return; }
   document.title = `${found.name} · straw lab`;
   $("#title").textContent = found.name;
   $("#sums").textContent = `${found.runs.length} runs, ${found.cycles} cycles so far, ${(found.seconds / 60).toFixed(1)} minutes under test, from ${found.first.slice(0, 10)} to ${found.last.slice(0, 10)}.`;
@@ -21,4 +23,5 @@ attempt(async () => {
     found.runs.map((r) => `<tr><td class="stamp">${stamp(r.preview)}</td><td class="words"><a href="${html(pageOf("/run", { name: r.name }))}">${html(r.cells[0])}</a></td><td class="words">${html(r.cells[1] || "")}</td><td class="words">${html(r.cells[2] || "")}</td><td>${r.cells[3]}</td><td class="words status-${html(r.cells[4] || "")}">${html(r.cells[4] || "")}</td><td class="words">${tagsOf(r.cells[5])}</td></tr>`).join("");
   drawConstants();
   document.documentElement.dataset.ready = Math.round(performance.now());
-});
+}
+loadSpecimen();
