@@ -49,7 +49,7 @@ class Held:
         return any(gains) and not self.worse
 
     def worse_than(self, rms: dict[str, float]) -> list[str]:
-        """The same beside another model with this RMS by channel on the same runs."""
+        """Channels in which it is further off than another model, of this RMS on the same runs, by more than chance."""
         return [
             name
             for name, after in self.after.items()

@@ -64,8 +64,9 @@ def without_a_run(campaign: Campaign, fit: Fit, smooth: Floats | None = None) ->
     better minimum: by more than the squared sigmas that count as one.
 
     One run that rings out of phase or snaps in another order can hold a fit to all runs in a local minimum. Leaving out
-    what misfits most and fitting again are the concentration steps of least trimmed squares (Rousseeuw and Van
-    Driessen, Data Mining and Knowledge Discovery 12, 2006). ``smooth`` as in `fitted`.
+    what misfits most and fitting again are taken from the concentration steps of least trimmed squares (Rousseeuw and
+    Van Driessen, Data Mining and Knowledge Discovery 12, 2006); here all runs count in the end. ``smooth`` as in
+    `fitted`.
     """
     waiting = _misfitting(campaign, fit)
     while waiting and not campaign.stop():

@@ -61,8 +61,8 @@ STARTS = 2
 #: (`python -m tests.benchmarks.proposing`).
 SHORTLIST = 8
 #: Entries followed of any list of the most promising: single causes, pairs, second causes, finished hypotheses, rivals
-#: fitted from each other's constants, starts of the base, step lengths of a second cause. Fewer may miss the truth,
-#: more cost a fit each.
+#: fitted from each other's constants, starts of the base, step lengths of a second cause, runs left out. Fewer may miss
+#: the truth, more cost a fit each.
 FOLLOWED = 4
 #: Squared sigmas beyond noise above which a first-order expansion around a fit is not informative.
 FAR = 3000.0

@@ -90,10 +90,8 @@ def measured(folder: Path, browser: Browser, pictures: Path | None) -> None:
             tab.until(READY)
             first_ms = float(tab.js(READY))
             print(f"{turn}: address after {said_s:.2f} s; first picture {first_ms:.0f} ms after the page was asked for")
-            total = len(list(folder.glob("*.mcap")))
-            while (
-                tab.js("state.reading") or tab.js("fetch('/api/runs').then((a) => a.json()).then((d) => d.of)") < total
-            ):
+            known = "fetch('/api/runs').then((a) => a.json()).then((d) => (d.reading ? 0 : d.of))"
+            while not (total := tab.js(known)):
                 time.sleep(0.5)
             print(f"{turn}: all {total} recordings known after {time.monotonic() - began_s:.1f} s")
             if turn == "with index":

@@ -22,6 +22,10 @@ async function tell(action, body) {
 }
 // A request of the user; if it is refused the reason is shown.
 const attempt = async (does) => { try { return await does(); } catch (error) { toast(error.message, null, true); return null; } };
+// What a page is about; where it cannot be had, the page says why and shows nothing else.
+async function subject(path) {
+  try { return await ask(path); } catch (error) { $("#title").textContent = error.message; $(".two").remove(); return null; }
+}
 let toastGone;
 function toast(text, undo, bad) {
   const box = $("#toast");

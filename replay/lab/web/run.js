@@ -2,8 +2,9 @@
 let shown = null;
 const name = here.get("name");
 async function loadRun() {
-  const said = await attempt(() => ask(pageOf("/api/run", { name })));
-  if (!said) { $("#title").textContent = `${name} is not here`; $(".two").remove(); return; }
+  const path = pageOf("/api/run", { name });
+  const said = await (shown ? attempt(() => ask(path)) : subject(path)); // what is shown stays where it cannot be read again
+  if (!said) return;
   shown = said;
   document.title = `${said.facts.run} · straw lab`;
   $("#title").innerHTML = `${html(said.facts.run)} <span class="soft">${html(said.kind)} · ${html(said.name)}</span>`;

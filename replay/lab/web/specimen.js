@@ -12,9 +12,8 @@ function drawConstants() {
   }
 }
 async function loadSpecimen() {
-  const name = here.get("name") || "";
-  found = await attempt(() => ask(pageOf("/api/specimen", { name })));
-  if (!found) { $("#title").textContent = `no run of specimen ${name} is here`; $(".two").remove(); return; }
+  found = await subject(pageOf("/api/specimen", { name: here.get("name") || "" }));
+  if (!found) return;
   document.title = `${found.name} · straw lab`;
   $("#title").textContent = found.name;
   $("#sums").textContent = `${found.runs.length} runs, ${found.cycles} cycles so far, ${(found.seconds / 60).toFixed(1)} minutes under test, from ${found.first.slice(0, 10)} to ${found.last.slice(0, 10)}.`;

@@ -132,7 +132,7 @@ def _carried_on(curve: Curve, campaign: Campaign, rounds: int, share: float = 1e
 
 def _finished(curve: Curve, campaign: Campaign, wide: Campaign) -> Curve:
     """The curve with its points moved to where it bends, fitted coarsely to all runs, then to all samples from several
-    starts, as a cause of the library is."""
+    starts and with one run left out, as a cause of the library is."""
     curve = _moved(curve, wide)
     here = campaign.with_system(curve.campaign.system)
     coarse = _carried_on(curve, here.coarse(), COARSE_ROUNDS[-1]).fit
