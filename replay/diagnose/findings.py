@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.figures import constants_of, smallest_seen
 from straw.replay.diagnose.fit import Contestant, Fit
+from straw.replay.diagnose.formed import Model
 from straw.replay.diagnose.heldout import Held, helpful, hold_out, moves, noise_floor, plain_rms
 from straw.replay.diagnose.inquiry import Inquiry, Told, silent
 from straw.replay.diagnose.judge import Judgement, by_cause, surviving
@@ -37,6 +38,7 @@ class Findings:
     where: str
     says: str
     best: Contestant | None
+    fitted: Model  # to all runs: the improved one, or the base
     model: Any
     written: dict[str, str]  # the model as text, by its name in findings
     parameters: dict[str, dict[str, dict[str, Any]]]
@@ -119,16 +121,16 @@ def conclude(
     best = fitted.get(top) if verdict not in ("complete", "unknown_physics") else None
     if verdict == "ambiguous":
         best = next((fitted[n] for n in probability if n in fitted), None)
-    fit, there = best.fit if best else found.null, campaign
+    improved = Model(campaign, best.fit if best else found.null)
     located = locate(campaign, found.null)
     wander = wandering(campaign, found.null)
     notes = [*notes, *doubts(found)]
-    held = hold_out(campaign, found.null, fit, located, _added(found, best)) if found.whole else None
+    held = hold_out(campaign, found.null, _added(found, best), located) if found.whole else None
     refuted = None
     if best and held and held.worse:
         refuted = Refuted(best.name, made_worse(held, system.channels))
         verdict = "ambiguous"
-        best, fit, held = None, found.null, held.of_base()
+        best, improved, held = None, Model(campaign, found.null), held.of_base()
     missing, discovered = None, None
     laws = (
         system.missing(campaign, found.null, told) if found.whole and verdict == "unknown_physics" and not brief else ()
@@ -138,7 +140,7 @@ def conclude(
         helps = helpful(found.null, laws, located)
         if helps:
             missing, held = helps
-            fit, there = missing.curve.fit, missing.curve.campaign
+            improved = missing.model
             places = (system.places(campaign, found.null, o) for o in campaign.observations)
             discovered = missing.discovered(sorted({place for run in places for place in run}))
     if missing and missing.tells and not discovered:
@@ -149,7 +151,8 @@ def conclude(
             verdict, causes = "within_tolerance", []
         elif held and tolerance.holds(held.remainder, held.moves):
             notes.append("what the improved model leaves is within the tolerance")
-    model = there.system.fitted(fit.unknowns, fit.u)
+    there = improved.campaign.system
+    model = there.fitted(*improved.parameters())
     experiment = None
     if found.whole and verdict in ("ambiguous", "unknown_physics") and not brief:
         experiment = _experiment(found, best, probability if verdict == "ambiguous" else {})
@@ -170,8 +173,9 @@ def conclude(
             modelled=missing.noun if missing and discovered else "",
         ),
         best=best,
+        fitted=improved,
         model=model,
-        written=there.system.written(model),
+        written=there.written(model),
         parameters=constants_of(system, best) if best else {},
         held=held,
         smallest=smallest_seen(campaign, found) if verdict == "complete" else {},
@@ -196,17 +200,17 @@ def _experiment(found: Inquiry, best: Contestant | None, probability: Mapping[st
     return found.campaign.system.experiment(found.campaign, among, explain=explain)
 
 
-def _added(found: Inquiry, best: Contestant | None) -> list[tuple[str, Fit]]:
-    """Fits with the first of the best hypothesis' causes, with two, ...; the cause that explains most alone comes
+def _added(found: Inquiry, best: Contestant | None) -> list[tuple[str, Model]]:
+    """Models with the first of the best hypothesis' causes, with two, ...; the cause that explains most alone comes
     first."""
     if best is None:
         return []
     alone = [found.singles[cause] for cause in best.hypothesis.causes if cause in found.singles]
     if len(best.hypothesis.causes) == 1 or not alone:
-        return [("+".join(best.hypothesis.causes), best.fit)]
+        return [("+".join(best.hypothesis.causes), Model(found.campaign, best.fit))]
     first = min(alone, key=lambda c: c.cost)
     rest = [cause for cause in best.hypothesis.causes if cause != first.name]
-    return [(first.name, first.fit), ("+".join(rest), best.fit)]
+    return [(first.name, Model(found.campaign, first.fit)), ("+".join(rest), Model(found.campaign, best.fit))]
 
 
 def _within(tolerance: Tolerance, campaign: Campaign, null: Fit, held: Held | None) -> bool:

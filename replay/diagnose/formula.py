@@ -149,6 +149,11 @@ class Sum:
     at: Floats
     scale: Floats
 
+    @property
+    def numbers(self) -> int:
+        """How many constants it has."""
+        return sum(atom.numbers for atom in self.atoms)
+
     def unknowns(self) -> tuple[tuple[Unknown, ...], Floats]:
         """They, and u where the sum starts."""
         shapes = [atom.shape.unknown() for atom in self.atoms if atom.shape]

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Fit, prior_cost
-from straw.replay.diagnose.fit import fitted as fitted_unknowns
+from straw.replay.diagnose.formed import Model, fitted
 from straw.replay.diagnose.formula import Atom, Sum
-from straw.replay.diagnose.hypothesis import Unknown
-from straw.replay.diagnose.numerical import jacobian
 from straw.replay.diagnose.robust import robust_cost, weights
 
 Floats = NDArray[np.float64]
@@ -116,87 +114,93 @@ def _nearest(t: Tangent, H: Floats, g: Floats, table: Floats) -> tuple[float, tu
     return float(2 * g @ d + d @ H @ d), tuple(a.tolist())
 
 
-class Formed(Campaign):
-    """A campaign in which a curve is a sum of functions, whose unknowns follow the base's."""
-
-    curve: tuple[Unknown, ...]  # the base's and the curve's
-    form: Sum
-
-    @classmethod
-    def of(cls, campaign: Campaign, curve: tuple[Unknown, ...], form: Sum) -> Formed:
-        """The campaign with the curve's unknowns as such a sum."""
-        out = cls(campaign.observations, campaign.system, campaign.pool, campaign.stop, campaign.level)
-        out.tally, out.random_effects = campaign.tally, campaign.random_effects
-        out.curve, out.form = curve, form
-        return out
-
-    def residuals(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[Floats]:
-        """Residuals (m,) at each point."""
-        return super().residuals(self.curve, [self._u(p) for p in points])
-
-    def linearised(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[tuple[Floats, Floats]]:
-        """Residuals (m,) and Jacobian (m, unknowns) at each point, by the chain rule."""
-        base = len(self.curve) - len(self.form.at)
-        out = []
-        for point, (r, J) in zip(points, super().linearised(self.curve, [self._u(p) for p in points]), strict=True):
-            own = jacobian(self.form.values, unknowns[base:], point[base:], self.form.values(point[base:]))
-            out.append((r, np.hstack([J[:, :base], J[:, base:] @ own])))
-        return out
-
-    def _u(self, point: Floats) -> Floats:
-        base = len(self.curve) - len(self.form.at)
-        return np.concatenate([point[:base], self.form.values(point[base:])])
+def cost_beside(fit: Fit, base: int, smooth: Floats) -> float:
+    """Cost of a fit without the prior and the roughness of a curve, of which all unknowns but the first ones are."""
+    beneath = float(np.sum((smooth[:, :base] @ fit.u[:base]) ** 2))
+    return robust_cost(fit.residual) + prior_cost(fit.unknowns[:base], fit.u[:base]) + beneath
 
 
-def fitted(
-    campaign: Campaign, curve: Sequence[Unknown], u: Floats, others: Floats, form: Sum, rounds: int, share: float
-) -> Fit:
-    """A sum of atoms fitted to the runs themselves, beside the base at u (base,).
+def as_good(null_cost: float, curve_cost: float, points: int, cost: float, numbers: int) -> bool:
+    """Whether formulas replace curves with more constants: each of these has to earn a share of the gain."""
+    return cost - curve_cost <= EARNS * (points - numbers) * (null_cost - curve_cost)
 
-    ``curve`` are the unknowns of base and curve, ``others`` (k, base) the roughness penalty of what is beside
-    the curve.
-    """
-    base = others.shape[1]
-    own, start = form.unknowns()
-    smooth = np.hstack([others, np.zeros((len(others), len(own)))])
-    here = Formed.of(campaign, tuple(curve), form)
-    u = np.concatenate([u, start])
-    return fitted_unknowns(here, (*curve[:base], *own), u, rounds=rounds, share=share, smooth=smooth)
+
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """A sum, its fit, and the cost with the price of its constants."""
+
+    sum: Sum
+    model: Model
+    score: float
+
+    @property
+    def own(self) -> Floats:
+        """The sum's u."""
+        return self.model.fit.u[-len(self.sum.unknowns()[0]) :]
+
+    def refined(self, without: int = -1) -> Sum:
+        """The sum from where its fit ended, perhaps without one of its atoms."""
+        atoms, a = self.sum.atoms_at(self.own), self.sum.coefficients(self.own)
+        keep = [n for n in range(len(atoms)) if n != without]
+        return replace(self.sum, atoms=tuple(atoms[n] for n in keep), start=a[keep])
+
+
+@dataclass(frozen=True, eq=False)
+class Written:
+    """A curve written as a sum: atoms with their shapes, coefficients and their deviations (atoms,), SI, the sum with
+    these numbers, its fit, and the share of the curve's gain that it keeps."""
+
+    atoms: tuple[Atom, ...]
+    coefficients: Floats
+    deviations: Floats
+    sum: Sum
+    model: Model
+    keeps: float
 
 
 def formula(
     campaign: Campaign, fit: Fit, base: int, smooth: Floats, at: Floats, atoms: Sequence[Atom], null_cost: float
-) -> tuple[tuple[Atom, ...], Floats, Floats, float]:
-    """The fewest atoms that explain the runs nearly as well as any: they with their shapes, coefficients, sigmas, share
-    of the gain kept.
+) -> Written:
+    """The fewest atoms that explain the runs nearly as well as any.
 
-    Another constant must gain its cost, or a share of the whole gain, as no law has exactly the true form. Deviations
-    are those of coefficients and shapes together, the base's constants free.
+    Another constant must gain its cost, or a share of the whole gain, as no law has exactly the true form: atoms of the
+    best sum that do not are left out in the end. Deviations are those of coefficients and shapes together, the base's
+    constants free.
     """
-    t, count, others = tangent(fit, base, smooth), len(fit.residual), smooth[:, :base]
-    best: tuple[float, Sum, Fit] | None = None
-    curve_cost = robust_cost(fit.residual) + prior_cost(fit.unknowns[:base], fit.u[:base])
-    curve_cost += float(np.sum((others @ fit.u[:base]) ** 2))
-    price = max(float(np.log(count)), EARNS * (null_cost - curve_cost))
+    t, others = tangent(fit, base, smooth), smooth[:, :base]
+    curve_cost = cost_beside(fit, base, smooth)
+    price = max(float(np.log(len(fit.residual))), EARNS * (null_cost - curve_cost))
     scale = np.array([k.scale for k in fit.unknowns[base:]])
+
+    def tried(form: Sum, beside: Floats, rounds: int = LAST_ROUNDS, share: float = 1e-4) -> _Tried:
+        model = fitted(campaign, fit.unknowns, beside, others, [form], rounds, share)
+        return _Tried(form, model, model.fit.cost + price * form.numbers)
+
+    def best_of(some: Iterable[_Tried]) -> _Tried:
+        return min(some, key=lambda one: one.score)
+
+    found = []
     for chosen, start, follows in sparse(t, at, atoms):
         form = Sum(chosen, start, at, scale)
         beside = fit.u[:base] + (t.base_step(form.values(form.unknowns()[1]) * scale) if follows else 0.0)
-        end = fitted(campaign, fit.unknowns, beside, others, form, ROUNDS, 2e-3)
-        score = end.cost + price * sum(atom.numbers for atom in chosen)
-        if best is None or score < best[0]:
-            best = score, form, end
+        found.append(tried(form, beside, ROUNDS, 2e-3))
         if campaign.stop():
             break
-    assert best is not None
-    _, form, end = best
-    own = end.u[base:]
-    form = Sum(form.atoms_at(own), form.coefficients(own), at, scale)
-    end = fitted(campaign, fit.unknowns, end.u[:base], others, form, LAST_ROUNDS, 1e-4)
-    w, u = weights(end.residual), end.u[base:]
+    best = best_of(found)
+    best = tried(best.refined(), best.model.fit.u[:base])
+    while len(best.sum.atoms) > 1 and not campaign.stop():
+        known = best.model.fit.u[:base]
+        fewer = best_of(tried(best.refined(without=n), known) for n in range(len(best.sum.atoms)))
+        if fewer.score > best.score:
+            break
+        best = fewer
+    end = best.model.fit
+    w = weights(end.residual)
     spread = max(1.0, float(np.mean(w * end.residual**2)))
     prior = np.diag([1 / k.sd**2 for k in end.unknowns])
     prior[:base, :base] += others.T @ others
     sigmas = deviations((end.slopes * w[:, None]).T @ end.slopes / spread + prior)[base:]
     keeps = (null_cost - end.cost) / max(null_cost - curve_cost, 1e-9)
-    return form.atoms_at(u, sigmas), form.coefficients(u), np.abs(form.start * sigmas[: len(form.start)]), keeps
+    own, of_start = best.own, np.abs(best.sum.start * sigmas[: len(best.sum.start)])
+    atoms_at = best.sum.atoms_at(own, sigmas)
+    return Written(atoms_at, best.sum.coefficients(own), of_start, best.refined(), best.model, keeps)

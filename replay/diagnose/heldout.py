@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Fit, fitted
+from straw.replay.diagnose.formed import Model
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.locate import Located
 from straw.replay.diagnose.settings import ROUNDS, WORSE
@@ -88,35 +89,31 @@ class Held:
 
 
 def hold_out(
-    campaign: Campaign,
-    null: Fit,
-    better: Fit,
-    located: Sequence[Located],
-    added: Sequence[tuple[str, Fit]] = (),
-    smooth: Floats | None = None,
+    campaign: Campaign, null: Fit, steps: Sequence[tuple[str, Model]], located: Sequence[Located]
 ) -> Held | None:
-    """Base and improved model (or the base again) refitted without some runs, and their errors on those.
+    """Base and improved models refitted without some runs, and their errors on those.
 
-    ``added``: fits with the first cause, with the first two, ..., all but the last, which ``better`` is, with the
-    cause's name; the last's is the name of the last cause. ``smooth``: roughness penalty of a curve in it, as in
-    `fitted`. Held out are runs with misfit, of different kinds, at most a quarter of all; None with fewer than three
-    runs.
+    ``steps``: models with the first cause, with the first two, ..., and the cause's name; the last is the improved
+    model, without any it is the base. Held out are runs with misfit, of different kinds, at most a quarter of all; None
+    with fewer than three runs.
     """
     names = [o.name for o in campaign.observations]
     if len(names) < 3:
         return None
     out = _chosen(campaign, located)
-    train, rest = campaign.only([n for n in names if n not in out]), campaign.only(out)
-    base = fitted(train, null.unknowns, null.u, rounds=ROUNDS)
+    train, rest = [n for n in names if n not in out], campaign.only(out)
+    base = fitted(campaign.only(train), null.unknowns, null.u, rounds=ROUNDS)
     before = plain_rms(rest, null.unknowns, base.u)
-    last, after = base, before
-    steps = []
-    for cause, fit in added or ([] if better is null else [("", better)]):
-        last = fitted(train, fit.unknowns, fit.u, rounds=ROUNDS, smooth=smooth)
-        after = plain_rms(rest, fit.unknowns, last.u)
-        steps.append((cause, after))
+    last, known, after = base, Model(rest, base), before
+    shares = []
+    for cause, model in steps:
+        fit = model.fit
+        last = fitted(model.campaign.only(train), fit.unknowns, fit.u, rounds=ROUNDS, smooth=model.smooth)
+        known = Model(model.campaign.only(out), last)
+        after = plain_rms(known.campaign, last.unknowns, last.u)
+        shares.append((cause, after))
     return Held(
-        tuple(n for n in names if n not in out),
+        tuple(train),
         tuple(out),
         float(np.mean(base.residual**2)),
         float(np.mean(last.residual**2)),
@@ -124,8 +121,8 @@ def hold_out(
         after,
         noise_floor(rest),
         moves(rest),
-        tuple(steps) if added else (),
-        {o.name: (_shown(rest, o, base), _shown(rest, o, last)) for o in rest.observations},
+        tuple(shares),
+        {o.name: (Model(rest, base).shows(o), known.shows(o)) for o in rest.observations},
     )
 
 
@@ -138,15 +135,10 @@ def helpful(null: Fit, laws: Sequence[Any], located: Sequence[Located]) -> tuple
     for law in laws:
         if not law.tells:
             continue
-        curve = law.curve
-        held = hold_out(curve.campaign, null, curve.fit, located, smooth=curve.smooth)
+        held = hold_out(law.curve.campaign, null, [(law.noun, law.model)], located)
         if held and held.better and (found is None or found[1].worse_than(held.after)):
             found = law, held
     return found
-
-
-def _shown(campaign: Campaign, observed: Any, fit: Fit) -> Floats:
-    return campaign.system.simulated(observed, fit.unknowns, fit.u)
 
 
 def _chosen(campaign: Campaign, located: Sequence[Located]) -> list[str]:

@@ -132,9 +132,9 @@ def main() -> None:
             null = fitted(here, null.unknowns, null.u, rounds=ROUNDS)
             left, start, before = unexplained(here, null), time.process_time(), here.tally["played"]
             laws, located = missing_force(here, null, states=states), locate(here, null)
-            found, curve = laws[-1], laws[-1].curve
+            found = laws[-1]
             helps = helpful(null, laws, located)
-            found, held = helps or (found, hold_out(curve.campaign, null, curve.fit, located, smooth=curve.smooth))
+            found, held = helps or (found, hold_out(found.curve.campaign, null, [(found.noun, found.model)], located))
         assert held is not None
         tried += 1
         named = found.tells and planted.state in [law.state.name for law in found.laws]

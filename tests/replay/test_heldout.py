@@ -75,8 +75,6 @@ def test_a_tolerance_that_cannot_be_read_is_refused_in_one_line(text):
 @dataclass(frozen=True)
 class Curve:
     campaign: None = None
-    fit: None = None
-    smooth: None = None
 
 
 @dataclass(frozen=True)
@@ -86,6 +84,8 @@ class Law:
     leaves_m: float
     tells: bool = True
     curve: Curve = field(default_factory=Curve)
+    noun: str = "a force"
+    model: None = None
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,9 @@ import numpy as np
 
 from straw.replay.diagnose.discover.findings import SystemFindings
 from straw.replay.diagnose.discover.words import Told, law_text
+from straw.replay.diagnose.formed import Model
 from straw.replay.diagnose.page.fits import law_curve, left_over
-from straw.replay.diagnose.page.player import Model, played
+from straw.replay.diagnose.page.player import played
 from straw.replay.diagnose.page.shown import LawCurve
 from straw.replay.diagnose.page.story import INTERVAL, Constant, Error, LawTold, Rival, Story
 from straw.replay.diagnose.page.words import and_, sig
@@ -28,13 +29,13 @@ def page(f: SystemFindings) -> str:
 def story(f: SystemFindings) -> Story:
     """The page's contents."""
     d, shown = f.discovery, f.discovery.base.system.shown()
-    after = Model(d.best.system, d.best.fit) if f.laws else None
+    after = Model(d.best.campaign, d.best.fit) if f.laws else None
     held = [one for one in f.recordings if one.held.any()]
     return Story(
         says=f.headline,
         where=f"{d.base.system.model.title.rstrip('.')}. {_where(f)}{_gain(f)}",
         picture=shown.picture(None, (), [one.law.place.name for one in f.laws]),
-        runs=played(f.recordings, Model(d.base.system, d.base.fit), after, {one.name for one in held}),
+        runs=played(f.recordings, Model(d.base.campaign, d.base.fit), after, {one.name for one in held}),
         improved=after is not None,
         fitted_say=_unfitted(f),
         laws=[_law(one, k, len(f.laws)) for k, one in enumerate(f.laws, 1)],

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.replay.diagnose.fit import Fit
+from straw.replay.diagnose.formed import Model
 from straw.replay.diagnose.page.moment import parting
-from straw.replay.diagnose.system import Recording, System
+from straw.replay.diagnose.system import Recording
 from straw.replay.report.data import packed
 
 Floats = NDArray[np.float64]
@@ -20,18 +19,6 @@ Floats = NDArray[np.float64]
 PLAYED = 3
 #: Largest number of samples; longer recordings are thinned evenly.
 MOST = 12000
-
-
-@dataclass(frozen=True, eq=False)
-class Model:
-    """A system with a fit of it."""
-
-    system: System
-    fit: Fit
-
-    def shows(self, one: Recording) -> Floats:
-        """Predicted values of the channels, (channels, n)."""
-        return self.system.simulated(one, self.fit.unknowns, self.fit.u)
 
 
 def played(
@@ -49,11 +36,11 @@ def played(
 
 
 def _data(one: Recording, before: Model, after: Model | None, base: Floats, better: Floats | None) -> dict[str, Any]:
-    system = before.system
+    channels = before.campaign.system.channels
     moment, window = parting(one.time_s, base, one.seen if better is None else better)
     signals = {}
     every = slice(None, None, -(-len(one.time_s) // MOST))
-    for k, channel in enumerate(system.channels):
+    for k, channel in enumerate(channels):
         scale = channel.shown_per_si
         signals[channel.name] = {
             "title": channel.symbol,
@@ -81,7 +68,11 @@ def _data(one: Recording, before: Model, after: Model | None, base: Floats, bett
         "time": packed(one.time_s[every]),
         "signals": signals,
     }
-    shown = system.shown().played(one, (after or before).fit)
+    shown = _beside(one, after or before)
     if after and shown.get("shape"):
-        data["shapeBefore"] = system.shown().played(one, before.fit)["shape"]
+        data["shapeBefore"] = _beside(one, before)["shape"]
     return data | shown
+
+
+def _beside(one: Recording, model: Model) -> dict[str, Any]:
+    return model.campaign.system.shown().played(one, *model.parameters())

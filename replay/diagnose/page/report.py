@@ -7,14 +7,14 @@ from typing import Any
 
 from straw.replay.diagnose.figures import smallest_seen
 from straw.replay.diagnose.findings import Findings
-from straw.replay.diagnose.fit import Fit
+from straw.replay.diagnose.formed import Model
 from straw.replay.diagnose.heldout import noise_floor, plain_rms
 from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.names import words
 from straw.replay.diagnose.page.details import details
 from straw.replay.diagnose.page.fits import left_over
 from straw.replay.diagnose.page.laws import laws_of, laws_say
-from straw.replay.diagnose.page.player import Model, played
+from straw.replay.diagnose.page.player import played
 from straw.replay.diagnose.page.shown import Shown
 from straw.replay.diagnose.page.story import Error, Next, Rival, Story
 from straw.replay.diagnose.page.words import and_, raised, sig, symbol_of
@@ -32,8 +32,6 @@ def report(findings: Findings, found: Inquiry) -> str:
 def story(f: Findings, found: Inquiry) -> Story:
     """The page's contents."""
     campaign = found.campaign
-    improved = _improved(f)
-    model = (f.missing.curve.campaign if improved and not f.best else campaign).system
     shown = campaign.system.shown()
     places = sorted({cell for one in f.located for cell in one.cells}) if f.located else []
     errors, errors_say, fits = _before_and_after(f, found)
@@ -46,11 +44,11 @@ def story(f: Findings, found: Inquiry) -> Story:
         ),
         runs=played(
             campaign.observations,
-            Model(campaign.system, found.null),
-            Model(model, improved) if improved else None,
+            Model(campaign, found.null),
+            f.fitted if f.improved else None,
             f.held.heldout if f.held else (),
         ),
-        improved=improved is not None,
+        improved=f.improved,
         laws=laws_of(f, campaign.system),
         laws_head=_laws_head(f),
         laws_say=laws_say(f),
@@ -76,17 +74,10 @@ def _laws_head(f: Findings) -> str:
     return "The laws" if f.missing and len(f.missing.laws) > 1 else "The law"
 
 
-def _improved(f: Findings) -> Fit | None:
-    """The fit of the improved model; None where the base is all there is."""
-    if f.best:
-        return f.best.fit
-    return f.missing.curve.fit if f.missing and f.discovered else None
-
-
 def _gain(f: Findings, channels: Sequence[Any]) -> str:
     """The improved model's held-out improvement, in one sentence."""
     held = f.held
-    if held is None or _improved(f) is None:
+    if held is None or not f.improved:
         return ""
     parts = []
     for c in channels:
@@ -110,7 +101,7 @@ def _before_and_after(f: Findings, found: Inquiry) -> tuple[list[Error], str, li
         errors = [_error(c, rms[c.name], None, floor[c.name], "") for c in channels]
         few = f"{_definition('in all runs', channels)} Nothing was held out."
         return errors, few, []
-    after = _improved(f) is not None
+    after = f.improved
     share = held.explained() if after else []
     errors = []
     for c in channels:

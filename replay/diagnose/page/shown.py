@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from straw.replay.diagnose.fit import Fit
+    from straw.replay.diagnose.hypothesis import Unknown
 
 Floats = NDArray[np.float64]
 
@@ -65,8 +66,8 @@ class Shown:
         """A cause as fitted; ``covariance`` of the fit's u, for the band."""
         return None
 
-    def played(self, recording: Any, fit: Fit) -> dict[str, Any]:
-        """The player's data of a recording beside its channels (`straw.replay.report.data`), by this fit."""
+    def played(self, recording: Any, unknowns: Sequence[Unknown], u: Floats) -> dict[str, Any]:
+        """The player's data of a recording beside its channels (`straw.replay.report.data`), with unknowns at u."""
         return {}
 
     def experiment(self, proposed: Any) -> Drawing:

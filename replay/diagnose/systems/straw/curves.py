@@ -92,6 +92,12 @@ def beside(
     return min(finished, key=lambda c: c.fit.cost)
 
 
+def restarted(curve: Curve, u: Floats) -> Curve:
+    """The curve fitted again from elsewhere."""
+    fit = replace(curve.fit, u=u)
+    return _moved(_carried_on(replace(curve, fit=fit), curve.campaign, ROUNDS), curve.campaign)
+
+
 def _promising(
     wide: Campaign,
     known: Fit,

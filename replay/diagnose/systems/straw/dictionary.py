@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -38,8 +39,10 @@ def atoms(state: State, at: Floats) -> tuple[Atom, ...]:
         )
     if (state.state_unit == "m" and state.value_unit != "N") or state.name == "height":
         return (*_powers(x, 3), *_near_folded(x, float(at[1])))
-    edges = _middles(at)[2:]
-    return (*_powers(x, 3), *(_beyond(x, edge, at, state.state_unit) for edge in (*edges, *at[2:-1])))
+    middles = _middles(at)
+    beyond = [_beyond(x, edge, at, state.state_unit) for edge in (*middles[2:], *at[2:-1])]
+    below = [_below(x, edge, at, state.state_unit) for edge in (*middles[:-2], *at[1:-2]) if edge < 0]
+    return (*_powers(x, 3), *beyond, *below)
 
 
 def _powers(x: str, most: int) -> tuple[Atom, ...]:
@@ -60,11 +63,21 @@ def _step(x: str, edge: float) -> Atom:
 
 
 def _beyond(x: str, edge: float, at: Floats, unit: str) -> Atom:
-    """Nothing up to an edge, which stays between the points next to the ends, then a straight line."""
-    per, shown = (1e3, "mm") if unit == "m" else (1.0, unit)
-    step = float(np.median(np.diff(at)))
-    shape = Shape(float(edge), step, float(at[1]), float(at[-2]), shown, per, offset=True)
+    """Nothing up to an edge, then a straight line."""
+    shape = replace(_edge(edge, at, unit), offset=True)
     return Atom(f"max(0, {x} {{}})", 1, lambda v, edge: np.maximum(0.0, v - edge), 2, "max(0.0, x - {})", shape)
+
+
+def _below(x: str, edge: float, at: Floats, unit: str) -> Atom:
+    """A straight line up to an edge, then nothing."""
+    shape = _edge(edge, at, unit)
+    return Atom(f"max(0, {{}} - {x})", 1, lambda v, edge: np.maximum(0.0, edge - v), 2, "max(0.0, {} - x)", shape)
+
+
+def _edge(edge: float, at: Floats, unit: str) -> Shape:
+    """Where a kink lies: between the points next to the ends."""
+    per, shown = (1e3, "mm") if unit == "m" else (1.0, unit)
+    return Shape(float(edge), float(np.median(np.diff(at))), float(at[1]), float(at[-2]), shown, per)
 
 
 def _near_folded(x: str, folded: float) -> tuple[Atom, ...]:

@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Fit
+from straw.replay.diagnose.formed import Model, fitted
 from straw.replay.diagnose.formula import Formula
-from straw.replay.diagnose.formula_fit import formula, tangent
+from straw.replay.diagnose.formula_fit import LAST_ROUNDS, Written, as_good, cost_beside, formula, tangent
 from straw.replay.diagnose.inquiry import Told, silent
-from straw.replay.diagnose.judge import unexplained
+from straw.replay.diagnose.judge import CALIBRATION, unexplained
 from straw.replay.diagnose.settings import NOISE_LEAVES
 from straw.replay.diagnose.systems.straw.curve import Curve
-from straw.replay.diagnose.systems.straw.curves import beside, curves
+from straw.replay.diagnose.systems.straw.curves import beside, curves, restarted
 from straw.replay.diagnose.systems.straw.dictionary import atoms
 from straw.replay.diagnose.systems.straw.discovered import discovered
 from straw.replay.diagnose.systems.straw.of import straw_of
@@ -78,6 +79,7 @@ class Missing:
     """What is missing: one law, or two that were fitted together, the one found first before the other."""
 
     curve: Curve  # the last one, with the fit
+    model: Model  # by formulas where they are as good as the curves, which have more constants
     laws: tuple[MissingLaw, ...]
     explains: float  # share of the base's misfit
     others: tuple[tuple[str, float], ...]  # shares that curves over other states explain
@@ -127,19 +129,59 @@ def missing_force(
     found = curves(campaign, null, told, states)
     if campaign.stop() or not found:
         return []
-    best = found[0]
-    shares = [_explained(campaign, null, c.fit) for c in found]
-    others = tuple((c.state.name, share) for c, share in zip(found[1:], shares[1:], strict=True))
     told("formula", 1, 1)
-    alone = Missing(best, (_law(best, null, shares[0] >= TELLS),), shares[0], others)
-    if not TELLS <= shares[0] < 1:
+    best, written = _with_formula(found[0], null)
+    share = _explained(campaign, null, best.fit)
+    others = tuple((c.state.name, _explained(campaign, null, c.fit)) for c in found[1:])
+    if share < TELLS:
+        return [Missing(best, _as_curves(best), (_law(best, None),), share, others)]
+    alone = Missing(best, _model(best, null, [written]), (_law(best, written),), share, others)
+    if share == 1:
         return [alone]
     both = beside(best, campaign, null, told, states)
-    share = _explained(campaign, null, both.fit) if both else 0.0
-    if not both or campaign.stop() or share < shares[0] + TELLS * (1 - shares[0]):
+    together = _explained(campaign, null, both.fit) if both else 0.0
+    if not both or campaign.stop() or together < share + TELLS * (1 - share):
         return [alone]
     told("formulas", 1, 1)
-    return [Missing(both, (_law(_first_last(best, both), null), _law(both, null)), share, others), alone]
+    first = _first_last(best, both)
+    pair = [_written(one, null) for one in (first, both)]
+    laws = _law(first, pair[0]), _law(both, pair[1])
+    return [Missing(both, _model(both, null, pair), laws, together, others), alone]
+
+
+def _with_formula(curve: Curve, null: Fit) -> tuple[Curve, Written]:
+    """A curve with its formula; the curve fitted again from it where the formula fits better, as a curve can follow
+    any formula."""
+    written = _written(curve, null)
+    if written.model.fit.cost < cost_beside(curve.fit, len(null.unknowns), curve.smooth) - CALIBRATION.scale:
+        other = restarted(curve, written.model.parameters()[1])
+        if other.fit.cost < curve.fit.cost:
+            curve, written = other, _written(other, null)
+    return curve, written
+
+
+def _written(curve: Curve, null: Fit) -> Written:
+    """The curve's formula, whatever is beside it."""
+    fit, at = curve.fit, curve.at * curve.state.scale(straw_of(curve.campaign))
+    base = len(fit.unknowns) - len(at)
+    return formula(curve.campaign, fit, base, curve.smooth, at, atoms(curve.state, at), null.cost)
+
+
+def _model(curve: Curve, null: Fit, written: Sequence[Written]) -> Model:
+    """What predicts other runs: the formulas of all curves together, or the curves."""
+    base, sums = len(null.unknowns), [one.sum for one in written]
+    if len(written) == 1:
+        model = written[0].model
+    else:
+        others = np.zeros((0, base))
+        model = fitted(curve.campaign, curve.fit.unknowns, curve.fit.u[:base], others, sums, LAST_ROUNDS)
+    points, numbers = len(curve.fit.unknowns) - base, sum(one.numbers for one in sums)
+    known = cost_beside(curve.fit, base, curve.smooth)
+    return model if as_good(null.cost, known, points, model.fit.cost, numbers) else _as_curves(curve)
+
+
+def _as_curves(curve: Curve) -> Model:
+    return Model(curve.campaign, curve.fit, curve.smooth)
 
 
 def _explained(campaign: Campaign, null: Fit, fit: Fit) -> float:
@@ -159,17 +201,17 @@ def _first_last(first: Curve, both: Curve) -> Curve:
     return replace(first, campaign=both.campaign, fit=fit, smooth=both.smooth[:, order])
 
 
-def _law(curve: Curve, null: Fit, formed: bool = True) -> MissingLaw:
-    """A curve's values with their deviations, and its formula if asked."""
-    state, fit, base = curve.state, curve.fit, len(curve.fit.unknowns) - len(curve.at)
-    at, law = curve.at * state.scale(straw_of(curve.campaign)), None
-    seen = tangent(fit, base, curve.smooth)
-    if formed:
-        chosen, a, sd, keeps = formula(curve.campaign, fit, base, curve.smooth, at, atoms(state, at), null.cost)
-        units = tuple(_unit(state, atom.power) for atom in chosen)
-        law = Formula(f"{state.value_symbol}({state.symbol})", chosen, a, sd, units, keeps)
+def _law(curve: Curve, written: Written | None) -> MissingLaw:
+    """A curve's values with their deviations, and its formula."""
+    state, base = curve.state, len(curve.fit.unknowns) - len(curve.at)
+    seen = tangent(curve.fit, base, curve.smooth)
+    law = None
+    if written:
+        units = tuple(_unit(state, atom.power) for atom in written.atoms)
+        symbol = f"{state.value_symbol}({state.symbol})"
+        law = Formula(symbol, written.atoms, written.coefficients, written.deviations, units, written.keeps)
     matters = np.abs(seen.values) * np.sqrt(np.maximum(np.diag(seen.H), 0.0))
-    return MissingLaw(state, at, seen.values, seen.sigmas, matters, law)
+    return MissingLaw(state, curve.at * state.scale(straw_of(curve.campaign)), seen.values, seen.sigmas, matters, law)
 
 
 def _unit(state: State, power: float) -> str:

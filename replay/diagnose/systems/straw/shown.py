@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from straw.model.parameters import StrawParameters
 from straw.model.terms import TERMS
 from straw.replay.diagnose.fit import Fit
+from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.page.pictures import AFTER, BEFORE, INK, LEGEND, SOFT, axes_of, svg
 from straw.replay.diagnose.page.shown import Drawing, Law, Shown
 from straw.replay.diagnose.page.words import symbol_of
@@ -60,11 +61,11 @@ class StrawShown(Shown):
             return Law(term.law, term.source, self.about(cause), law_curve(self.straw, term, fit, covariance))
         return instrument_law(cause, self.straw, fit, covariance)
 
-    def played(self, recording: Observation, fit: Fit) -> dict[str, Any]:
+    def played(self, recording: Observation, unknowns: Sequence[Unknown], u: Floats) -> dict[str, Any]:
         """Shape and pressure as on the replay page."""
         run = recording.run
         assert run.pressure is not None
-        seen = simulated(recording, self.straw, fit.unknowns, fit.u).prediction
+        seen = simulated(recording, self.straw, unknowns, u).prediction
         return {
             "specimen": run.specimen,
             "deployed": ",".join(map(str, run.initial_deployed or ())) or "none",
