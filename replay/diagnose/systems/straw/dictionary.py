@@ -84,15 +84,17 @@ def _near_folded(x: str, folded: float) -> tuple[Atom, ...]:
     """Forces between faces that nearly touch: over the gap from the folded rest height (m), for several ranges."""
     gap = f"{x} {'+' if folded < 0 else '-'} {1e3 * abs(folded):.2f} mm"
     over = f"x - {folded:.6g}"
+    apart = f"max(0.0, {over})"
     out = []
     for reach in (0.1e-3, 0.2e-3, 0.4e-3, 0.8e-3):
         shape = Shape(reach, 1.0, reach / 2, 2 * reach, "mm", 1e3, ratio=True)
         out += [
             Atom(text, 0, partial(function, folded), 2, code, shape)
             for text, function, code in (
-                (f"exp(-({gap})/{{}})", _fading, f"math.exp(-max(0.0, {over}) / {{}})"),
+                (f"exp(-({gap})/{{}})", _fading, f"math.exp(-{apart} / {{}})"),
                 (f"exp(-(({gap})/{{}})^2/2)", _well, f"math.exp(-((({over}) / {{}}) ** 2) / 2)"),
-                (f"(1 + ({gap})/{{}})^-3", _film, f"(1 + max(0.0, {over}) / {{}}) ** -3"),
+                (f"({gap})/{{0}} exp(1 - ({gap})/{{0}})", _rising, f"{apart} / {{0}} * math.exp(1 - {apart} / {{0}})"),
+                (f"(1 + ({gap})/{{}})^-3", _film, f"(1 + {apart} / {{}}) ** -3"),
             )
         ]
     return tuple(out)
@@ -104,6 +106,11 @@ def _fading(folded: float, v: Floats, reach: float) -> Floats:
 
 def _well(folded: float, v: Floats, reach: float) -> Floats:
     return np.asarray(np.exp(-(((v - folded) / reach) ** 2) / 2))
+
+
+def _rising(folded: float, v: Floats, reach: float) -> Floats:
+    gap = np.maximum(0.0, v - folded) / reach
+    return np.asarray(gap * np.exp(1 - gap))
 
 
 def _film(folded: float, v: Floats, reach: float) -> Floats:
