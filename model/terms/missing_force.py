@@ -41,8 +41,8 @@ def _energy(f: Frustum, k: Floats) -> float:
     return float(k[0] * (stored * changed + share * walls_energy(f)))
 
 
-#: Dense where the faces of a folded frustum nearly touch.
-HEIGHTS = (-1.1, -1.0, -0.93, -0.85, -0.7, -0.2, 0.6, 0.95)
+#: Dense where the faces of a folded frustum nearly touch, and where a deployed one may meet a stop.
+HEIGHTS = (-1.1, -1.0, -0.93, -0.83, -0.4, 0.6, 0.85, 1.1)
 ANGLES = (-0.3, -0.15, -0.06, -0.02, 0.02, 0.06, 0.15, 0.3)
 PRESSURES = (-30e3, -15e3, -5e3, 0.0, 5e3, 15e3, 25e3, 40e3)
 CYCLES = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)

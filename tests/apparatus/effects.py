@@ -80,6 +80,11 @@ def _glued(rig: Rig, size: float, rng: np.random.Generator) -> Rig:
     return replace(rig[0], stop_m=tuple(stop)).with_laws(STOP_STIFFNESS=2e4), rig[1]
 
 
+def _stopped(rig: Rig, size: float, rng: np.random.Generator) -> Rig:
+    stop = np.full(CELLS, 2.0e-3 - size)
+    return replace(rig[0], stop_m=tuple(stop)).with_laws(STOP_STIFFNESS=4e3), rig[1]
+
+
 def _saturates(rig: Rig, size: float, rng: np.random.Generator) -> Rig:
     return rig[0], replace(rig[1], gauge_ceiling_pa=35e3 - size, gauge_floor_pa=-25e3 + size)
 
@@ -186,8 +191,16 @@ def _rest(rig: Rig, size: float, rng: np.random.Generator) -> Rig:
 BESIDE: dict[str, Range] = {
     "wall_elasticity": Range(0.2, 1.0, "1", {"finite elements": _laws(SHELL=lambda s: s)}),
 }
+BESIDE_UNKNOWN: dict[str, Range] = {
+    "stop inside every cell": Range(0.2e-3, 1e-3, "m", {"": _stopped}),
+    "wall beside the board": Range(1e-3, 6e-3, "m", {
+        "": _laws(WALL_Z=lambda s: -14e-3 + s, WALL_STIFFNESS=100.0)}),
+    "tether that turns the board back": Range(1e-3, 20e-3, "N m/rad", {
+        "": _laws(TETHER=lambda s: s, TETHER_RAD=1.65)}),
+}  # fmt: skip
 
 EVERY = {**PHYSICS, **INSTRUMENT, **BESIDE}
+EVERY_UNKNOWN = {**UNKNOWN, **BESIDE_UNKNOWN}
 RESTS = Range(1.0, 5.0, "sigma", {"": _rest})
 
 
@@ -195,7 +208,7 @@ def range_of(cause: Cause) -> Range:
     """The range that has a cause's forms; an unknown cause is found by its form, a rest by its name."""
     if cause.name == REST:
         return RESTS
-    return UNKNOWN[cause.form] if cause.name == "unknown" else EVERY[cause.name]
+    return EVERY_UNKNOWN[cause.form] if cause.name == "unknown" else EVERY[cause.name]
 
 
 def conceal(rig: Rig, cause: Cause) -> Rig:

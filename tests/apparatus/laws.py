@@ -130,11 +130,13 @@ def drag_n(vx, vz, share, P):
 
 @njit(cache=True)
 def tip_load_n(x, z, vx, vz, P):
-    """Load of a wind, a stop, a magnet or a self-excitation on the sealed end."""
+    """Load of a wind, a stop, a wall beside it, a magnet or a self-excitation on the sealed end."""
     fx, fz = P[at.WIND_X], P[at.WIND_Z]
     if P[at.BOARD_STIFFNESS] > 0.0 and x > P[at.BOARD_STOP]:
         deep = x - P[at.BOARD_STOP]
         fx -= P[at.BOARD_STIFFNESS] * deep * max(0.0, 1.0 + 0.5 * vx)
+    if P[at.WALL_STIFFNESS] > 0.0 and z < P[at.WALL_Z]:
+        fz += P[at.WALL_STIFFNESS] * (P[at.WALL_Z] - z)
     if P[at.PUSH] != 0.0:
         gain = P[at.PUSH] * (1.0 - (vx * vx + vz * vz) / P[at.PUSH_SPEED] ** 2)
         gain = max(gain, -5.0 * P[at.PUSH])
@@ -147,3 +149,12 @@ def tip_load_n(x, z, vx, vz, P):
         fx += size * dx
         fz += size * dz
     return fx, fz
+
+
+@njit(cache=True)
+def tip_moment_n_m(phi, P):
+    """Moment of a tether that goes taut on the sealed end, and its slope over the angle."""
+    over = phi - P[at.TETHER_RAD]
+    if P[at.TETHER] == 0.0 or over < 0.0:
+        return 0.0, 0.0
+    return -P[at.TETHER] * over, -P[at.TETHER]

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from . import layout as at
-from .laws import channel, drag_n, frustum, tip_load_n
+from .laws import channel, drag_n, frustum, tip_load_n, tip_moment_n_m
 
 N = at.CELLS
 
@@ -119,7 +119,7 @@ def residual(q, t_gravity, p_gauge, p_guess, d, c, y, P, F, R, body, angle, tip)
         fz += az
     gx = fx + end * p * sin(phi) - (d * y[k] + c[k])
     gz = fz + end * p * cos(phi) - P[at.M_TIP] * g - (d * y[k + 1] + c[k + 1])
-    moment = -(d * y[k + 2] + c[k + 2])
+    moment = tip_moment_n_m(phi, P)[0] - (d * y[k + 2] + c[k + 2])
     tip[0], tip[1], tip[2], tip[3], tip[4], tip[5], tip[6] = jx, jz, phi, jvx, jvz, turn, kinetic
     tip[7] = p * (c3 * rate + end * (jvx * sin(phi) + jvz * cos(phi)))
     tip[8] = 0.0
@@ -238,6 +238,9 @@ def matrix(q, p, impedance, d, c, P, F, body, angle, tip, A):
             a0, a1 = J[0, i] * xx + J[1, i] * zx, J[0, i] * xz + J[1, i] * zz
             for j in range(at.COORDINATES):
                 A[i, j] -= a0 * J[0, j] + a1 * J[1, j]
+    stiffness = -tip_moment_n_m(tip[2], P)[1]
+    if stiffness != 0.0:
+        A[2 * N :, 2 * N :] += stiffness
     for i in range(2 * N):
         v, w, m, j = d * q[i] + c[i], d * q[2 * N + i] + c[2 * N + i], i - N, 2 * N + i
         f0, m0, _, _, _, _ = frustum(i >= N, q[i], q[j], v, w, p, d, c, m, P, F[i])

@@ -17,7 +17,7 @@ from .campaign import NONE, campaign, make, specimen, write
 from .cases import deck, generate, opened, seal
 from .effects import BESIDE, EVERY, INSTRUMENT, PHYSICS, UNKNOWN, Cause, conceal
 from .instrument import SIGMA, Instrument, tracking_noise
-from .laws import channel, cohesion_n, drag_n, frustum
+from .laws import channel, cohesion_n, drag_n, frustum, tip_load_n, tip_moment_n_m
 from .physics import residual
 from .plans import PLANS, regulated
 from .straw import Straw, move
@@ -194,6 +194,11 @@ def test_each_law_has_the_shape_it_is_named_after():
     P = Straw().with_laws(DRAG=0.1).numbers()[0]
     # a larger drag coefficient when slow
     assert -drag_n(10.0, 0.0, 1.0, P)[0] / 100.0 < -drag_n(0.1, 0.0, 1.0, P)[0] / 0.01
+    P = Straw().with_laws(WALL_Z=-8e-3, WALL_STIFFNESS=100.0, TETHER=0.02, TETHER_RAD=1.7).numbers()[0]
+    assert tip_load_n(0.05, -9e-3, 0.0, 0.0, P) == pytest.approx((0.0, 0.1))
+    assert tip_load_n(0.05, -7e-3, 0.0, 0.0, P) == (0.0, 0.0)
+    assert tip_moment_n_m(1.8, P) == pytest.approx((-2e-3, -0.02))
+    assert tip_moment_n_m(1.6, P) == (0.0, 0.0)
 
 
 def test_repeats_of_a_specimen_differ_a_little_and_the_same_seed_gives_the_same():

@@ -278,6 +278,34 @@ def test_tables_over_speed_flow_and_the_tip_give_their_forces() -> None:
     assert ends[0].z_m[-1] == pytest.approx(ends[1].z_m[-1], abs=1e-7)
 
 
+def test_a_force_over_how_far_aside_the_tip_is_and_a_moment_over_its_angle_do_the_work_of_their_tables() -> None:
+    """Virtual work on a bent straw at rest: of the force by Z, of the moment by Phi."""
+    aside, turning = np.array([3, 1, 2, 0, -1, -3, -2, -4]) * 1e-2, np.array([4, 3, 3, 1, 0, -2, -2, -5]) * 1e-3
+    where, angles = np.linspace(-0.4, 0.4, 8), np.linspace(0.8, 2.4, 8)
+    straw = FOLDING.with_term(
+        "missing_tip_force",
+        amount=2.0,
+        **curve("z_{}", where, "aside_{}_n", aside),
+        **curve("phi_{}_rad", angles, "turning_{}_n_m", turning),
+    )
+    c, k = straw.constants(), np.asarray(straw.constants().terms[0, 0, slice(*COLUMNS["missing_tip_force"])])
+    length = float(np.sum(straw.zeta0_m[:, 0] - straw.zeta0_m[:, 1]))
+    q = rest_state(FOLDING, [1, 4, 6], 2e3) + np.repeat([0.0, 0.02], 9)
+    s, load, force = chain_of(c, motion_of(c, q, 0 * q, 0 * q)), no_load(9), np.empty_like(q)
+    TERMS["missing_tip_force"].force(c, k, s, load)
+    project(c, s, load, force)
+    z, phi = s.position[9, 1], s.tip_angle[0]
+    assert abs(z) > 1e-3
+    for n, step in enumerate(np.eye(len(q)) * 1e-7):
+        ends = [chain_of(c, motion_of(c, q + sign * step, 0 * q, 0 * q)) for sign in (1, -1)]
+        by = [
+            (ends[0].position[9, 1] - ends[1].position[9, 1]) / 2e-7,
+            (ends[0].tip_angle[0] - ends[1].tip_angle[0]) / 2e-7,
+        ]
+        work = 2 * np.interp(z / length, where, aside) * by[0] + 2 * np.interp(phi, angles, turning) * by[1]
+        assert force[n] == pytest.approx(work, rel=1e-5, abs=1e-8)
+
+
 def test_a_stiffness_over_the_pressure_inside_is_that_of_the_modulus_and_grows_with_the_pressure() -> None:
     pressures = np.linspace(-35e3, 35e3, 8)
     stiffer = curve("pressed_{}_pa", pressures, "stiffer_{}", 2e-6 * pressures)

@@ -131,6 +131,22 @@ def test_a_curve_of_the_clock_is_cancelled_by_its_opposite():
     assert late.true_pressure(np.array([1000.0]), np.zeros(1)) == pytest.approx(950.0)
 
 
+def test_a_curve_of_the_camera_moves_what_it_sees_and_so_do_its_derivatives():
+    lens = Instrument.of(
+        {"camera_x_m@0.01": 0.0, "camera_x_m@0.03": 2e-4, "camera_x_m@0.06": 8e-4, "camera_z_m@0.01": 0.0}
+        | {"camera_z_m@0.06": -5e-4, "camera_roll_rad": 0.02, "length_scale": 0.01, "tip_offset_m": 1e-3}
+    )
+    pose, step = np.array([[0.02, 0.04, 0.07], [1e-3, -4e-3, -9e-3], [1.5, 1.6, 1.8]]), 1e-7
+    plain = Instrument(camera_roll_rad=0.02, length_scale=0.01, tip_offset_m=1e-3).seen(pose)
+    assert lens.seen(pose)[0] - plain[0] == pytest.approx(np.interp(plain[0], [0.01, 0.03, 0.06], [0.0, 2e-4, 8e-4]))
+    assert lens.seen(pose)[1] - plain[1] == pytest.approx(np.interp(plain[0], [0.01, 0.06], [0.0, -5e-4]))
+    ways = np.random.default_rng(1).normal(size=(3, 3, 4)) * np.array([1.0, 1.0, 50.0])[:, None, None]
+    differences = [
+        (lens.seen(pose + step * d) - lens.seen(pose - step * d)) / (2 * step) for d in ways.transpose(2, 0, 1)
+    ]
+    np.testing.assert_allclose(lens.seen_tangent(pose, ways), np.stack(differences, axis=2), rtol=1e-4, atol=1e-6)
+
+
 def test_deviations_are_those_of_the_inverse_and_finite_where_two_constants_are_nearly_degenerate():
     a = np.random.default_rng(2).normal(0, 1, (40, 5)) * [1e6, 1.0, 1e-3, 30.0, 1e4]
     assert deviations(a.T @ a) == pytest.approx(np.sqrt(np.diag(np.linalg.inv(a.T @ a))), rel=1e-6)

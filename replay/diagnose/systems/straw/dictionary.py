@@ -37,12 +37,16 @@ def atoms(state: State, at: Floats) -> tuple[Atom, ...]:
             Atom(f"|{x}|", 1, lambda q, _: np.abs(q)),
             Atom(f"{x}^2", 2, lambda q, _: q**2),
         )
-    if (state.state_unit == "m" and state.value_unit != "N") or state.name == "height":
-        return (*_powers(x, 3), *_near_folded(x, float(at[1])))
+    near = _near_folded(x, float(at[1])) if state.symbol == "zeta" else ()
+    return (*_powers(x, 3), *near, *_kinks(x, at, state.state_unit))
+
+
+def _kinks(x: str, at: Floats, unit: str) -> tuple[Atom, ...]:
+    """Straight lines beyond an edge: outwards from zero, or above it where the state keeps its sign."""
     middles = _middles(at)
-    beyond = [_beyond(x, edge, at, state.state_unit) for edge in (*middles[2:], *at[2:-1])]
-    below = [_below(x, edge, at, state.state_unit) for edge in (*middles[:-2], *at[1:-2]) if edge < 0]
-    return (*_powers(x, 3), *beyond, *below)
+    edges = np.concatenate([middles[2:], at[2:-1]])
+    beyond = [_beyond(x, edge, at, unit) for edge in edges if edge > 0 or at[0] >= 0 or at[-1] <= 0]
+    return (*beyond, *(_below(x, edge, at, unit) for edge in (*middles[:-2], *at[1:-2]) if edge < 0 < at[-1]))
 
 
 def _powers(x: str, most: int) -> tuple[Atom, ...]:

@@ -19,6 +19,8 @@ PLACES = {
     "cycles: force": ("frustum_force", "cycle"),
     "tip X, along X": ("tip_force", "tip_x"),
     "tip X, along Z": ("tip_force", "tip_x"),
+    "tip Z, along Z": ("tip_force", "tip_z"),
+    "tip angle": ("tip_moment", "angle"),
     "tip speed": ("tip_force", "tip_rate"),
     "flow": ("flow", "flow"),
     "leak": ("flow", "pressure"),
@@ -26,6 +28,8 @@ PLACES = {
     "gauge over pressure": ("instrument:pressure", "pressure"),
     "gauge over time": ("instrument:pressure", "time"),
     "clock over time": ("instrument:clock", "time"),
+    "camera X over X": ("instrument:x", "tip_x"),
+    "camera Z over X": ("instrument:z", "tip_x"),
 }
 #: A frustum's law from its state x and the formula f(x): state, force and moment, whether it stores energy.
 FRUSTUM_LAWS = {

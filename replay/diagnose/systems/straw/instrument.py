@@ -21,8 +21,8 @@ class Instrument:
     A camera with a late clock stamps t + ``clock_offset_s`` + ``clock_drift`` t. A gauge shows
     (1 + ``gauge_gain``) p + ``gauge_offset_pa``. The camera's picture is turned by ``camera_roll_rad`` in the sense of
     growing Phi, stretched by 1 + ``length_scale``, and the tip is taken ``tip_offset_m`` too far along its axis.
-    Faults without a law are curves: the gauge's excess over its reading (Pa) and over the run's time, and the lateness
-    of the camera's stamps over the stamp (s).
+    Faults without a law are curves: the gauge's excess over its reading (Pa) and over the run's time, the lateness
+    of the camera's stamps over the stamp (s), and the excess of X and of Z (m) over X, as of a lens or a board askew.
     """
 
     clock_offset_s: float = 0.0
@@ -35,6 +35,8 @@ class Instrument:
     gauge_curve_pa: Curve = ()
     gauge_wander_pa: Curve = ()
     clock_curve_s: Curve = ()
+    camera_x_m: Curve = ()
+    camera_z_m: Curve = ()
 
     @classmethod
     def of(cls, faults: Mapping[str, float]) -> Self:
@@ -73,17 +75,29 @@ class Instrument:
         x, z = x + self.tip_offset_m * np.sin(phi), z + self.tip_offset_m * np.cos(phi)
         c, s = np.cos(self.camera_roll_rad), np.sin(self.camera_roll_rad)
         scale = 1 + self.length_scale
-        return np.stack([scale * (c * x + s * z), scale * (c * z - s * x), phi + self.camera_roll_rad])
+        x, z = scale * (c * x + s * z), scale * (c * z - s * x)
+        return np.stack([x + _at(self.camera_x_m, x), z + _at(self.camera_z_m, x), phi + self.camera_roll_rad])
 
     def seen_tangent(self, pose: Floats, d_pose: Floats) -> Floats:
         """Derivative of `seen`, (3, n, columns), along derivatives of the pose, (3, n, columns)."""
-        phi, (dx, dz, dphi) = pose[2][:, None], d_pose
+        (x, z, phi), (dx, dz, dphi) = pose[:, :, None], d_pose
+        x, z = x + self.tip_offset_m * np.sin(phi), z + self.tip_offset_m * np.cos(phi)
         dx, dz = dx + self.tip_offset_m * np.cos(phi) * dphi, dz - self.tip_offset_m * np.sin(phi) * dphi
         c, s = np.cos(self.camera_roll_rad), np.sin(self.camera_roll_rad)
         scale = 1 + self.length_scale
-        return np.stack([scale * (c * dx + s * dz), scale * (c * dz - s * dx), dphi])
+        x, dx, dz = scale * (c * x + s * z), scale * (c * dx + s * dz), scale * (c * dz - s * dx)
+        return np.stack([dx + _slope(self.camera_x_m, x) * dx, dz + _slope(self.camera_z_m, x) * dx, dphi])
 
 
 def _at(curve: Curve, x: Floats) -> Floats | float:
     """Values of a curve at x (n,), its ends' beyond them."""
     return np.interp(x, *np.transpose(curve)) if curve else 0.0
+
+
+def _slope(curve: Curve, x: Floats) -> Floats | float:
+    """Slopes of a curve at x, zero beyond its ends."""
+    if not curve:
+        return 0.0
+    where, values = np.transpose(curve)
+    slopes = np.concatenate([[0.0], np.diff(values) / np.diff(where), [0.0]])
+    return np.asarray(slopes[np.searchsorted(where, x)])

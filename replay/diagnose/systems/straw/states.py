@@ -100,6 +100,10 @@ def _along(straw: StrawParameters, o: Observation, p: Prediction) -> Floats:
     return np.asarray(o.tip[0] / _length_m(straw))
 
 
+def _aside(straw: StrawParameters, o: Observation, p: Prediction) -> Floats:
+    return np.asarray(o.tip[1] / _length_m(straw))
+
+
 STATES: tuple[State, ...] = (
     State(
         "height", "zeta", "m", "F", "N", "an axial force of each frustum that depends on its height",
@@ -139,6 +143,14 @@ STATES: tuple[State, ...] = (
         "term.missing_tip_force.along_z_{}_n", "at_x_{}", 2e-3, _along, scale=_length_m,
     ),
     State(
+        "tip Z, along Z", "Z", "m", "F_Z", "N", "a force along Z on the tip that depends on how far aside it is",
+        "term.missing_tip_force.aside_{}_n", "z_{}", 2e-3, _aside, scale=_length_m,
+    ),
+    State(
+        "tip angle", "Phi", "rad", "M", "N m", "a moment on the tip that depends on its angle",
+        "term.missing_tip_force.turning_{}_n_m", "phi_{}_rad", 0.2e-3, lambda straw, o, p: o.tip[2],
+    ),
+    State(
         "tip speed", "V", "m/s", "F", "N", "a force along the tip's velocity that depends on its speed",
         "term.missing_tip_force.push_{}_n", "speed_{}_m_per_s", 3e-3, _tip_speed, odd=True,
     ),
@@ -166,6 +178,14 @@ STATES: tuple[State, ...] = (
     State(
         "clock over time", "t", "s", "late", "s", "a delay of the camera's time stamps that depends on the time",
         "instrument.clock_curve_s@{}", "", 5e-3, lambda straw, o, p: p.time_s,
+    ),
+    State(
+        "camera X over X", "X", "m", "error", "m", "an error of the camera's X that depends on X",
+        "instrument.camera_x_m@{}", "", 1e-4, lambda straw, o, p: o.tip[0],
+    ),
+    State(
+        "camera Z over X", "X", "m", "error", "m", "an error of the camera's Z that depends on X",
+        "instrument.camera_z_m@{}", "", 1e-4, lambda straw, o, p: o.tip[0],
     ),
 )  # fmt: skip
 
