@@ -79,6 +79,11 @@ class Model:
     fit: Fit
     smooth: Floats | None = None
 
+    @property
+    def formulas(self) -> bool:
+        """Whether curves in it are formulas."""
+        return isinstance(self.campaign, Formed)
+
     def parameters(self) -> tuple[Sequence[Unknown], Floats]:
         """Unknowns of the system and u: of formulas, those of the curves they stand for."""
         if isinstance(self.campaign, Formed):

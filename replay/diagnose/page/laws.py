@@ -59,7 +59,8 @@ def laws_say(f: Findings) -> str:
             "The curve is the best that was found; it does not make the runs held out better, so it explains nothing."
         )
     if f.missing:
-        which = "this curve over one state does" if len(f.missing.laws) == 1 else "these two curves together do"
+        what = "formula" if f.fitted.formulas else "curve"
+        which = f"this {what} over one state does" if len(f.missing.laws) == 1 else f"these two {what}s together do"
         return f"No law of the library explains the runs; {which}, on runs not fitted to."
     if f.verdict == "ambiguous" and f.best:
         return f"The best of those that survive, {words(f.best.name)}; it is not proven."
