@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,8 @@ from straw.replay.diagnose.fit import fitted as fitted_unknowns
 from straw.replay.diagnose.formula import Sum
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.numerical import jacobian
+from straw.replay.diagnose.refine import refined
+from straw.replay.diagnose.settings import COARSE_ROUNDS, ROUNDS
 from straw.replay.diagnose.system import Level, Misfit, Recording
 
 Floats = NDArray[np.float64]
@@ -115,3 +117,12 @@ def fitted(
     here = Formed.of(campaign, curves, sums)
     u = np.concatenate([u, *starts])
     return Model(here, fitted_unknowns(here, unknowns, u, rounds=rounds, share=share, smooth=smooth), smooth)
+
+
+def coarsely_first(model: Model) -> Model:
+    """The model fitted to the coarse comparison, and from there to all samples (`refined`)."""
+    fit, smooth = model.fit, model.smooth
+    coarse = fitted_unknowns(
+        model.campaign.coarse(), fit.unknowns, fit.u, rounds=COARSE_ROUNDS[-1], share=1e-4, smooth=smooth
+    )
+    return replace(model, fit=refined(model.campaign, coarse, ROUNDS, smooth))

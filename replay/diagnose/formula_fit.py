@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Fit, prior_cost
-from straw.replay.diagnose.formed import Model, fitted
+from straw.replay.diagnose.formed import Model, coarsely_first, fitted
 from straw.replay.diagnose.formula import Atom, Sum
+from straw.replay.diagnose.judge import CALIBRATION
 from straw.replay.diagnose.robust import robust_cost, weights
 
 Floats = NDArray[np.float64]
@@ -172,9 +173,17 @@ def formula(
     price = max(float(np.log(len(fit.residual))), EARNS * (null_cost - curve_cost))
     scale = np.array([k.scale for k in fit.unknowns[base:]])
 
-    def tried(form: Sum, beside: Floats, rounds: int = LAST_ROUNDS, share: float = 1e-4) -> _Tried:
+    def tried(form: Sum, beside: Floats, rounds: int, share: float) -> _Tried:
         model = fitted(campaign, fit.unknowns, beside, others, [form], rounds, share)
         return _Tried(form, model, model.fit.cost + price * form.numbers)
+
+    def finished(form: Sum, beside: Floats) -> _Tried:
+        """Where the fit is worse than the curve's it may be in a local minimum, which the coarse comparison avoids."""
+        end = tried(form, beside, LAST_ROUNDS, 1e-4)
+        if end.model.fit.cost <= curve_cost + CALIBRATION.scale or campaign.stop():
+            return end
+        model = coarsely_first(end.model)
+        return best_of([end, _Tried(form, model, model.fit.cost + price * form.numbers)])
 
     def best_of(some: Iterable[_Tried]) -> _Tried:
         return min(some, key=lambda one: one.score)
@@ -187,10 +196,10 @@ def formula(
         if campaign.stop():
             break
     best = best_of(found)
-    best = tried(best.refined(), best.model.fit.u[:base])
+    best = finished(best.refined(), best.model.fit.u[:base])
     while len(best.sum.atoms) > 1 and not campaign.stop():
         known = best.model.fit.u[:base]
-        fewer = best_of(tried(best.refined(without=n), known) for n in range(len(best.sum.atoms)))
+        fewer = best_of(finished(best.refined(without=n), known) for n in range(len(best.sum.atoms)))
         if fewer.score > best.score:
             break
         best = fewer

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Fit
-from straw.replay.diagnose.formed import Model, fitted
+from straw.replay.diagnose.formed import Model, coarsely_first, fitted
 from straw.replay.diagnose.formula import Formula
 from straw.replay.diagnose.formula_fit import LAST_ROUNDS, Written, as_good, cost_beside, formula, tangent
 from straw.replay.diagnose.inquiry import Told, silent
@@ -174,7 +174,8 @@ def _model(curve: Curve, null: Fit, written: Sequence[Written]) -> Model:
         model = written[0].model
     else:
         others = np.zeros((0, base))
-        model = fitted(curve.campaign, curve.fit.unknowns, curve.fit.u[:base], others, sums, LAST_ROUNDS)
+        start = fitted(curve.campaign, curve.fit.unknowns, curve.fit.u[:base], others, sums, LAST_ROUNDS)
+        model = min(start, coarsely_first(start), key=lambda one: one.fit.cost)
     points, numbers = len(curve.fit.unknowns) - base, sum(one.numbers for one in sums)
     known = cost_beside(curve.fit, base, curve.smooth)
     return model if as_good(null.cost, known, points, model.fit.cost, numbers) else _as_curves(curve)
