@@ -42,7 +42,8 @@ def test_a_gauge_that_saturates_is_found_as_an_error_over_its_reading_with_its_s
     assert wrong[0] - wrong[1] == pytest.approx(-4e3, rel=0.4)
     assert wrong[2] - wrong[1] == pytest.approx(4e3, rel=0.4)
     assert law.formula is not None
-    assert law.formula.keeps > 0.7
+    assert law.formula.keeps > 0.95
+    assert found[-1].model.formulas
     told = found[-1].as_json()
     assert len(told["curve"]) == len(law.at)
     assert told["formula"]["text"].startswith("error(p) = ")
