@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Fit, prior_cost
 from straw.replay.diagnose.formed import Model, coarsely_first, fitted
 from straw.replay.diagnose.formula import Atom, Sum
+from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.judge import CALIBRATION
 from straw.replay.diagnose.robust import robust_cost, weights
 
@@ -147,6 +148,49 @@ class _Tried:
 
 
 @dataclass(frozen=True, eq=False)
+class _Fits:
+    """Fits of sums in place of a curve: ``unknowns`` and cost of base and curve, the roughness penalty beside it, and
+    the price of a constant."""
+
+    campaign: Campaign
+    unknowns: tuple[Unknown, ...]
+    others: Floats  # (k, base)
+    curve_cost: float
+    price: float
+
+    def tried(self, form: Sum, beside: Floats, rounds: int, share: float) -> _Tried:
+        """A sum fitted beside the base from u (base,)."""
+        return self._scored(form, fitted(self.campaign, self.unknowns, beside, self.others, [form], rounds, share))
+
+    def continued(self, known: _Tried, without: int = -1) -> _Tried:
+        """A fit continued to its end, perhaps without one of the atoms.
+
+        Where it is worse than the curve's it may be in a local minimum, which the coarse comparison avoids.
+        """
+        form, beside = known.refined(without), known.model.fit.u[: self.others.shape[1]]
+        end = self.tried(form, beside, LAST_ROUNDS, 1e-4)
+        if end.model.fit.cost <= self.curve_cost + CALIBRATION.scale or self.campaign.stop():
+            return end
+        return _best([end, self._scored(form, coarsely_first(end.model))])
+
+    def pruned(self, best: _Tried) -> _Tried:
+        """A fit without the atoms that do not earn their price (backward elimination)."""
+        while len(best.sum.atoms) > 1 and not self.campaign.stop():
+            fewer = _best([self.continued(best, without=n) for n in range(len(best.sum.atoms))])
+            if fewer.score > best.score:
+                break
+            best = fewer
+        return best
+
+    def _scored(self, form: Sum, model: Model) -> _Tried:
+        return _Tried(form, model, model.fit.cost + self.price * form.numbers)
+
+
+def _best(some: Sequence[_Tried]) -> _Tried:
+    return min(some, key=lambda one: one.score)
+
+
+@dataclass(frozen=True, eq=False)
 class Written:
     """A curve written as a sum: atoms with their shapes, coefficients and their deviations (atoms,), SI, the sum with
     these numbers, its fit, and the share of the curve's gain that it keeps."""
@@ -172,44 +216,25 @@ def formula(
     curve_cost = cost_beside(fit, base, smooth)
     price = max(float(np.log(len(fit.residual))), EARNS * (null_cost - curve_cost))
     scale = np.array([k.scale for k in fit.unknowns[base:]])
-
-    def tried(form: Sum, beside: Floats, rounds: int, share: float) -> _Tried:
-        model = fitted(campaign, fit.unknowns, beside, others, [form], rounds, share)
-        return _Tried(form, model, model.fit.cost + price * form.numbers)
-
-    def finished(form: Sum, beside: Floats) -> _Tried:
-        """Where the fit is worse than the curve's it may be in a local minimum, which the coarse comparison avoids."""
-        end = tried(form, beside, LAST_ROUNDS, 1e-4)
-        if end.model.fit.cost <= curve_cost + CALIBRATION.scale or campaign.stop():
-            return end
-        model = coarsely_first(end.model)
-        return best_of([end, _Tried(form, model, model.fit.cost + price * form.numbers)])
-
-    def best_of(some: Iterable[_Tried]) -> _Tried:
-        return min(some, key=lambda one: one.score)
-
-    found = []
+    fits, found = _Fits(campaign, fit.unknowns, others, curve_cost, price), []
     for chosen, start, follows in sparse(t, at, atoms):
         form = Sum(chosen, start, at, scale)
         beside = fit.u[:base] + (t.base_step(form.values(form.unknowns()[1]) * scale) if follows else 0.0)
-        found.append(tried(form, beside, ROUNDS, 2e-3))
+        found.append(fits.tried(form, beside, ROUNDS, 2e-3))
         if campaign.stop():
             break
-    best = best_of(found)
-    best = finished(best.refined(), best.model.fit.u[:base])
-    while len(best.sum.atoms) > 1 and not campaign.stop():
-        known = best.model.fit.u[:base]
-        fewer = best_of(finished(best.refined(without=n), known) for n in range(len(best.sum.atoms)))
-        if fewer.score > best.score:
-            break
-        best = fewer
+    best = fits.pruned(fits.continued(_best(found)))
     end = best.model.fit
     w = weights(end.residual)
     spread = max(1.0, float(np.mean(w * end.residual**2)))
     prior = np.diag([1 / k.sd**2 for k in end.unknowns])
     prior[:base, :base] += others.T @ others
     sigmas = deviations((end.slopes * w[:, None]).T @ end.slopes / spread + prior)[base:]
-    keeps = (null_cost - end.cost) / max(null_cost - curve_cost, 1e-9)
-    own, of_start = best.own, np.abs(best.sum.start * sigmas[: len(best.sum.start)])
-    atoms_at = best.sum.atoms_at(own, sigmas)
-    return Written(atoms_at, best.sum.coefficients(own), of_start, best.refined(), best.model, keeps)
+    return Written(
+        atoms=best.sum.atoms_at(best.own, sigmas),
+        coefficients=best.sum.coefficients(best.own),
+        deviations=np.abs(best.sum.start * sigmas[: len(best.sum.start)]),
+        sum=best.refined(),
+        model=best.model,
+        keeps=(null_cost - end.cost) / max(null_cost - curve_cost, 1e-9),
+    )
