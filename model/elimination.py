@@ -13,7 +13,22 @@ from numpy.typing import NDArray
 
 from straw.model.compiled import called, fused
 from straw.model.constants import Constants
-from straw.model.links import ANGLE, AX, AZ, D_SPIN, JOINT, JOINT_IN_WORLD, LAW_IN, SPIN, VX, VZ, Links, X, Z
+from straw.model.links import (
+    ANGLE,
+    AX,
+    AZ,
+    D_SPIN,
+    JOINT,
+    JOINT_IN_WORLD,
+    LAW_ANGLE,
+    LAW_SPIN,
+    SPIN,
+    VX,
+    VZ,
+    Links,
+    X,
+    Z,
+)
 from straw.model.sweeps import Sweeps
 
 Floats = NDArray[np.float64]
@@ -74,8 +89,8 @@ def _tip(c: Constants, s: Links, law: Floats, pushed: Floats, inside_pa: float, 
             A[row, Z] += k[1]
             A[row, VX] += k[2]
             A[row, VZ] += k[3]
-            A[row, SPIN] += k[LAW_IN - 1]
-            A[row, ANGLE] += k[2] * tip[VZ] - k[3] * tip[VX]
+            A[row, SPIN] += k[LAW_SPIN]
+            A[row, ANGLE] += k[2] * tip[VZ] - k[3] * tip[VX] + k[LAW_ANGLE]
     wrench[0] = -c.m_tip * tip[AX] + end * s.axis[n, 0] + fx
     wrench[1] = -c.m_tip * tip[AZ] + end * s.axis[n, 1] + fz
     wrench[2] = -c.I_tip * tip[D_SPIN] + torque

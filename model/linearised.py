@@ -174,8 +174,9 @@ def linearise(c: Constants, m: Motion, frusta: Floats, law: Floats, pushed: Floa
     """Fill the links for a motion.
 
     ``frusta`` (cells, 2, 2, 4): derivatives of each frustum's force and moment by its zeta, phi and their rates.
-    ``law`` (cells + 1, LAW_OUT, LAW_IN): of the world's force and torque on each body by its place, velocity, mass and
-    spin, and ``pushed`` (cells + 1, LAW_OUT) these themselves; not looked at unless the world's axes matter.
+    ``law`` (cells + 1, LAW_OUT, LAW_IN): of the world's force and torque on each body by its place, velocity, mass,
+    spin and the tip's angle, and ``pushed`` (cells + 1, LAW_OUT) these themselves; not looked at unless the world's
+    axes matter.
     """
     dims, slots, moving = s.next.shape[1], len(s.slots), 2 * c.active
     if dims == JOINT and slots == 2 and moving == 2:  # sizes known at compile time: most straws, in half the time

@@ -21,8 +21,10 @@ JOINT, JOINT_IN_WORLD = 6, 9
 VX, VZ, SPIN, AX, AZ, D_SPIN, ANGLE, X, Z = range(9)
 #: Number of a body's quantities that a column changes, see `_rows`.
 CHANGES = 9
-#: Inputs and outputs of a body's law of force in a `straw.model.load.Load`.
-LAW_IN, LAW_OUT = 6, 3
+#: Inputs of a body's law of force (place, velocity, mass, spin, and the tip's angle) and its outputs in a
+#: `straw.model.load.Load`.
+LAW_IN, LAW_OUT = 7, 3
+LAW_SPIN, LAW_ANGLE = 5, 6
 
 
 class Links(NamedTuple):

@@ -9,14 +9,15 @@ from straw.model.bench import Bench
 from straw.model.compiled import allocates_nothing, called
 from straw.model.constants import Constants
 from straw.model.given import AREA, R_I, R_O, RHO, Given
-from straw.model.links import LAW_IN, pushed_loads
+from straw.model.kinematics import Chain
+from straw.model.links import LAW_ANGLE, LAW_IN, pushed_loads
 from straw.model.straw import body_loads
 from straw.model.sweeps import Rows
 
 Floats = NDArray[np.float64]
 
-#: Steps of the derivatives of bodies' laws: place (m), velocity (m/s), mass (kg), spin (rad/s).
-BODY_STEPS = (1e-7, 1e-7, 1e-6, 1e-6, 1e-8, 1e-5)
+#: Steps of the derivatives of bodies' laws: place (m), velocity (m/s), mass (kg), spin (rad/s), the tip's angle (rad).
+BODY_STEPS = (1e-7, 1e-7, 1e-6, 1e-6, 1e-8, 1e-5, 1e-6)
 
 
 @called
@@ -27,27 +28,26 @@ def body_slopes(c: Constants, b: Bench) -> None:
     for x in range(LAW_IN):
         e = BODY_STEPS[x]
         for sign in (1.0, -1.0):
-            for i in range(c.cells + 1):
-                moved = sign * e
-                if x < 2:
-                    s.position[i, x] += moved
-                elif x < 4:
-                    s.velocity[i, x - 2] += moved
-                elif x == 4:
-                    s.mass[i] += moved
-                else:
-                    s.spin[i] += moved
+            _move(s, x, sign * e)
             _push(c, k, b, b.law[:, :, x], 1.0 if sign < 0 else 0.0, sign / (2 * e))
-            for i in range(c.cells + 1):
-                moved = sign * e
-                if x < 2:
-                    s.position[i, x] -= moved
-                elif x < 4:
-                    s.velocity[i, x - 2] -= moved
-                elif x == 4:
-                    s.mass[i] -= moved
-                else:
-                    s.spin[i] -= moved
+            _move(s, x, -sign * e)
+
+
+@allocates_nothing
+def _move(s: Chain, x: int, by: float) -> None:
+    """Change one input of all bodies' laws."""
+    if x == LAW_ANGLE:
+        s.tip_angle[0] += by
+        return
+    for i in range(len(s.position)):
+        if x < 2:
+            s.position[i, x] += by
+        elif x < 4:
+            s.velocity[i, x - 2] += by
+        elif x == 4:
+            s.mass[i] += by
+        else:
+            s.spin[i] += by
 
 
 @allocates_nothing
