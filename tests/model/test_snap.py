@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from mpmath import mpf
 
-from straw.model.continuation import Branch, follow
+from straw.model.continuation import Branch, _lost, follow
 from straw.model.errors import ModelError
 from straw.model.parameters import StrawParameters
 from straw.model.rest import rest_state
@@ -131,3 +133,24 @@ def test_a_snap_pressure_takes_at_most_a_few_hundred_stiffness_matrices(monkeypa
     monkeypatch.setattr("straw.model.continuation.stiffness_matrix", counted)
     snap_pair(STRAW, 1)
     assert calls < 2 * 400
+
+
+class Softening:
+    """One coordinate whose stiffness falls with the load; correction finds another stable point beyond ``lost``."""
+
+    def __init__(self, lost: float, elsewhere: bool) -> None:
+        self.lost, self.elsewhere = lost, elsewhere
+
+    def correct(self, guess: np.ndarray, _plane: np.ndarray, _reach: float) -> np.ndarray:
+        return np.array([guess[0], min(guess[1], 0.9 * self.lost) if self.elsewhere else guess[1]])
+
+    def jacobian(self, y: np.ndarray) -> np.ndarray:
+        return np.array([[-(self.lost - y[1]), 0.0]])
+
+
+@pytest.mark.parametrize(("elsewhere", "load"), [(False, 0.4), (True, 0.36)])
+def test_stability_lost_where_correction_finds_only_stable_points_is_said_to_be_lost_at_the_last(
+    elsewhere: bool, load: float
+) -> None:
+    branch: Any = Softening(0.4, elsewhere)
+    assert _lost(branch, np.zeros(2), np.array([0.0, 1.0]), 0.7)[1] == pytest.approx(load, abs=1e-6)
