@@ -82,7 +82,9 @@ PLANTED = (
     Planted(_unknown("self-excited tip", 0.25), "tip speed", None),
     Planted(_unknown("stop inside every cell", 0.6e-3), "height", lambda z: -4e3 * np.maximum(0, z - 1.4e-3)),
     Planted(_unknown("wall beside the board", 5e-3), "tip Z, along Z", lambda z: 100 * np.maximum(0, -9e-3 - z)),
-    Planted(_unknown("tether that turns the board back", 8e-3), "tip angle", lambda a: -8e-3 * np.maximum(0, a - 1.65)),
+    Planted(
+        _unknown("tether that turns the board back", 20e-3), "tip angle", lambda a: -20e-3 * np.maximum(0, a - 1.65)
+    ),
     Planted(Cause("cohesion", 6.0, "binding curve", 1), "height", _binding),
     Planted(Cause("squeeze_film", 2000.0, "disk with gap floor, h^-3", 1), "damping over height", _film),
 )
