@@ -159,7 +159,7 @@ def _lost(branch: Branch, y: Floats, direction: Floats, far: float) -> Floats:
         return _softest(branch.jacobian(point(step)))
 
     near, end = softest(0.0), softest(far)
-    if near <= 0 or end >= 0:  # a loss within rounding of either end
+    if near <= 0 or end >= 0:  # correction across this plane ends elsewhere than the step that lost its stability
         return point(0.0 if near <= 0 else far)
     return point(brentq(softest, 0.0, far, xtol=1e-7, rtol=1e-7))
 

@@ -104,7 +104,7 @@ def conclude(
     brief: bool = False,
     tolerance: Tolerance | None = None,
 ) -> Findings:
-    """Findings of an inquiry, finished or cut short. An unknown cause is fitted as a curve, for a minute, and the next
+    """Findings of an inquiry, finished or cut short. An unknown cause is fitted as a curve, for minutes, and the next
     experiment is chosen, unless ``brief``. Where the base is within the ``tolerance``, that is the verdict.
 
     A cause that makes held-out runs worse is not named, however probable: the model stays the refitted base, and a

@@ -6,10 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
+from straw.replay.diagnose import formed
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import cost_at, fitted
-from straw.replay.diagnose.formula import Formula
+from straw.replay.diagnose.formula import Atom, Formula, Sum
 from straw.replay.diagnose.formula_fit import Written, as_good, formula
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.systems.straw.dictionary import atoms
@@ -92,7 +94,7 @@ def test_a_law_with_a_kink_on_either_side_of_zero_is_written_as_both_and_nothing
     assert law.coefficients == pytest.approx([-8e-3, 4e-3], abs=5 * float(law.sigmas.max()))
 
 
-def test_a_formula_predicts_runs_to_which_it_was_not_fitted_by_the_values_of_its_curve():
+def test_a_formulas_model_predicts_what_the_values_of_its_curve_do_on_any_of_the_runs():
     truth = SLOPE * np.maximum(0.0, X - KINK)
     with ThreadPoolExecutor(1) as pool:
         one, campaign = written(Measured(X, AT, truth, 1), STATE, AT, pool)
@@ -112,3 +114,31 @@ def test_a_formula_predicts_runs_to_which_it_was_not_fitted_by_the_values_of_its
 )
 def test_each_constant_that_a_curve_has_more_than_its_formula_must_earn_a_share_of_the_gain(cost, numbers, replaces):
     assert as_good(1100.0, 100.0, 8, cost, numbers) == replaces
+
+
+class Linear:
+    """Residuals that are linear in the values of a base constant and of two curves of three points."""
+
+    by = np.random.default_rng(2).normal(size=(9, 7))
+
+    def size(self, _recording: Any, _level: Any) -> int:
+        return len(self.by)
+
+    def misfit(self, _recording: Any, unknowns: Any, u: Any, **_: Any) -> Any:
+        values = np.array([k.value(v) for k, v in zip(unknowns, u, strict=True)])
+        per_u = np.array([k.per_u(v) for k, v in zip(unknowns, u, strict=True)])
+        return SimpleNamespace(vector=self.by @ values - 1.0, jacobian=self.by * per_u, steps=1)
+
+
+def test_two_curves_are_replaced_by_two_formulas_at_once_with_the_derivatives_of_both():
+    at, system = np.array([1.0, 2.0, 4.0]), Linear()
+    line, root = Atom("x", 1, lambda x, _: x), Atom("x^0.5", 0.5, lambda x, _: np.sqrt(x))
+    sums = [Sum((line,), np.array([2.0]), at, np.ones(3)), Sum((line, root), np.array([-1.0, 3.0]), at, np.ones(3))]
+    unknowns = tuple(Unknown(f"constant.{n}", 1.0, kind="linear", sd=100.0) for n in range(7))
+    with ThreadPoolExecutor(1) as pool:
+        campaign = Campaign([SimpleNamespace(name="run")], system, pool)  # type: ignore[list-item, arg-type]
+        model = formed.fitted(campaign, unknowns, np.array([0.5]), np.zeros((0, 1)), sums, 0)
+    own = block_diag([[1.0]], np.outer(at, [2.0]), np.column_stack([-at, 3 * np.sqrt(at)]))
+    assert model.parameters()[1] == pytest.approx(np.concatenate([[0.5], 2 * at, 3 * np.sqrt(at) - at]))
+    np.testing.assert_allclose(model.fit.slopes, system.by @ own, rtol=1e-6)
+    np.testing.assert_allclose(model.fit.residual, system.by @ model.parameters()[1] - 1.0, rtol=1e-12)

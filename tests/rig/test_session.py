@@ -105,6 +105,8 @@ def test_the_straw_behind_the_wire_moves_with_the_run(
 def test_the_loop_keeps_its_rate(controller: Controller, short: PressureProtocol, tmp_path: Path) -> None:
     outcome = run_protocol(controller, short, tmp_path / "run.mcap", rate_hz=50.0)
     assert 25.0 < outcome.rate_hz <= 51.5  # never faster; slower only as far as a busy machine requires
+    run = read_run(tmp_path / "run.mcap")
+    assert outcome.missed == [event.kind for event in run.events].count("fault") < outcome.cycles
 
 
 def test_a_controller_that_is_not_open_runs_nothing_and_leaves_no_file(

@@ -124,7 +124,7 @@ def missing_force(
     """What is missing as one curve, with band and formula, and before it as two together where the second explains most
     of what the first leaves; empty where the search was stopped.
 
-    One to two minutes for eight runs.
+    For six runs 35 to 270 s of CPU (`python -m tests.benchmarks.missing_force`).
     """
     found = curves(campaign, null, told, states)
     if campaign.stop() or not found:
