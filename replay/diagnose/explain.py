@@ -9,33 +9,29 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from straw.replay.diagnose.at_once import at_once
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.fit import Contestant, Fit, clipped, cost_at, evaluated, fitted
+from straw.replay.diagnose.fit import Fit, evaluated, fitted
 from straw.replay.diagnose.hypothesis import Hypothesis
 from straw.replay.diagnose.inquiry import Inquiry, Told
 from straw.replay.diagnose.judge import CALIBRATION, unexplained
-from straw.replay.diagnose.pairs import find_pairs, nested, seconds, shortened, telling
+from straw.replay.diagnose.pairs import find_pairs, seconds, telling
 from straw.replay.diagnose.propose.proposal import Proposal
 from straw.replay.diagnose.refine import explains, finish, refine
 from straw.replay.diagnose.rivals import absent, as_before, from_each_other
-from straw.replay.diagnose.saturated import subsets
 from straw.replay.diagnose.screen import Start, screen
 from straw.replay.diagnose.settings import (
-    COARSE_ROUNDS,
     FAR,
     FIRST_ROUNDS,
-    FOLLOWED,
     ROUNDS,
     SHORTLIST,
-    STARTS,
 )
 from straw.replay.diagnose.starts import check_simulated, fit_from_priors
-from straw.replay.diagnose.tournament import fitted_contestant, halved, look, tournament
+from straw.replay.diagnose.tournament import fitted_contestant, tournament
 
 Floats = NDArray[np.float64]
 
@@ -116,7 +112,7 @@ def _large(
     if explains(known):
         return set()
     steps("all causes at once", found)
-    tried = _at_once(found, wide, known, hypotheses, proposal)
+    tried = at_once(found, wide, known, hypotheses, proposal)
     if unexplained(found.campaign, found.best) <= FAR:
         return tried
     _from_own_starts(found, [h for h in hypotheses if h.name not in tried], base, proposal, steps)
@@ -141,53 +137,6 @@ def _from_own_starts(
         finish(found)
         if not found.goes_on:
             return
-
-
-def _at_once(
-    found: Inquiry, wide: Campaign, base: Fit, hypotheses: Sequence[Hypothesis], proposal: Proposal | None
-) -> set[str]:
-    """The most promising single causes of a fit of all causes at once, and pairs where no single one explains the
-    coarse comparison, fitted coarsely from there and from the proposal's constants, then finished. As long as none
-    explains it, singles have their own starts as well; pairs start on the way from the base's and their causes' fits,
-    too. Returns the names of singles that were fitted from all of these."""
-    ranked = subsets(wide, base, hypotheses, _likely(found.campaign, proposal))
-    begun: list[Contestant] = []
-    tried: set[str] = set()
-    by_size = [[start for start in ranked if len(start.hypothesis.causes) == size] for size in (1, 2)]
-    for start in (start for starts in by_size for start in starts[:FOLLOWED]):
-        explained = any(explains(one.fit) for one in begun)
-        if explained and len(start.hypothesis.causes) > 1:
-            break
-        others = _proposed(base, start.hypothesis, proposal)
-        if len(start.hypothesis.causes) > 1:
-            alone = [one.fit for one in begun if one.name in start.hypothesis.causes]
-            others += [shortened(wide, fit, start) for fit in (base, *alone)]
-        elif not explained:
-            others += look(wide, base, start.hypothesis)[:STARTS]
-            tried.add(start.hypothesis.name)
-        begun.append(_begun(wide, base, start, others))
-    refine(found, halved(wide, begun, len(begun)))
-    finish(found)
-    nested(found)
-    return tried
-
-
-def _begun(wide: Campaign, base: Fit, first: Start, others: Sequence[Start]) -> Contestant:
-    """A hypothesis fitted for a few rounds from the best of its starts."""
-    unknowns = (*base.unknowns, *first.hypothesis.unknowns)
-    points = [clipped(unknowns, start.u) for start in (first, *others)]
-    costs = [cost_at(unknowns, u, r) for u, r in zip(points, wide.residuals(unknowns, points), strict=True)]
-    best = np.argsort(costs, kind="stable")[:STARTS]
-    fits = [fitted_contestant(wide, replace(first, u=points[k]), COARSE_ROUNDS[0], base.unknowns) for k in best]
-    return min(fits, key=lambda c: c.cost)
-
-
-def _proposed(base: Fit, hypothesis: Hypothesis, proposal: Proposal | None) -> list[Start]:
-    """The proposal's constants for causes, by the order of the unknowns."""
-    unknowns = (*base.unknowns, *hypothesis.unknowns)
-    ways = proposal.start(hypothesis.causes) if proposal else ()
-    at = [{one.unknown.target: one.u for one in way} for way in ways]
-    return [Start(hypothesis, np.array([way[one.target] for one in unknowns])) for way in at]
 
 
 class _Steps:
@@ -219,17 +168,6 @@ def _starts(campaign: Campaign, proposal: Proposal | None) -> list[Start]:
         Start(campaign.hypothesis([name]), np.array([s.u for s in way]))
         for name in proposal.scores
         for way in proposal.start([name])
-    ]
-
-
-def _likely(campaign: Campaign, proposal: Proposal | None) -> list[Start]:
-    """A start of each cause that the proposal takes for more likely present than not."""
-    if proposal is None:
-        return []
-    return [
-        Start(campaign.hypothesis([name]), np.array([s.u for s in proposal.start([name])[0]]))
-        for name, score in proposal.scores.items()
-        if score > 0.5
     ]
 
 

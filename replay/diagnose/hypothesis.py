@@ -29,7 +29,8 @@ class Unknown:
     def value(self, u: float) -> float:
         """The number, SI, at u."""
         if self.kind == "log":
-            return float(self.start * np.exp(self.scale * u))
+            with np.errstate(over="ignore"):  # infinite where a search steps too far: a run that cannot be simulated
+                return float(self.start * np.exp(self.scale * u))
         return self.scale * self.units(u)
 
     def per_u(self, u: float) -> float:

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Fit, clipped, cost_at, fitted, normal_equations
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
+from straw.replay.diagnose.refine import explains
 from straw.replay.diagnose.screen import Start
-from straw.replay.diagnose.settings import FAINT, LONGEST_STEP, ROUNDS
+from straw.replay.diagnose.settings import FAINT, FIRST_ROUNDS, LONGEST_STEP
 
 Floats = NDArray[np.float64]
 
@@ -71,10 +72,13 @@ def saturated(known: Fit, hypotheses: Sequence[Hypothesis]) -> Saturated:
     return Saturated(tuple(unknowns), len(known.u), tuple(causes), tuple(own), np.array(absent))
 
 
-def subsets(campaign: Campaign, known: Fit, hypotheses: Sequence[Hypothesis], likely: Sequence[Start]) -> list[Start]:
-    """Starts for every one and every two of the causes, the most promising first, from one fit of all at once.
+def subsets(
+    campaign: Campaign, known: Fit, hypotheses: Sequence[Hypothesis], likely: Sequence[Start]
+) -> list[list[Start]]:
+    """Starts for every one and every two of the causes, the most promising first, from each fit of all at once.
 
-    The fit starts from ``known`` with nothing of any cause, or with the ``likely`` ones where that is nearer.
+    One fit starts with the ``likely`` causes, one from ``known`` with nothing of any, the nearer one first; the other
+    is left out where that explains the runs.
     """
     model = saturated(known, hypotheses)
     if not model.causes:
@@ -82,19 +86,27 @@ def subsets(campaign: Campaign, known: Fit, hypotheses: Sequence[Hypothesis], li
     points = [model.with_causes([]), *([model.with_causes(likely)] if likely else [])]
     residuals = campaign.residuals(model.unknowns, points)
     costs = [cost_at(model.unknowns, u, r) for u, r in zip(points, residuals, strict=True)]
-    fit = fitted(campaign, model.unknowns, points[int(np.argmin(costs))], rounds=ROUNDS)
+    rankings: list[list[Start]] = []
+    for k in np.argsort(costs, kind="stable"):
+        fit = fitted(campaign, model.unknowns, points[k], rounds=2 * FIRST_ROUNDS)
+        rankings.append(_ranked(model, fit, known.cost))
+        if explains(fit) or campaign.stop():
+            break
+    return rankings
+
+
+def _ranked(model: Saturated, fit: Fit, before: float) -> list[Start]:
+    """Every one and every two of the causes by the expansion of the cost about a fit of all, gains over ``before``."""
     H, g = normal_equations(fit.unknowns, fit.u, fit.residual, fit.slopes)
     every = range(len(model.causes))
-    found = [
-        _without_others(model, fit.u, H, g, some)
-        for some in [*((k,) for k in every), *itertools.combinations(every, 2)]
-    ]
+    some = [*((k,) for k in every), *itertools.combinations(every, 2)]
+    found = [_without_others(model, fit.u, H, g, one, before - fit.cost) for one in some]
     return sorted(found, key=lambda start: -start.gain)
 
 
-def _without_others(model: Saturated, u: Floats, H: Floats, g: Floats, some: tuple[int, ...]) -> Start:
-    """The minimum of the quadratic expansion about u with ``some`` causes only; its gain is negative, as it is
-    relative to all of them."""
+def _without_others(model: Saturated, u: Floats, H: Floats, g: Floats, some: tuple[int, ...], gained: float) -> Start:
+    """The minimum of the quadratic expansion about u, where all causes together have ``gained``, with ``some`` of them
+    only."""
     free = [*range(model.base), *(k for cause in some for k in model.own[cause])]
     held = np.setdiff1d(np.arange(len(u)), free)
     step = np.zeros(len(u))
@@ -102,4 +114,4 @@ def _without_others(model: Saturated, u: Floats, H: Floats, g: Floats, some: tup
     step[free] = -np.linalg.solve(H[np.ix_(free, free)], g[free] + H[np.ix_(free, held)] @ step[held])
     first, *others = (model.causes[k] for k in some)
     hypothesis = others[0].beside(first) if others else first
-    return Start(hypothesis, (u + step)[free], float(-2 * g @ step - step @ H @ step))
+    return Start(hypothesis, (u + step)[free], gained + float(-2 * g @ step - step @ H @ step))

@@ -12,6 +12,7 @@ import pytest
 from straw.model.parameters import StrawParameters
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.settings import NOISE_LEAVES
+from straw.replay.diagnose.system import Level
 from straw.replay.diagnose.systems.straw import base
 from straw.replay.diagnose.systems.straw.base import base_fit, telling_runs
 from straw.replay.diagnose.systems.straw.observation import observe
@@ -58,3 +59,13 @@ def test_damping_and_channel_are_found_from_a_straw_whose_constants_are_far_off(
     assert fit.cost < 1.1 * len(fit.residual)  # noise only
     assert fit.values["straw.r_ch_m"] == pytest.approx(truth.r_ch_m, rel=0.01)
     assert fit.values["straw.c_phi_n_m_s_per_rad"] == pytest.approx(2e-3, rel=0.1)
+
+
+def test_constants_whose_powers_vanish_are_a_run_that_cannot_be_simulated() -> None:
+    system = StrawSystem(StrawParameters())
+    (seen,) = (observe(run) for run in campaign((), 3, ("fold-25kPa",), NONE))
+    log_r = next(k for k, one in enumerate(system.base) if one.target == "straw.r_ch_m")
+    at = np.zeros(len(system.base))
+    at[log_r] = -2000.0  # of a search that steps too far: 1e-90 m, whose fourth power is 0
+    for level in Level:
+        assert system.misfit(seen, system.base, at, level=level, derivatives=True) is None

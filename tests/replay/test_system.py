@@ -74,7 +74,7 @@ def test_the_order_of_the_recordings_does_not_matter():
 def test_as_long_as_much_is_left_every_cause_is_fitted_from_its_own_starts(monkeypatch):
     monkeypatch.setattr(explain, "FAR", np.inf)
     monkeypatch.setattr(explain, "screen", lambda *_args: [])
-    monkeypatch.setattr(explain, "_at_once", lambda *_args: set())
+    monkeypatch.setattr(explain, "at_once", lambda *_args: set())
     with ThreadPoolExecutor() as pool:
         found = inquire(stiffening(3e8), OscillatorSystem(), library=SOME, executor=pool)
     assert found.contestants[0].name == "cubic_stiffness"
