@@ -30,7 +30,7 @@ def at_once(
     rankings = subsets(wide, base, hypotheses, _likely(found.campaign, proposal))
     begun: list[Contestant] = []
     tried: set[str] = set()
-    for starts in _foremost(rankings, 1):
+    for starts in foremost(rankings, 1):
         hypothesis = starts[0].hypothesis
         own = _proposed(base, hypothesis, proposal)
         if not _explained(begun):
@@ -41,7 +41,7 @@ def at_once(
         begun.sort(key=lambda one: one.cost)
         begun[0] = finished(wide, begun[0], COARSE_ROUNDS[1])
     if not _explained(begun):
-        begun += [_pair(wide, base, starts, begun, proposal) for starts in _foremost(rankings, 2)]
+        begun += [_pair(wide, base, starts, begun, proposal) for starts in foremost(rankings, 2)]
     refine(found, halved(wide, begun, len(begun)))
     finish(found)
     nested(found)
@@ -62,7 +62,7 @@ def _pair(
     return _begun(wide, base, [*groups, _proposed(base, hypothesis, proposal)])
 
 
-def _foremost(rankings: Sequence[Sequence[Start]], size: int) -> list[list[Start]]:
+def foremost(rankings: Sequence[Sequence[Start]], size: int) -> list[list[Start]]:
     """Hypotheses of ``size`` causes that come first in any of the rankings, each with its starts of all of them."""
     of_size = [[start for start in ranked if len(start.hypothesis.causes) == size] for ranked in rankings]
     names = dict.fromkeys(start.hypothesis.name for level in zip(*of_size, strict=True) for start in level)

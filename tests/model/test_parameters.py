@@ -42,6 +42,7 @@ def test_an_empty_straw_file_is_the_papers_specimen() -> None:
     [
         ("r_ch_m = -1.0", "r_ch_m = -1.0, expected above zero"),
         ("r_ch_m = nan", "r_ch_m = nan"),
+        ("r_ch_m = 1e-90", "r_ch_m = 1e-90, expected above 1e-60"),
         ("E_pa = inf", "E_pa = inf"),
         ("cells = 301", "expected 1 to 300"),
         ("cells = 2.5", "cells = 2.5"),

@@ -117,7 +117,7 @@ class StrawSystem(System):
             if level is Level.FINE:
                 return misfit(recording, self.straw, unknowns, u, derivatives=derivatives)
             vector, jacobian, steps = coarse_misfit(recording, self.straw, unknowns, u, derivatives=derivatives)
-        except (ModelError, ArithmeticError):  # a search may step to constants whose powers overflow or vanish
+        except ModelError:
             return None
         return Differences(vector, jacobian, np.empty((len(CHANNELS), 0)), steps)
 
