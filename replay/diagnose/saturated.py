@@ -88,6 +88,7 @@ def subsets(
     costs = [cost_at(model.unknowns, u, r) for u, r in zip(points, residuals, strict=True)]
     rankings: list[list[Start]] = []
     for k in np.argsort(costs, kind="stable"):
+        # far from the minimum, but near enough for the ranks: a true pair was among the first two after 6 evaluations
         fit = fitted(campaign, model.unknowns, points[k], rounds=2 * FIRST_ROUNDS)
         rankings.append(_ranked(model, fit, known.cost))
         if explains(fit) or campaign.stop():
