@@ -12,6 +12,7 @@ from straw.replay.diagnose.formula import Formula
 from straw.replay.diagnose.said import says
 from straw.replay.diagnose.systems.straw.dictionary import atoms
 from straw.replay.diagnose.systems.straw.discovered import PLACES, discovered
+from straw.replay.diagnose.systems.straw.missing import MissingLaw
 from straw.replay.diagnose.systems.straw.states import STATES
 
 
@@ -20,7 +21,7 @@ def found(name, at, choose):
     chosen = tuple(atom for atom in atoms(state, at) if choose(atom.text))
     coefficients = np.linspace(2.0, 3.0, len(chosen))
     formula = Formula("F", chosen, coefficients, 0.1 * coefficients, ("N",) * len(chosen), 0.9)
-    return SimpleNamespace(state=state, formula=formula, at=at, values=formula.of(at), sigmas=np.ones(len(at)))
+    return MissingLaw(state, at, formula.of(at), np.ones(len(at)), np.ones(len(at)), formula)
 
 
 def frustum(**state):
@@ -67,3 +68,10 @@ def test_the_verdict_names_a_curve_found_from_the_runs_where_it_improves_the_pre
     told = says("unknown_physics", ["unknown"], {"unknown": 0.9}, inquiry, modelled="a force on the tip")
     assert "no hypothesis in the library explains in these 4 runs; it looks like a force on the tip" in told
     assert says("unknown_physics", ["unknown"], {"unknown": 0.9}, inquiry).endswith("none is named.")
+
+
+def test_a_law_whose_formula_is_a_number_alone_is_called_constant():
+    at = np.linspace(-12e-3, 2e-3, 8)
+    wind = found("tip Z, along Z", at, lambda text: text == "")
+    assert wind.says == "a constant force along Z on the tip: F = (2 ± 0.2) N"
+    assert "depends" in found("tip Z, along Z", at, lambda text: text in ("", "Z")).says

@@ -77,7 +77,7 @@ def law_file(law: MissingLaw) -> str:
     names = ", ".join(f'"a{n}"' for n in range(1, len(rows) + 1))
     energy = ENERGY.format(x=x, total=total) if stored else ""
     return LAW.format(
-        says=state.says[0].upper() + state.says[1:],
+        says=law.noun[0].upper() + law.noun[1:],
         formula=formula.text,
         x=x,
         total=total,

@@ -46,9 +46,18 @@ class MissingLaw:
     formula: Formula | None
 
     @property
+    def noun(self) -> str:
+        """What it is, without numbers; one whose formula is a number alone depends on nothing."""
+        if self.formula is None or any(atom.text for atom in self.formula.atoms):
+            return self.state.says
+        return "a constant " + self.state.says.partition(" that ")[0].partition(" ")[2]
+
+    @property
     def says(self) -> str:
         """As a noun, with its value where it matters most."""
         s, k = self.state, int(np.argmax(self.matters))
+        if self.formula and self.noun != s.says:
+            return f"{self.noun}: {self.formula.text}"
         return (
             f"{s.says}: {s.value_symbol} = {self.values[k]:.2g} ± {self.sigmas[k]:.1g} "
             f"{s.value_unit.replace('1', '')} at {s.symbol} = {self.at[k]:.3g} {s.state_unit}"
@@ -92,14 +101,14 @@ class Missing:
     @property
     def noun(self) -> str:
         """What it is, without numbers."""
-        return " and ".join(law.state.says for law in self.laws)
+        return " and ".join(law.noun for law in self.laws)
 
     @property
     def says(self) -> str:
         """In one sentence."""
         takes = f"{100 * self.explains:.0f} % of what the base model leaves unexplained"
         if not self.tells:
-            best = self.laws[0].state.says
+            best = self.laws[0].noun
             return f"No force over any one state explains the runs: the best, {best}, accounts for {takes}"
         if len(self.laws) > 1:
             both = " and ".join(law.says for law in self.laws)
@@ -124,7 +133,7 @@ def missing_force(
     """What is missing as one curve, with band and formula, and before it as two together where the second explains most
     of what the first leaves; empty where the search was stopped.
 
-    For six runs 35 to 270 s of CPU (`python -m tests.benchmarks.missing_force`).
+    For six runs 63 to 440 s of CPU, 730 s for a magnet (`python -m tests.benchmarks.missing_force`).
     """
     found = curves(campaign, null, told, states)
     if campaign.stop() or not found:
