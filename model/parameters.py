@@ -82,7 +82,7 @@ class StrawParameters:
         positive = ("r_i_m", "r_o_m", "h_m", "E_pa", "r_ch_m", "m_tip_kg", "I_tip_kg_m2", "rho_kg_per_m3")
         for name in positive:
             self._check(name, all_of(_numbers(getattr(self, name)) > 0), "above zero")
-        self._check("r_ch_m", self.r_ch_m > 1e-60, "above 1e-60: its fourth power vanishes")
+        self._check("r_ch_m", self.r_ch_m > 1e-60, "above 1e-60")  # the loss has its fourth power, 0 below 1e-81
         for name in ("c_zeta_n_s_per_m", "c_phi_n_m_s_per_rad"):
             self._check(name, all_of(getattr(self, name) >= 0), "zero or above")
         for name in ("g_m_per_s2", "phi_0_rad", "F_X_n", "F_Z_n", "M_Y_n_m"):

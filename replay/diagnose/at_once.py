@@ -1,4 +1,4 @@
-"""Where all causes are fitted at once, which of them stay: the best ones and twos, fitted alone and finished."""
+"""Single causes and pairs selected by fits of all causes at once, then fitted by themselves."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def at_once(
             own += look(wide, base, hypothesis)[:STARTS]
             tried.add(hypothesis.name)
         begun.append(_begun(wide, base, [*([start] for start in starts), own]))
-    if begun and not _explained(begun):  # a few rounds more, as pairs cost more
+    if begun and not _explained(begun):  # a fit continued costs less than those of four pairs
         begun.sort(key=lambda one: one.cost)
         begun[0] = finished(wide, begun[0], COARSE_ROUNDS[1])
     if not _explained(begun):

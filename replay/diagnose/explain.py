@@ -1,6 +1,6 @@
 """Explains a campaign: the base model, every cause of the library, the best in pairs; proposed, then fitted exactly.
 
-Single causes and pairs are selected by a fit of all causes at once (`straw.replay.diagnose.saturated`), in a coarse
+Single causes and pairs are selected by fits of all causes at once (`straw.replay.diagnose.at_once`), in a coarse
 comparison of the most informative runs; the survivors are fitted to all samples of all runs. Where these leave more
 than noise, every other cause is fitted from its own starts, by successive halving (`straw.replay.diagnose.tournament`).
 """
@@ -24,12 +24,7 @@ from straw.replay.diagnose.propose.proposal import Proposal
 from straw.replay.diagnose.refine import explains, finish, refine
 from straw.replay.diagnose.rivals import absent, as_before, from_each_other
 from straw.replay.diagnose.screen import Start, screen
-from straw.replay.diagnose.settings import (
-    FAR,
-    FIRST_ROUNDS,
-    ROUNDS,
-    SHORTLIST,
-)
+from straw.replay.diagnose.settings import FAR, FIRST_ROUNDS, ROUNDS, SHORTLIST
 from straw.replay.diagnose.starts import check_simulated, fit_from_priors
 from straw.replay.diagnose.tournament import fitted_contestant, tournament
 

@@ -49,6 +49,7 @@ def test_a_board_that_stays_40_percent_covered_is_reacquired_within_ten_frames(m
     later = [covered(scene, pictures[k], k, *COVERS[cover]) for k in range(HIDDEN.stop, len(pictures))]
     found = tracked(encode(tmp_path / "v.mp4", [*pictures[: HIDDEN.start], *hidden, *later], bitrate=12e6), scene)
     assert not found.trace.valid[HIDDEN].any()
-    assert found.trace.valid[1 : HIDDEN.start].all()  # the first is coded before the rate has settled
+    # the first picture, coded by half more coarsely than later ones, is refused on some machines beside "across"
+    assert found.trace.valid[1 : HIDDEN.start].all()
     assert found.trace.valid[HIDDEN.stop + SOON :].all(), np.flatnonzero(~found.trace.valid)
     assert np.abs(errors(found, scene)[1]).max() < 6
