@@ -6,13 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.tracking.errors import TrackingError
+from straw.tracking.jumps import gain_of, gains
 from straw.tracking.noise import MOTION_VECTOR_PX, of_rate, off_chord, usual_lag, without_lag
 from straw.tracking.pose import Poses, apply
 from straw.tracking.settle import Settled
 from straw.tracking.start import free_start
 from straw.tracking.task import Task
 from straw.tracking.variance import Scatter, Seen, kinds, learnt, seen_of
-from straw.tracking.views import Views
+from straw.tracking.views import LEAP_GAIN, Views
 
 Floats = NDArray[np.float64]
 
@@ -26,10 +27,13 @@ class Poser:
         self._points_m = apply(settled.camera.tip_from_board, settled.points_m)
         self._usual = np.full(3, np.nan)  # a pose of the clip, where a start cannot be found otherwise
         self._scatter: Scatter | None = None
-        self._askew_px = 0.0
+        self._askew_px, self._gain = 0.0, 1.0
 
-    def learn(self, views: Views, askew_px: float = 0.0) -> None:
-        """Learn the clip's variances from some frames; ``askew_px``: standard deviation of what ``askew_of`` gives."""
+    def learn(self, views: Views, swift: Views, askew_px: float = 0.0) -> None:
+        """Learn the clip's variances from some frames, and from ``swift`` ones, see ``jumps``.
+
+        ``askew_px``: standard deviation of what ``askew_of`` gives.
+        """
         fits, _, seen, *_ = self._fitted(views)
         self._askew_px = askew_px
         fit = np.isfinite(fits.rms_px)
@@ -40,15 +44,21 @@ class Poser:
         if self.settled.rest_frames:
             rest = self.settled.bundle.views.pick(np.zeros(1, np.intp))
             self.settled.doubt_rest(self._scatter, self._fitted(rest)[2], rest.off(askew_px)[0])
+        swift = swift.pick(np.flatnonzero(np.isfinite(swift.jump_px)))  # a frame beside it may be rejected
+        if len(swift.time_s):
+            _, _, seen, _, codec = self._fitted(swift)
+            self._gain = gain_of(
+                _by_corners(seen, swift, swift.leap_px), LEAP_GAIN * (self._scatter.covariance(seen) + codec)
+            )
 
     def poses(self, views: Views) -> tuple[Poses, Floats, Floats]:
         """Return the fits, the poses (f, 3) with the codec's lag put right, and their covariance (f, 3, 3)."""
         assert self._scatter is not None
         fits, vector, seen, rate, codec = self._fitted(views)
-        off = (views.across[:, None] @ views.off(self._askew_px)[..., None])[..., 0]
-        askew = np.einsum("fijwm,fijw->fm", seen.answer(), off.reshape(-1, *self.shape, 2))
+        askew = _by_corners(seen, views, views.off(self._askew_px))
         settled = self.settled.covariance(views, vector, rate, askew)
-        return fits, vector, self._scatter.covariance(seen) + settled + codec
+        own = gains(self._gain, views.key, views.speed_px)[:, None, None] * (self._scatter.covariance(seen) + codec)
+        return fits, vector, own + settled
 
     def _fitted(self, views: Views) -> tuple[Poses, Floats, Seen, Floats, Floats]:
         plane, line_s = self.settled.plane, self.settled.camera.line_s or 0.0
@@ -71,3 +81,9 @@ class Poser:
         seen = seen_of(self.shape, slopes, fits.residual_px, fits.used, views.across, kind)
         rolling = of_rate(fits, slopes, line_s * views.rows, views.doubt)
         return fits, vector + toward, seen, rate, chord + lag + rolling
+
+
+def _by_corners(seen: Seen, views: Views, moved_px: Floats) -> Floats:
+    """Return how poses (f, 3) change with corners that move by (f, n, 2) px along u and v."""
+    across = (views.across[:, None] @ moved_px[..., None])[..., 0]
+    return np.asarray(np.einsum("fijwm,fijw->fm", seen.answer(), across.reshape(seen.left.shape)))

@@ -14,6 +14,7 @@ from straw.tracking.course import Courses, course_of
 from straw.tracking.doubt import doubted
 from straw.tracking.errors import TrackingError
 from straw.tracking.follow import NOT_DUE
+from straw.tracking.jumps import swift
 from straw.tracking.lens import Lens
 from straw.tracking.noise import Frames, exposure_by_smear, lag_of, usual_lag
 from straw.tracking.pose import Poses
@@ -102,15 +103,16 @@ def solved(work: Task, record: Record, gathered: Gathered, report: DecodeReport,
     exposure_s = timeline.telemetry.exposure_s or exposure_by_smear(frames, timeline.period_s)
     features = np.column_stack((middle, frames.sweep)).astype(np.float32)
     chosen = np.unique(np.concatenate((np.arange(min(REST_FRAMES, len(seen))), _spread(features))))
-    tell = telling(frames)
+    tell, fast = telling(frames), swift(frames)
     viewed = viewer(record, work.camera.lens, said == "", gathered.views)
     lag_px = lag_of(frames)
     askew_px, askew_sigma_px = askew_of(frames, lag_px or usual_lag(frames.key))
-    views = pick(record, viewed, seen[np.union1d(chosen, tell)]).straightened(askew_px)
-    constants, others = (views.pick(np.flatnonzero(np.isin(views.frame, seen[which]))) for which in (chosen, tell))
+    groups = chosen, tell, fast
+    views = pick(record, viewed, seen[np.unique(np.concatenate(groups))]).straightened(askew_px)
+    constants, others, moving = (views.pick(np.flatnonzero(np.isin(views.frame, seen[which]))) for which in groups)
     settled = settle(work.camera, board, work.rest_pose, constants, level=work.level, exposure_s=exposure_s)
     poser = Poser(work, settled, timeline.period_s, lag_px, exposure_s)
-    poser.learn(others, askew_sigma_px)
+    poser.learn(others, moving, askew_sigma_px)
 
     def straight(start: int, rows: Rows) -> Viewed:
         found, where = viewed(start, rows)

@@ -20,6 +20,7 @@ AROUND = 8  # frames of context on either side of a chunk: two pictures on eithe
 _NEIGHBOUR_PERIODS = 1.5  # frames farther apart than this give no velocity
 _MOST_BETWEEN = 4  # periods from one picture that is no B picture to the next, for a cubic to know the course
 _QUINTIC = np.array((-1, 6, -15, 20, -15, 6, -1)) / 20
+LEAP_GAIN = float((_QUINTIC**2).sum())  # variance of ``leap_px`` over that of errors independent from frame to frame
 # Central differences of the first three derivatives, by how many frames on either side.
 _STENCILS = {
     1: ((-1 / 2, 0, 1 / 2), (1, -2, 1), (0, 0, 0)),
@@ -43,7 +44,8 @@ class Views:
     ``widths`` (f, 2): half widths of the edges, px, and ``sweep`` (f, 2) how fast (px/s) the board's middle crosses
     them. ``key`` (f,): coded without prediction. ``speed_px`` (f,): the corners' motion from
     frame to frame, rms per coordinate, and ``jump_px`` (f,) how far ahead they lie of the prediction from three frames
-    on either side; NaN without those. ``chord_px`` (f, n, 2): of B pictures, the mean by time of the pictures
+    on either side, ``leap_px`` (f, n, 2) the same of each corner along u and v; NaN without those. ``chord_px`` (f, n,
+    2): of B pictures, the mean by time of the pictures
     around it, from which it is predicted, minus the corners' smooth course. ``leans`` (f, n, 2) and ``askew_px`` (f,):
     errors of edges askew to the raster, as shares, and how far corners lie ahead of the prediction along these.
     """
@@ -65,6 +67,7 @@ class Views:
     sweep: Floats
     key: Flags
     jump_px: Floats
+    leap_px: Floats
     speed_px: Floats
     chord_px: Floats
     leans: Floats
@@ -124,7 +127,7 @@ def views_of(
     rays = flat.reshape(pixels.shape)
     rate, bend, jerk, doubt = _derivatives(rays, time_s, seen)
     leans = leaning(pixels.reshape(-1, *record.shape, 2))
-    jump_px, speed_px, askew_px = _jumps(pixels, leans, time_s, seen)
+    jump_px, leap_px, speed_px, askew_px = _jumps(pixels, leans, time_s, seen)
     where = np.flatnonzero(seen[lead : lead + len(rows)])
     at = where + lead
     middle = pixels[at, :, 1].mean(axis=1)
@@ -154,6 +157,7 @@ def views_of(
         sweep=np.abs(np.einsum("fki,fi->fk", normals, speed / n)),
         key=around["key"][at],
         jump_px=jump_px[at],
+        leap_px=leap_px[at],
         speed_px=speed_px[at],
         chord_px=chords(pixels, time_s, seen, around["between"])[at],
         leans=leans.reshape(-1, n, 2)[at],
@@ -221,18 +225,19 @@ def _runs(flags: Flags, length: int) -> Flags:
     return np.asarray(np.lib.stride_tricks.sliding_window_view(flags, length).all(axis=1))
 
 
-def _jumps(pixels: Floats, leans: Floats, time_s: Floats, seen: Flags) -> tuple[Floats, Floats, Floats]:
-    """Return how far (f,) the corners are ahead of the quintic through three frames on either side, and their speed;
-    then how far along ``leans`` (f, nx, ny, 2)."""
+def _jumps(pixels: Floats, leans: Floats, time_s: Floats, seen: Flags) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return how far (f,) the corners are ahead of the quintic through three frames on either side, each of them off it
+    (f, n, 2), and their speed; then how far along ``leans`` (f, nx, ny, 2)."""
     n = len(time_s)
-    jump, speed, askew = np.full((3, n), np.nan)
+    leap, (jump, speed, askew) = np.full(pixels.shape, np.nan), np.full((3, n), np.nan)
     if n > 6:
         even = np.diff(time_s) < _NEIGHBOUR_PERIODS * np.median(np.diff(time_s))
         whole = _runs(seen, 7) & _runs(even, 6)
         parts = sum(w * pixels[k : n - 6 + k] for k, w in enumerate(_QUINTIC))
         motion = (pixels[4:-2] - pixels[2:-4]) / 2
         length = np.sqrt((motion**2).mean(axis=(1, 2)))
+        leap[3:-3] = np.where(whole[:, None, None], parts, np.nan)
         jump[3:-3] = np.where(whole, (parts * motion).mean(axis=(1, 2)) / np.maximum(length, 1e-9), np.nan)
         speed[3:-3] = np.where(whole, length, np.nan)
         askew[3:-3] = np.where(whole, along(parts.reshape(-1, *leans.shape[1:]), leans[3:-3]), np.nan)
-    return jump, speed, askew
+    return jump, leap, speed, askew

@@ -115,6 +115,11 @@ KINDS = {
 NAMES = dict(zip(KINDS, ("side", "aside", "above", "both", "turn", "trouble", "hevc"), strict=True))
 
 
+def file_of(folder: Path, name: str, seed: int, misprint_um: float) -> Path:
+    """Name a clip's file by its kind, seed and misprint."""
+    return folder / f"{''.join(c if c.isalnum() else '-' for c in name)}-{seed}-{misprint_um:.0f}.mp4"
+
+
 def painted(path: Path, kind: Kind, seed: int, misprint_m: float) -> Scene:
     """Film a clip of a kind, unless it exists already; return its scene."""
     scene, rng = kind.scene(seed, misprint_m), np.random.default_rng(seed)
@@ -169,7 +174,7 @@ def main() -> int:
             by_clip: list[np.ndarray] = []
             for seed in range(args.first, args.first + args.clips):
                 misprint_um = args.misprints[seed // 2 % len(args.misprints)]  # cameras differ by the seed's parity
-                path = folder / f"{''.join(c if c.isalnum() else '-' for c in name)}-{seed}-{misprint_um:.0f}.mp4"
+                path = file_of(folder, name, seed, misprint_um)
                 scene = painted(path, KINDS[name], seed, 1e-6 * misprint_um)
                 start = time.perf_counter()
                 found = tracked(path, scene)

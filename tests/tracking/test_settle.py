@@ -45,6 +45,7 @@ def followed(seen_by_opencv, camera, poses, noise_px=0.0, y_m=0.0, line_s=0.0):
         sweep=np.zeros((n, 2)),
         key=np.zeros(n, bool),
         jump_px=np.full(n, np.nan),
+        leap_px=np.full((n, 49, 2), np.nan),
         speed_px=np.zeros(n),
         chord_px=np.zeros((n, 49, 2)),
         leans=np.zeros((n, 49, 2)),
