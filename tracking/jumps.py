@@ -20,7 +20,7 @@ _SWIFT_PX = 0.1  # a frame
 _FASTEST_PX = 1.0  # a frame: errors of faster ones are no larger than stated (figures in tests/benchmarks/README.md)
 #: Share of the variance of swift frames that their jumps show, as neighbours share the rest; it is printed by
 #: python -m tests.benchmarks.tracking_jumps
-SHOWN = 0.6
+SHOWN = 0.55
 _FEWEST = 20  # frames
 _RUN, _RUNS = 16, 16  # frames one after another, and how many such stretches are looked at
 _MEDIAN = float(chi2.median(3))
@@ -53,5 +53,10 @@ def of_stated(jumps: Floats, covariance: Floats) -> float:
 
 
 def gains(gain: float, key: Flags, speed_px: Floats) -> Floats:
-    """Return the factor (f,) for each frame; one of unknown speed, beside a rejected one, counts as swift."""
-    return np.where(key | (speed_px <= _SWIFT_PX) | (speed_px >= _FASTEST_PX), 1.0, gain)
+    """Return the factor (f,) for each of the frames, in order of time.
+
+    A frame after a swift one copies it: at a turn, and where a snap begins. One of unknown speed, beside a rejected
+    one, counts as swift.
+    """
+    moved = ~(key | (speed_px <= _SWIFT_PX) | (speed_px >= _FASTEST_PX))
+    return np.where(~key & (moved | np.concatenate((moved[:1], moved[:-1]))), gain, 1.0)

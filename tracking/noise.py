@@ -106,7 +106,8 @@ def without_lag(
 
     How much of the lag there is in one frame depends on which blocks were worth coding since the last keyframe. No
     distribution between none and all has a larger variance than a quarter, for all corners alike however fast they
-    move, along their motion, also when that has ended.
+    move, along their motion, also when that has ended. A picture that is merely copied tells no direction of motion,
+    and at a turn it keeps what the one before lacked: the covariance is the mean of the frame's and its neighbours'.
     """
     J, normal = _normal(poses, slopes)
     speed_px = np.sqrt(np.einsum("fi,fij,fj->f", rate, normal, rate) / (2.0 * poses.used.sum(axis=1)))
@@ -119,7 +120,16 @@ def without_lag(
     moved = np.linalg.solve(normal, np.einsum("fncm,fnc->fm", J, ahead)[..., None])[..., 0]
     left = moved * np.where(key | (speed_px > FOLLOWED_PX), 0.0, lag_px / 2)[:, None]
     right = poses.vector + along * ahead_px[:, None] + size * larger_px[:, None]
-    return np.asarray(right), left[:, :, None] * left[:, None, :]
+    return np.asarray(right), _beside(left[:, :, None] * left[:, None, :], key)
+
+
+def _beside(spread: Floats, key: Flags) -> Floats:
+    """Return the means of covariances (f, 3, 3) of each frame and those before and after it, none for keyframes."""
+    total, count = spread.copy(), np.ones((len(spread), 1, 1))
+    for to, by in ((slice(1, None), slice(None, -1)), (slice(None, -1), slice(1, None))):
+        total[to] += spread[by]
+        count[to] += 1.0
+    return np.where(key[:, None, None], 0.0, total / count)
 
 
 def off_chord(poses: Poses, slopes: Floats, chord_px: Floats, slow: Flags) -> tuple[Floats, Floats]:

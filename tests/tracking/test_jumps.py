@@ -56,10 +56,10 @@ def test_too_few_frames_tell_nothing():
     assert gain_of(np.full((10, 3), 1.0), np.tile(STATED, (10, 1, 1))) == 1.0
 
 
-def test_keyframes_and_slow_frames_are_left_as_stated():
-    speed_px = np.array((0.0, 0.05, 0.3, 0.8, 3.0, 0.3, np.nan))
-    key = np.array((False, False, False, False, False, True, False))
-    np.testing.assert_array_equal(gains(2.0, key, speed_px), (1, 1, 2, 2, 1, 1, 2))
+def test_keyframes_and_slow_frames_are_left_as_stated_but_those_that_copy_a_swift_one():
+    speed_px = np.array((0.0, 0.05, 0.3, 0.8, 3.0, 3.0, 0.3, 0.05, np.nan, 0.05, 0.05))
+    key = np.arange(11) == 6
+    np.testing.assert_array_equal(gains(2.0, key, speed_px), (1, 1, 2, 2, 2, 1, 1, 1, 2, 2, 1))
 
 
 def test_of_a_long_clip_stretches_from_its_beginning_to_its_end_are_judged():

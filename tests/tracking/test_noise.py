@@ -198,3 +198,25 @@ def test_the_amplitude_of_a_snap_is_not_reduced_by_a_full_exposure(small, tmp_pa
     assert found.trace.valid[1:].all()  # the first search may have to be repeated
     miss = (found.trace.z_m - ringing(found.trace.time_s)[1])[found.trace.valid]
     assert np.sqrt(np.mean(miss**2)) < 12e-6  # the codec's lag: 0.03 px at 0.24 mm
+
+
+def test_a_copied_picture_is_as_uncertain_along_the_motion_as_those_beside_it(setup, seen_by_opencv):
+    """A board that comes down by 0.02 px a frame; one picture is a copy, from which its rate would be sideways."""
+    truth = np.array([(0.02, 5e-6 * k, 1.55) for k in range(9)])
+    pixels = np.array([seen_by_opencv(setup, *pose) for pose in truth])
+    rays, slopes = setup.lens.rays_with_slopes(pixels.reshape(-1, 2))
+    points = apply(setup.tip_from_board, Board().corner_points_m())
+    plane, slopes = Plane(setup.lens, setup.world_from_camera), slopes.reshape(9, 49, 2, 2)
+    fits = plane.fit_rays(rays.reshape(9, 49, 2), slopes, points, truth, np.ones((9, 49), bool))
+    by_pose, key, eye_m = (
+        plane.slopes(slopes, points, fits.vector),
+        np.arange(9) == 0,
+        setup.world_from_camera[(0, 2), 3],
+    )
+    rate = np.gradient(truth, axis=0)
+    _, plain = without_lag(fits, by_pose, rate, key, 0.02, eye_m)
+    rate[8] = 1e-8, 0.0, 0.0
+    _, copied = without_lag(fits, by_pose, rate, key, 0.02, eye_m)
+    assert copied[8, 1, 1] > plain[8, 1, 1] / 3
+    assert not copied[0].any()
+    np.testing.assert_allclose(copied[2:7], plain[2:7])
