@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Fit, prior_cost
-from straw.replay.diagnose.formed import Model, coarsely_first, fitted
+from straw.replay.diagnose.formed import Formed, Model, coarsely_first, fitted
 from straw.replay.diagnose.formula import Atom, Sum
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.judge import CALIBRATION
@@ -224,17 +224,32 @@ def formula(
         if campaign.stop():
             break
     best = fits.pruned(fits.continued(_best(found)))
-    end = best.model.fit
-    w = weights(end.residual)
-    spread = max(1.0, float(np.mean(w * end.residual**2)))
-    prior = np.diag([1 / k.sd**2 for k in end.unknowns])
-    prior[:base, :base] += others.T @ others
-    sigmas = deviations((end.slopes * w[:, None]).T @ end.slopes / spread + prior)[base:]
-    return Written(
-        atoms=best.sum.atoms_at(best.own, sigmas),
-        coefficients=best.sum.coefficients(best.own),
-        deviations=np.abs(best.sum.start * sigmas[: len(best.sum.start)]),
-        sum=best.refined(),
-        model=best.model,
-        keeps=(null_cost - end.cost) / max(null_cost - curve_cost, 1e-9),
-    )
+    return as_written(best.model, null_cost, curve_cost)[0]
+
+
+def as_written(model: Model, null_cost: float, curve_cost: float) -> list[Written]:
+    """Each of a model's sums with the numbers of its fit."""
+    here, fit = model.campaign, model.fit
+    assert isinstance(here, Formed)
+    assert model.smooth is not None
+    w = weights(fit.residual)
+    spread = max(1.0, float(np.mean(w * fit.residual**2)))
+    prior = np.diag([1 / k.sd**2 for k in fit.unknowns]) + model.smooth.T @ model.smooth
+    sigmas = deviations((fit.slopes * w[:, None]).T @ fit.slopes / spread + prior)
+    keeps, out, first = (null_cost - fit.cost) / max(null_cost - curve_cost, 1e-9), [], here.base
+    for form in here.sums:
+        own = slice(first, first + len(form.unknowns()[0]))
+        first = own.stop
+        u, sd = fit.u[own], sigmas[own]
+        a = form.coefficients(u)
+        out.append(
+            Written(
+                atoms=form.atoms_at(u, sd),
+                coefficients=a,
+                deviations=np.abs(form.start * sd[: len(a)]),
+                sum=replace(form, atoms=form.atoms_at(u), start=a),
+                model=model,
+                keeps=keeps,
+            )
+        )
+    return out

@@ -22,6 +22,9 @@ SLOWEST = 1 / 60
 #: Points of a curve are at least this share of its range apart: drawn out over a share w, a step has an RMS error over
 #: the range of the root of w / 12, here 3 % of its height.
 APART = 1 / 100
+#: Values of the state at which a table is compared with a formula, and by which share of the formula's largest value it
+#: may be off: the fits themselves are good to a percent of it at best.
+GRID, FOLLOWS = 401, 1e-3
 #: A curve over so few values is none.
 FEWEST = 3
 #: Deviation of the prior of a value in units: nearly flat.
@@ -232,6 +235,44 @@ def bent_points(state: State, placed: Floats, at: Floats, values: Floats) -> Flo
     bend = np.interp(where, at, (bend - bend[0]) / (bend[-1] - bend[0]))
     below = (bend + np.interp(where, placed, np.linspace(0, 1, POINTS))) / 2
     return _kept_apart(state, np.interp(np.linspace(0, 1, POINTS), below, where), at[0], at[-1])
+
+
+def formula_points(state: State, at: Floats, law: Callable[[Floats], Floats], edges: Sequence[float]) -> Floats:
+    """Points (n,) of a table for a formula over the range of points ``at`` (n,), which are kept where they follow it.
+
+    At its ``edges`` and close to either side of them, where a fit may move them, then one by one where straight lines
+    are farthest off (Ramer, Computer Graphics and Image Processing 1, 1972), or in the widest gap where they are not.
+    """
+    if len(at) < POINTS or state.state_unit == "cycles":
+        return at
+    low, high = float(at[0]), float(at[-1])
+    least = (SLOWEST if state.odd else 1.0) * APART * (high - low)
+    inside = [x for x in edges if low + least < x < high - least]
+    grid = (
+        np.unique([*np.geomspace(low, high, GRID), *inside])
+        if state.odd
+        else np.union1d(np.linspace(low, high, GRID), inside)
+    )
+    values = law(grid)
+    fixed = [0.0] if state.odd or (state.zero and low < 0 < high) else []
+
+    def off(points: Sequence[float] | Floats) -> Floats:
+        """Distance of the formula from straight lines between points, in its largest value."""
+        x = np.sort(np.unique([*fixed, *points]))
+        y = np.where(x == 0, 0.0, law(x)) if fixed else law(x)
+        return np.asarray(np.abs(values - np.interp(grid, x, y)) / max(float(np.max(np.abs(values))), 1e-300))
+
+    if float(np.max(off(at))) < FOLLOWS:
+        return at
+    points = [low, high, *(x for x in fixed if not state.odd), *inside]
+    for x in (side for edge in inside for side in (edge - least, edge + least)):
+        if len(points) < POINTS and min(abs(x - p) for p in points) > least / 2:
+            points.append(x)
+    while len(points) < POINTS:
+        far = np.min(np.abs(grid[:, None] - np.array(points)), axis=1)
+        error = np.where(far >= least, off(points), 0.0)
+        points.append(float(grid[np.argmax(error if error.max() > FOLLOWS else far)]))
+    return np.sort(points[:POINTS])
 
 
 def _kept_apart(state: State, at: Floats, low: float, high: float) -> Floats:
