@@ -236,7 +236,8 @@ def as_written(model: Model, null_cost: float, curve_cost: float) -> list[Writte
     spread = max(1.0, float(np.mean(w * fit.residual**2)))
     prior = np.diag([1 / k.sd**2 for k in fit.unknowns]) + model.smooth.T @ model.smooth
     sigmas = deviations((fit.slopes * w[:, None]).T @ fit.slopes / spread + prior)
-    keeps, out, first = (null_cost - fit.cost) / max(null_cost - curve_cost, 1e-9), [], here.base
+    keeps = min((null_cost - fit.cost) / max(null_cost - curve_cost, 1e-9), 1.0)  # it may explain more than the curve
+    out, first = [], here.base
     for form in here.sums:
         own = slice(first, first + len(form.unknowns()[0]))
         first = own.stop

@@ -17,7 +17,7 @@ from straw.replay.diagnose.systems.straw.curve import Curve, searched
 from straw.replay.diagnose.systems.straw.curves import MOVES, restarted
 from straw.replay.diagnose.systems.straw.dictionary import atoms
 from straw.replay.diagnose.systems.straw.of import straw_of, with_straw
-from straw.replay.diagnose.systems.straw.states import FOLLOWS, formula_points
+from straw.replay.diagnose.systems.straw.tables import FOLLOWS, formula_points
 
 Floats = NDArray[np.float64]
 

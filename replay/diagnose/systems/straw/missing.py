@@ -59,7 +59,7 @@ class MissingLaw:
             return f"{self.noun}: {self.formula.text}"
         return (
             f"{s.says}: {s.value_symbol} = {self.values[k]:.2g} ± {self.sigmas[k]:.1g} "
-            f"{s.value_unit.replace('1', '')} at {s.symbol} = {self.at[k]:.3g} {s.state_unit}"
+            f"{s.value_unit.replace('1', '')} at {s.symbol} = {self.at[k]:.3g} {s.state_unit.replace('1', '')}".rstrip()
         )
 
     @property
@@ -190,7 +190,7 @@ def _law(curve: Curve, written: Written | None) -> MissingLaw:
 
 def _unit(state: State, power: float) -> str:
     """Unit of a coefficient of the state to a power."""
-    if power == 0:
+    if power == 0 or state.state_unit == "1":
         return state.value_unit
     per = f"({state.state_unit})" if "/" in state.state_unit else state.state_unit
     return f"{state.value_unit}/{per}" + (f"^{power:g}" if power != 1 else "")
