@@ -13,7 +13,7 @@ from straw.model.straw_file import straw_from_toml
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import fitted
 from straw.replay.diagnose.formula import Formula
-from straw.replay.diagnose.formula_fit import Tangent, deviations, sparse
+from straw.replay.diagnose.sparse import Tangent, deviations, sparse
 from straw.replay.diagnose.systems.straw.constants import applied, base_unknowns
 from straw.replay.diagnose.systems.straw.dictionary import atoms
 from straw.replay.diagnose.systems.straw.instrument import Instrument, last_direction

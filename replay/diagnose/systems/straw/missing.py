@@ -16,10 +16,11 @@ from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Fit
 from straw.replay.diagnose.formed import Model
 from straw.replay.diagnose.formula import Formula
-from straw.replay.diagnose.formula_fit import Written, tangent
+from straw.replay.diagnose.formula_fit import Written
 from straw.replay.diagnose.inquiry import Told, silent
 from straw.replay.diagnose.judge import unexplained
 from straw.replay.diagnose.settings import NOISE_LEAVES
+from straw.replay.diagnose.sparse import tangent
 from straw.replay.diagnose.systems.straw.curve import Curve
 from straw.replay.diagnose.systems.straw.curves import beside, curves
 from straw.replay.diagnose.systems.straw.discovered import discovered
