@@ -46,7 +46,8 @@ def tabulated(curves: Sequence[Curve], null: Fit, forms: Sequence[Written]) -> t
 
     The system knows tables only. One whose points lie where the curve bends follows a formula's kink to the distance of
     two points, and the fit then moves the kink, and the base's constants, to make up for it. So the tables' points are
-    placed by the formulas, and placed anew until the kinks stay.
+    placed by the formulas, and placed anew until the kinks stay; what fits best is kept, as a law that is not quite the
+    formula may be nearer to it between points that lie farther apart.
     """
     last, base = curves[-1], len(null.unknowns)
     none, sums = np.zeros((0, base)), [one.sum for one in forms]
@@ -57,6 +58,7 @@ def tabulated(curves: Sequence[Curve], null: Fit, forms: Sequence[Written]) -> t
         model = min(start, coarsely_first(start), key=lambda one: one.fit.cost)
     known = cost_beside(last.fit, base, last.smooth)
     forms = as_written(model, null.cost, known)
+    best = forms, model
     tables, scales = [one.points for one in curves], [one.scale(last.fit) for one in curves]
     for _ in range(MOVES):
         sums, si = [one.sum for one in forms], [one.scale(model.fit, base) for one in curves]
@@ -73,6 +75,8 @@ def tabulated(curves: Sequence[Curve], null: Fit, forms: Sequence[Written]) -> t
             sums[k] = replace(sums[k], at=free * si[k], scale=np.full(len(free), unit))
         model = fitted(campaign, unknowns, model.fit.u[:base], none, sums, LAST_ROUNDS)
         forms = as_written(model, null.cost, known)
+        best = min(best, (forms, model), key=lambda one: one[1].fit.cost)
+    forms, model = best
     points, numbers = len(last.fit.unknowns) - base, sum(one.sum.numbers for one in forms)
     good = as_good(null.cost, known, points, model.fit.cost, numbers)
     return forms, model if good else as_curves(last)
