@@ -19,7 +19,7 @@ from straw.rig.filter import compiled
 from straw.rig.manifest import check, manifest_of, read_manifest, seal
 from straw.rig.notes import notes_of, read_notes, say
 from straw.rig.recover import recover
-from straw.rig.run_read import read_run
+from straw.rig.run_read import read_fitting
 
 
 def run(args: argparse.Namespace) -> int:
@@ -153,7 +153,7 @@ def _unknown(files: list[Path]) -> str:
 def export_run(args: argparse.Namespace) -> int:
     """An RO-Crate with all that belongs to a run."""
     path = find(args.dir, args.run)
-    found = read_run(path)
+    found, _ = read_fitting(path)
     bad = [one for one in check(path) if one.problem]
     if bad:
         raise RigError(f"{bad[0].path} {bad[0].problem}, so the run cannot be exported as recorded; restore it first")

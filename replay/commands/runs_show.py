@@ -12,7 +12,7 @@ from straw.rig.catalogue import Entry, catalogue, family, find, kind_of, span_s
 from straw.rig.errors import RigError
 from straw.rig.manifest import check, manifest_of, sha256_of
 from straw.rig.notes import read_notes
-from straw.rig.run_read import read_run
+from straw.rig.run_read import read_fitting
 from straw.tracking.camera import load_camera
 
 
@@ -21,7 +21,7 @@ def show(args: argparse.Namespace) -> int:
     path = find(args.dir, args.run)
     if path.suffix == ".json":
         return show_calibration(path, args)
-    found, notes = read_run(path), read_notes(path)
+    (found, _), notes = read_fitting(path), read_notes(path)
     start_s, end_s = span_s(found)
     try:
         files = {one.path.name: one.problem or "as recorded" for one in check(path)}

@@ -14,12 +14,11 @@ from straw.rig.run import PressureLog, Run
 from straw.tracking.trace import TipTrace
 
 from .effects import CLOGS, Cause, conceal
-from .instrument import FRAME_S, GAUGE_S, SIGMA, SIGMA_PA, Instrument, kept_frames, tracking_noise
+from .instrument import FINE_S, FRAME_S, GAUGE_S, SIGMA, SIGMA_PA, Instrument, kept_frames, tracking_noise
 from .layout import CELLS
 from .plans import PLANS, Plan, regulated
 from .straw import Motion, Straw, move
 
-FINE_S = 5e-4  # time step of the true pressure
 FORKED_SIGMA = 25.0  # repeats of a straw that snaps into one state differ by 1 to 20 sigma, into two by 50 to 70
 
 

@@ -197,6 +197,7 @@ BESIDE_UNKNOWN: dict[str, Range] = {
         "": _laws(WALL_Z=lambda s: -14e-3 + s, WALL_STIFFNESS=100.0)}),
     "tether that turns the board back": Range(1e-3, 20e-3, "N m/rad", {
         "": _laws(TETHER=lambda s: s, TETHER_RAD=1.65)}),
+    "gauge warms up": Range(300.0, 3e3, "Pa", {"": _fault("gauge_warms_pa")}),
 }  # fmt: skip
 
 EVERY = {**PHYSICS, **INSTRUMENT, **BESIDE}

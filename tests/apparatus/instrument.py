@@ -8,6 +8,8 @@ import numpy as np
 
 from .straw import Motion
 
+FINE_S = 5e-4  # time step of the true pressure
+WARM_S = 1.5  # of a gauge that warms up
 FRAME_S, GAUGE_S = 1.0 / 240.0, 1.0 / 200.0
 SIGMA = np.array([25e-6, 25e-6, 1.5e-3])
 SIGMA_PA = 30.0
@@ -29,6 +31,7 @@ class Instrument:
     gauge_floor_pa: float = -1e9
     gauge_ceiling_pa: float = 1e9
     gauge_play_pa: float = 0.0
+    gauge_warms_pa: float = 0.0  # its zero drifts by so much while it warms up in each run
     hiccup_at_s: float = 0.0
     hiccup_s: float = 0.0
     rest_sigmas: float = 0.0  # residual of lens, board and straw that no model describes: smooth over the pose
@@ -55,9 +58,12 @@ class Instrument:
         return self.rest_sigmas * SIGMA * np.sum(np.sin(angle), axis=2)
 
     def gauge(self, pressure_pa: np.ndarray) -> np.ndarray:
-        """Readings without noise of a true pressure that changes slowly from sample to sample."""
+        """Readings without noise of a true pressure, FINE_S from sample to sample, that changes slowly."""
+        warm = self.gauge_warms_pa * -np.expm1(-np.arange(len(pressure_pa)) * FINE_S / WARM_S)
         reading = np.clip(
-            (1.0 + self.gauge_gain) * pressure_pa + self.gauge_offset_pa, self.gauge_floor_pa, self.gauge_ceiling_pa
+            (1.0 + self.gauge_gain) * pressure_pa + self.gauge_offset_pa + warm,
+            self.gauge_floor_pa,
+            self.gauge_ceiling_pa,
         )
         if self.gauge_play_pa:  # backlash: the reading follows only when it is pushed
             out = reading[0]

@@ -85,6 +85,8 @@ PLANTED = (
     Planted(
         _unknown("tether that turns the board back", 20e-3), "tip angle", lambda a: -20e-3 * np.maximum(0, a - 1.65)
     ),
+    Planted(_unknown("gauge with backlash", 2e3), "gauge over direction", lambda d: -2e3 * d),
+    Planted(_unknown("gauge warms up", 2e3), "gauge over time", lambda t: 2e3 * -np.expm1(-t / 1.5)),
     Planted(Cause("cohesion", 6.0, "binding curve", 1), "height", _binding),
     Planted(Cause("squeeze_film", 2000.0, "disk with gap floor, h^-3", 1), "damping over height", _film),
 )

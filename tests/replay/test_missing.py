@@ -13,14 +13,15 @@ from straw.model.straw_file import straw_from_toml
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import fitted
 from straw.replay.diagnose.formula import Formula
-from straw.replay.diagnose.formula_fit import Tangent, deviations, sparse
+from straw.replay.diagnose.sparse import Tangent, deviations, sparse
 from straw.replay.diagnose.systems.straw.constants import applied, base_unknowns
 from straw.replay.diagnose.systems.straw.dictionary import atoms
-from straw.replay.diagnose.systems.straw.instrument import Instrument
+from straw.replay.diagnose.systems.straw.instrument import Instrument, last_direction
 from straw.replay.diagnose.systems.straw.missing import missing_force
 from straw.replay.diagnose.systems.straw.observation import observe
-from straw.replay.diagnose.systems.straw.states import STATES, bent_points, points
+from straw.replay.diagnose.systems.straw.states import STATES
 from straw.replay.diagnose.systems.straw.system import StrawSystem
+from straw.replay.diagnose.systems.straw.tables import bent_points, formula_points, points
 from tests.apparatus.campaign import NONE, campaign
 from tests.apparatus.effects import Cause
 
@@ -47,6 +48,20 @@ def test_a_gauge_that_saturates_is_found_as_an_error_over_its_reading_with_its_s
     told = found[-1].as_json()
     assert len(told["curve"]) == len(law.at)
     assert told["formula"]["text"].startswith("error(p) = ")
+
+
+def test_a_stop_is_found_where_it_is_with_its_stiffness_though_points_of_its_curve_lie_beside_it():
+    runs = campaign((Cause("unknown", 1e-3, "board against a stop", 1),), 3, ("deploy-35kPa-1", "staircase"), NONE)
+    with ThreadPoolExecutor() as pool:
+        here, base = Campaign([observe(run) for run in runs], StrawSystem(BASE), pool), base_unknowns(BASE)[:3]
+        null = fitted(here, base, np.zeros(len(base)), rounds=5)
+        found = missing_force(here, null, states=[BY_NAME["tip X, along X"]])
+    law = found[-1].laws[0].formula
+    assert law is not None
+    (stop,) = law.atoms
+    assert stop.shape is not None
+    assert stop.shape.value == pytest.approx(51e-3, abs=max(3 * stop.shape.sigma, 0.05e-3))
+    assert law.coefficients[0] == pytest.approx(-800.0, abs=max(3 * float(law.sigmas[0]), 8.0))
 
 
 def test_a_straw_with_a_curve_can_be_saved_and_simulated():
@@ -116,6 +131,47 @@ def test_points_move_to_a_kink_and_still_cover_the_whole_range(kink):
     assert (at[0], at[-1]) == (0.2, 1.0)
     # half of the points keep their original spread, so that no gap is much wider than two of the original ones
     assert np.max(np.diff(at)) < 2.1 * 0.8 / 7
+
+
+@pytest.mark.parametrize(
+    ("name", "law", "edges"),
+    [
+        ("tip X, along X", lambda x: -np.maximum(0.0, x - 0.87), [0.87]),
+        ("tip X, along X", lambda x: np.maximum(0.0, x - 0.9) - 2 * np.maximum(0.0, 0.4 - x), [0.9, 0.4]),
+        ("tip speed", lambda v: v - 2 * v**3, []),
+        ("leak", lambda p: np.sign(p) * np.sqrt(np.abs(p)), []),
+        ("clock over time", lambda t: np.clip((t - 0.53) / 0.016 + 0.5, 0, 1), [0.53]),
+    ],
+)
+def test_a_table_for_a_formula_is_nearer_to_it_than_any_points_that_do_not_know_it(name, law, edges):
+    state = BY_NAME[name]
+    placed = np.geomspace(1 / 60, 1.0, 8) if state.odd else np.linspace(0.2, 1.0, 8)
+    if state.zero:
+        placed = np.array([-0.8, -0.4, -0.2, 0.0, 0.2, 0.4, 0.8, 1.0])
+    at = formula_points(state, placed, law, edges)
+    fine = np.linspace(0.0 if state.odd else placed[0], 1.0, 3000)
+
+    def off(x):
+        x = np.append(0.0, x) if state.odd else x
+        return float(np.sqrt(np.mean((np.interp(fine, x, law(x)) - law(fine)) ** 2)))
+
+    assert len(at) == 8
+    assert np.all(np.diff(at) > 0)
+    assert (at[0], at[-1]) == (placed[0], 1.0)
+    assert not state.zero or 0.0 in at
+    assert off(at) < off(placed) * (0.01 if edges else 0.8)
+    np.testing.assert_array_equal(formula_points(state, at, law, edges), at) if edges else None
+
+
+def test_the_direction_in_which_a_pressure_moved_last_is_kept_while_it_rests():
+    time_s = np.linspace(0, 6, 601)
+    reading = np.interp(time_s, [0, 1, 2, 3, 4, 6], [0, 20e3, 20e3, 5e3, 5e3, 35e3])
+    direction = last_direction(reading)
+    at = np.interp([0.5, 1.5, 2.5, 3.5, 5.5], time_s, direction)
+    np.testing.assert_allclose(at, [1.0, 1.0, -1.0, -1.0, 1.0], atol=1e-9)
+    stuck = Instrument.of({"gauge_memory_pa@-1": 500.0, "gauge_memory_pa@1": -500.0})
+    true = stuck.true_pressure(reading, time_s)
+    np.testing.assert_allclose(np.interp([0.5, 3.5], time_s, true - reading), [500.0, -500.0], atol=1e-9)
 
 
 def test_points_of_a_straight_curve_or_one_over_cycles_do_not_move():

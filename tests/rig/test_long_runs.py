@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from straw.replay.cli import main
 from straw.rig.catalogue import entry_of
 from straw.rig.errors import RigError
 from straw.rig.manifest import check, seal
@@ -139,6 +140,15 @@ def test_what_does_not_fit_into_memory_is_refused_in_one_line_with_a_step_that_f
     monkeypatch.setattr("straw.rig.tables.own.available_bytes", lambda: room)
     with pytest.raises(RigError, match="export fewer topics"):
         export_table(long, csv=tmp_path / "run.csv")
+
+
+def test_a_run_that_does_not_fit_into_memory_is_shown_thinned_and_says_so(
+    long: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for module in ("memory", "run_read", "run_decode"):
+        monkeypatch.setattr(f"straw.rig.{module}.available_bytes", lambda: READINGS * 20)
+    assert main(["runs", "show", long.name, "--dir", str(long.parent)]) == 0
+    assert "it was read thinned, at steps of " in capsys.readouterr().out
 
 
 def test_a_thinned_run_keeps_its_span_its_peaks_and_its_events(long: Path) -> None:

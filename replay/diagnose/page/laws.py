@@ -72,7 +72,7 @@ def _missing(m: Any) -> LawTold:
     s = m.state
     scale, over = (1e3, "mm") if s.state_unit == "m" else (1.0, s.state_unit)
     shows = f"{s.value_symbol} / {s.value_unit}".removesuffix(" / 1")
-    curve = LawCurve(scale * m.at, m.values, m.sigmas, f"{s.symbol} / {over}", shows)
+    curve = LawCurve(scale * m.at, m.values, m.sigmas, f"{s.symbol} / {over}".removesuffix(" / 1"), shows)
     says = f"{m.noun[:1].upper()}{m.noun[1:]}"
     if m.formula is None:
         return LawTold(says, "", "", [], _drawn(curve))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Fit
 from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.systems.straw.constants import applied
 from straw.replay.diagnose.systems.straw.of import straw_of, with_straw
 from straw.replay.diagnose.systems.straw.states import State
 
@@ -46,6 +47,11 @@ class Curve:
     def at(self) -> Floats:
         """The points that are searched."""
         return self.points[self.free]
+
+    def scale(self, fit: Fit, base: int | None = None) -> float:
+        """SI value of a point at 1 for the straw of a fit, of whose unknowns the first ones, ``base``, are its own."""
+        straw, _ = applied(straw_of(self.campaign), fit.unknowns[:base], fit.u[:base])
+        return self.state.scale(straw)
 
 
 def searched(state: State, at: Floats) -> NDArray[np.bool_]:

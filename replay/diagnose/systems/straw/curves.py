@@ -25,7 +25,8 @@ from straw.replay.diagnose.systems.straw.constants import applied
 from straw.replay.diagnose.systems.straw.curve import Curve, searched, with_points
 from straw.replay.diagnose.systems.straw.of import straw_of
 from straw.replay.diagnose.systems.straw.simulated import simulated
-from straw.replay.diagnose.systems.straw.states import STATES, State, bent_points, points
+from straw.replay.diagnose.systems.straw.states import STATES, State
+from straw.replay.diagnose.systems.straw.tables import bent_points, points
 
 Floats = NDArray[np.float64]
 

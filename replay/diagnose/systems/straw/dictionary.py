@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.formula import Atom, Shape
 from straw.replay.diagnose.systems.straw.states import State
+from straw.replay.diagnose.systems.straw.tables import APART
 
 Floats = NDArray[np.float64]
 
@@ -25,7 +26,7 @@ def atoms(state: State, at: Floats) -> tuple[Atom, ...]:
             Atom(f"sign {x}", 0, lambda v, _: np.ones_like(v), code_words="1.0"),
         )
     if state.state_unit == "s":
-        return (*_powers(x, 2), *(_step(x, t) for t in _middles(at)))
+        return (*_powers(x, 2), *(_step(x, t, at) for t in _middles(at)[1:-1]))
     if state.state_unit == "cycles":
         return (*_powers(x, 2), Atom(f"(1 + {x})^-0.5", 0, lambda n, _: (1 + n) ** -0.5))
     if state.zero:  # a loss: through zero, either direction its own; through an orifice by the root
@@ -61,9 +62,11 @@ def _middles(at: Floats) -> Floats:
     return np.asarray((at[1:] + at[:-1]) / 2)
 
 
-def _step(x: str, edge: float) -> Atom:
-    """A step in time; its place is not fitted, as a table knows it to the distance of two points only."""
-    return Atom(f"[{x} > {edge:.2f} s]", 0, lambda v, _: (v > edge).astype(float), 2)
+def _step(x: str, edge: float, at: Floats) -> Atom:
+    """A step in time, drawn out as far as the points of a table are apart at least, so that its place can be fitted."""
+    wide = 2 * APART * float(at[-1] - at[0])
+    rises = lambda v, edge: np.clip((v - edge) / wide + 0.5, 0.0, 1.0)  # noqa: E731
+    return Atom(f"[{x} > {{}}]", 0, rises, 2, shape=_edge(edge, at, "s"))
 
 
 def _beyond(x: str, edge: float, at: Floats, unit: str) -> Atom:

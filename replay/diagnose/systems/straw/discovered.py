@@ -27,6 +27,7 @@ PLACES = {
     "cycles: channel": ("flow", "cycle"),
     "gauge over pressure": ("instrument:pressure", "pressure"),
     "gauge over time": ("instrument:pressure", "time"),
+    "gauge over direction": ("instrument:pressure", "history"),
     "clock over time": ("instrument:clock", "time"),
     "camera X over X": ("instrument:x", "tip_x"),
     "camera Z over X": ("instrument:z", "tip_x"),

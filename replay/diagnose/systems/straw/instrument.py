@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+#: Change of a reading, Pa, by half of which its direction is no longer the one before: a percent of the range of an
+#: ELVEFLOW OB1's +-1 bar channel, and more than any gauge's noise.
+TURNS_PA = 1000.0
 #: A curve as pairs (where, value), rising; empty for zero.
 Curve = tuple[tuple[float, float], ...]
 
@@ -21,8 +25,9 @@ class Instrument:
     A camera with a late clock stamps t + ``clock_offset_s`` + ``clock_drift`` t. A gauge shows
     (1 + ``gauge_gain``) p + ``gauge_offset_pa``. The camera's picture is turned by ``camera_roll_rad`` in the sense of
     growing Phi, stretched by 1 + ``length_scale``, and the tip is taken ``tip_offset_m`` too far along its axis.
-    Faults without a law are curves: the gauge's excess over its reading (Pa) and over the run's time, the lateness
-    of the camera's stamps over the stamp (s), and the excess of X and of Z (m) over X, as of a lens or a board askew.
+    Faults without a law are curves: the gauge's excess over its reading (Pa), over the run's time and over the
+    direction in which the reading moved last (`last_direction`), the lateness of the camera's stamps over the stamp
+    (s), and the excess of X and of Z (m) over X, as of a lens or a board askew.
     """
 
     clock_offset_s: float = 0.0
@@ -34,6 +39,7 @@ class Instrument:
     gauge_gain: float = 0.0
     gauge_curve_pa: Curve = ()
     gauge_wander_pa: Curve = ()
+    gauge_memory_pa: Curve = ()
     clock_curve_s: Curve = ()
     camera_x_m: Curve = ()
     camera_z_m: Curve = ()
@@ -63,6 +69,8 @@ class Instrument:
     def true_pressure(self, shown_pa: Floats, time_s: Floats) -> Floats:
         """Pressure (Pa) where the gauge shows (n,) at times (n,) of its run."""
         wrong = self.gauge_offset_pa + _at(self.gauge_curve_pa, shown_pa) + _at(self.gauge_wander_pa, time_s)
+        if self.gauge_memory_pa:
+            wrong = wrong + _at(self.gauge_memory_pa, last_direction(shown_pa))
         return (shown_pa - wrong) / (1 + self.gauge_gain)
 
     def shown_pressure(self, true_pa: float) -> float:
@@ -87,6 +95,27 @@ class Instrument:
         scale = 1 + self.length_scale
         x, dx, dz = scale * (c * x + s * z), scale * (c * dx + s * dz), scale * (c * dz - s * dx)
         return np.stack([dx + _slope(self.camera_x_m, x) * dx, dz + _slope(self.camera_z_m, x) * dx, dphi])
+
+
+def last_direction(shown_pa: Floats) -> Floats:
+    """In which direction a reading (n,), Pa, moved last: 1 up, -1 down; kept at rest, between them in a turn.
+
+    The lag of a play operator behind its input, in its half width (Krasnosel'skii and Pokrovskii, Systems with
+    Hysteresis, 1989, section 2).
+    """
+    return _last_direction(np.ascontiguousarray(shown_pa, dtype=np.float64).tobytes())
+
+
+@lru_cache(maxsize=128)
+def _last_direction(shown_pa: bytes) -> Floats:
+    """`last_direction` of float64s; a search asks for that of the same few readings again and again."""
+    shown = np.frombuffer(shown_pa)
+    out, last = np.empty(len(shown)), float(shown[0])
+    for n, value in enumerate(shown.tolist()):
+        last = min(max(last, value - TURNS_PA), value + TURNS_PA)
+        out[n] = (value - last) / TURNS_PA
+    out.flags.writeable = False
+    return out
 
 
 def _at(curve: Curve, x: Floats) -> Floats | float:

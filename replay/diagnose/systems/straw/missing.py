@@ -14,17 +14,17 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Fit
-from straw.replay.diagnose.formed import Model, coarsely_first, fitted
+from straw.replay.diagnose.formed import Model
 from straw.replay.diagnose.formula import Formula
-from straw.replay.diagnose.formula_fit import LAST_ROUNDS, Written, as_good, cost_beside, formula, tangent
+from straw.replay.diagnose.formula_fit import Written
 from straw.replay.diagnose.inquiry import Told, silent
-from straw.replay.diagnose.judge import CALIBRATION, unexplained
+from straw.replay.diagnose.judge import unexplained
 from straw.replay.diagnose.settings import NOISE_LEAVES
+from straw.replay.diagnose.sparse import tangent
 from straw.replay.diagnose.systems.straw.curve import Curve
-from straw.replay.diagnose.systems.straw.curves import beside, curves, restarted
-from straw.replay.diagnose.systems.straw.dictionary import atoms
+from straw.replay.diagnose.systems.straw.curves import beside, curves
 from straw.replay.diagnose.systems.straw.discovered import discovered
-from straw.replay.diagnose.systems.straw.of import straw_of
+from straw.replay.diagnose.systems.straw.formulas import as_curves, tabulated, with_formula, written
 from straw.replay.diagnose.systems.straw.states import STATES, State
 
 Floats = NDArray[np.float64]
@@ -60,7 +60,7 @@ class MissingLaw:
             return f"{self.noun}: {self.formula.text}"
         return (
             f"{s.says}: {s.value_symbol} = {self.values[k]:.2g} ± {self.sigmas[k]:.1g} "
-            f"{s.value_unit.replace('1', '')} at {s.symbol} = {self.at[k]:.3g} {s.state_unit}"
+            f"{s.value_unit.replace('1', '')} at {s.symbol} = {self.at[k]:.3g} {s.state_unit.replace('1', '')}".rstrip()
         )
 
     @property
@@ -139,12 +139,13 @@ def missing_force(
     if campaign.stop() or not found:
         return []
     told("formula", 1, 1)
-    best, written = _with_formula(found[0], null)
+    best, form = with_formula(found[0], null)
     share = _explained(campaign, null, best.fit)
     others = tuple((c.state.name, _explained(campaign, null, c.fit)) for c in found[1:])
     if share < TELLS:
-        return [Missing(best, _as_curves(best), (_law(best, None),), share, others)]
-    alone = Missing(best, _model(best, null, [written]), (_law(best, written),), share, others)
+        return [Missing(best, as_curves(best), (_law(best, None),), share, others)]
+    (form,), model = tabulated([best], null, [form])
+    alone = Missing(best, model, (_law(best, form),), share, others)
     if share == 1:
         return [alone]
     both = beside(best, campaign, null, told, states)
@@ -152,46 +153,10 @@ def missing_force(
     if not both or campaign.stop() or together < share + TELLS * (1 - share):
         return [alone]
     told("formulas", 1, 1)
-    first = _first_last(best, both)
-    pair = [_written(one, null) for one in (first, both)]
-    laws = _law(first, pair[0]), _law(both, pair[1])
-    return [Missing(both, _model(both, null, pair), laws, together, others), alone]
-
-
-def _with_formula(curve: Curve, null: Fit) -> tuple[Curve, Written]:
-    """A curve with its formula; the curve fitted again from it where the formula fits better, as a curve can follow
-    any formula."""
-    written = _written(curve, null)
-    if written.model.fit.cost < cost_beside(curve.fit, len(null.unknowns), curve.smooth) - CALIBRATION.scale:
-        other = restarted(curve, written.model.parameters()[1])
-        if other.fit.cost < curve.fit.cost:
-            curve, written = other, _written(other, null)
-    return curve, written
-
-
-def _written(curve: Curve, null: Fit) -> Written:
-    """The curve's formula, whatever is beside it."""
-    fit, at = curve.fit, curve.at * curve.state.scale(straw_of(curve.campaign))
-    base = len(fit.unknowns) - len(at)
-    return formula(curve.campaign, fit, base, curve.smooth, at, atoms(curve.state, at), null.cost)
-
-
-def _model(curve: Curve, null: Fit, written: Sequence[Written]) -> Model:
-    """What predicts other runs: the formulas of all curves together, or the curves."""
-    base, sums = len(null.unknowns), [one.sum for one in written]
-    if len(written) == 1:
-        model = written[0].model
-    else:
-        others = np.zeros((0, base))
-        start = fitted(curve.campaign, curve.fit.unknowns, curve.fit.u[:base], others, sums, LAST_ROUNDS)
-        model = min(start, coarsely_first(start), key=lambda one: one.fit.cost)
-    points, numbers = len(curve.fit.unknowns) - base, sum(one.numbers for one in sums)
-    known = cost_beside(curve.fit, base, curve.smooth)
-    return model if as_good(null.cost, known, points, model.fit.cost, numbers) else _as_curves(curve)
-
-
-def _as_curves(curve: Curve) -> Model:
-    return Model(curve.campaign, curve.fit, curve.smooth)
+    pair = _first_last(best, both), both
+    forms, model = tabulated(pair, null, [written(one, null) for one in pair])
+    laws = tuple(_law(*one) for one in zip(pair, forms, strict=True))
+    return [Missing(both, model, laws, together, others), alone]
 
 
 def _explained(campaign: Campaign, null: Fit, fit: Fit) -> float:
@@ -221,12 +186,12 @@ def _law(curve: Curve, written: Written | None) -> MissingLaw:
         symbol = f"{state.value_symbol}({state.symbol})"
         law = Formula(symbol, written.atoms, written.coefficients, written.deviations, units, written.keeps)
     matters = np.abs(seen.values) * np.sqrt(np.maximum(np.diag(seen.H), 0.0))
-    return MissingLaw(state, curve.at * state.scale(straw_of(curve.campaign)), seen.values, seen.sigmas, matters, law)
+    return MissingLaw(state, curve.at * curve.scale(curve.fit), seen.values, seen.sigmas, matters, law)
 
 
 def _unit(state: State, power: float) -> str:
     """Unit of a coefficient of the state to a power."""
-    if power == 0:
+    if power == 0 or state.state_unit == "1":
         return state.value_unit
     per = f"({state.state_unit})" if "/" in state.state_unit else state.state_unit
     return f"{state.value_unit}/{per}" + (f"^{power:g}" if power != 1 else "")

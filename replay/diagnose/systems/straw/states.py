@@ -1,8 +1,8 @@
-"""States that a missing force may depend on, the points of its curve, and their descriptions."""
+"""States that a missing force may depend on, and their descriptions."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,17 +13,11 @@ from straw.model.simulate import Prediction
 from straw.model.table import POINTS
 from straw.model.terms.missing_force import HEIGHTS
 from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.systems.straw.instrument import last_direction
 from straw.replay.diagnose.systems.straw.observation import Observation
 
 Floats = NDArray[np.float64]
 
-#: Speeds are covered from the fastest down to this share of it, evenly in their logarithm.
-SLOWEST = 1 / 60
-#: Points of a curve are at least this share of its range apart: drawn out over a share w, a step has an RMS error over
-#: the range of the root of w / 12, here 3 % of its height.
-APART = 1 / 100
-#: A curve over so few values is none.
-FEWEST = 3
 #: Deviation of the prior of a value in units: nearly flat.
 WIDE = 100.0
 
@@ -176,6 +170,11 @@ STATES: tuple[State, ...] = (
         "instrument.gauge_wander_pa@{}", "", 100.0, lambda straw, o, p: p.time_s,
     ),
     State(
+        "gauge over direction", "d", "1", "error", "Pa",
+        "an error of the gauge that depends on the direction in which the pressure moved last",
+        "instrument.gauge_memory_pa@{}", "", 100.0, lambda straw, o, p: last_direction(o.pressure.pressure_pa),
+    ),
+    State(
         "clock over time", "t", "s", "late", "s", "a delay of the camera's time stamps that depends on the time",
         "instrument.clock_curve_s@{}", "", 5e-3, lambda straw, o, p: p.time_s,
     ),
@@ -188,61 +187,3 @@ STATES: tuple[State, ...] = (
         "instrument.camera_z_m@{}", "", 1e-4, lambda straw, o, p: o.tip[0],
     ),
 )  # fmt: skip
-
-
-def points(state: State, visited: Sequence[Floats]) -> Floats | None:
-    """Points (n,), at most POINTS, of a state's curve, dense where the runs are frequent; None where they cover too
-    little.
-
-    Even in the mean of the share of samples below x and the share of the range below x.
-    """
-    x = np.concatenate(visited)
-    few = np.unique(x)
-    if len(few) <= POINTS:
-        return few if len(few) >= FEWEST else None
-    if state.odd:
-        # of all but one sample in two thousand, below one in a thousand on either side: a few may be wrong
-        return np.asarray(np.geomspace(SLOWEST, 1.0, POINTS) * np.quantile(x, 0.9995))
-    low, high = np.quantile(x, [0.001, 0.999])
-    if not high > low:
-        return None
-    even = np.linspace(low, high, 400)
-    below = (np.searchsorted(np.sort(x), even) / len(x) + np.linspace(0, 1, 400)) / 2
-    return _kept_apart(state, np.interp(np.linspace(0, 1, POINTS), below, even), low, high)
-
-
-def bent_points(state: State, placed: Floats, at: Floats, values: Floats) -> Floats:
-    """Points (n,) of a curve with ``values`` (n,) at points ``at`` (n,), closer where it bends; both ends stay.
-
-    Straight lines between points are off by an eighth of f'' d^2, so that error is spread evenly where the points'
-    density goes with the root of f'' (de Boor, A Practical Guide to Splines, chapter XII). Even in the mean of that
-    density and of the one in which `points` ``placed`` (n,) them, as a bend that does not show yet has to be found. A
-    curve over cycles has a point at each.
-    """
-    if len(at) < POINTS or state.state_unit == "cycles":
-        return at
-    x, y = (np.append(0.0, v) if state.odd else v for v in (at, values))
-    slope = np.diff(y) / np.diff(x)
-    second = np.abs(np.diff(slope)) / ((x[2:] - x[:-2]) / 2)  # at inner points
-    root = np.sqrt(np.concatenate([second[:1], (second[1:] + second[:-1]) / 2, second[-1:]]))  # between points
-    bend = np.append(0.0, np.cumsum(root * np.diff(x)))[-POINTS:]
-    if not bend[-1] > bend[0]:
-        return placed
-    where = np.union1d(at, placed)
-    bend = np.interp(where, at, (bend - bend[0]) / (bend[-1] - bend[0]))
-    below = (bend + np.interp(where, placed, np.linspace(0, 1, POINTS))) / 2
-    return _kept_apart(state, np.interp(np.linspace(0, 1, POINTS), below, where), at[0], at[-1])
-
-
-def _kept_apart(state: State, at: Floats, low: float, high: float) -> Floats:
-    """Points (n,) moved, where they are too close, within their range; one of them to zero where the curve is zero
-    there."""
-    least = (SLOWEST if state.odd else 1.0) * APART * (high - low)
-    for n in range(1, POINTS):
-        at[n] = max(at[n], at[n - 1] + least)
-    at[-1] = high
-    for n in range(POINTS - 2, -1, -1):
-        at[n] = min(at[n], at[n + 1] - least)
-    if state.zero:
-        at[np.argmin(np.abs(at))] = 0.0
-    return np.asarray(at)
