@@ -133,7 +133,7 @@ def missing_force(
     """What is missing as one curve, with band and formula, and before it as two together where the second explains most
     of what the first leaves; empty where the search was stopped.
 
-    For six runs 63 to 440 s of CPU, 730 s for a magnet (`python -m tests.benchmarks.missing_force`).
+    For six runs 63 to 460 s of CPU, up to 800 s where two curves do not suffice (`tests.benchmarks.missing_force`).
     """
     found = curves(campaign, null, told, states)
     if campaign.stop() or not found:
