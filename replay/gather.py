@@ -10,13 +10,13 @@ import numpy as np
 
 from straw.replay.errors import ReplayError
 from straw.rig.run import Run
-from straw.rig.run_read import read_fitting
+from straw.rig.run_read import read_run
 from straw.tracking.trace import TipTrace
 
 
 def read_whole(path: Path, *, partial: bool = False) -> Run:
     """Read a run; ReplayError for a cut or damaged one unless ``partial`` accepts the rest."""
-    run, _ = read_fitting(path)
+    run = read_run(path)
     if run.damage and not partial:
         raise ReplayError(f"{path}: {run.damage[0]}; copy it again, or replay what is left with --partial")
     return run

@@ -65,8 +65,11 @@ def _middles(at: Floats) -> Floats:
 def _step(x: str, edge: float, at: Floats) -> Atom:
     """A step in time, drawn out as far as the points of a table are apart at least, so that its place can be fitted."""
     wide = 2 * APART * float(at[-1] - at[0])
-    rises = lambda v, edge: np.clip((v - edge) / wide + 0.5, 0.0, 1.0)  # noqa: E731
-    return Atom(f"[{x} > {{}}]", 0, rises, 2, shape=_edge(edge, at, "s"))
+    return Atom(f"[{x} > {{}}]", 0, partial(_ramp, wide), 2, shape=_edge(edge, at, "s"))
+
+
+def _ramp(wide: float, v: Floats, edge: float) -> Floats:
+    return np.asarray(np.clip((v - edge) / wide + 0.5, 0.0, 1.0))
 
 
 def _beyond(x: str, edge: float, at: Floats, unit: str) -> Atom:

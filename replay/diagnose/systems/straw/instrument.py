@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-#: Change of a reading, Pa, by half of which its direction is no longer the one before: a percent of the range of an
-#: ELVEFLOW OB1's +-1 bar channel, and more than any gauge's noise.
+#: Half of the change of a reading, Pa, that turns its direction from one to the other: a hundredth of 1 bar, the full
+#: scale of a usual controller; the gauges of `../shared/recordings` scatter by 30 Pa.
 TURNS_PA = 1000.0
 #: A curve as pairs (where, value), rising; empty for zero.
 Curve = tuple[tuple[float, float], ...]
