@@ -94,20 +94,27 @@ def dots(happened_ns: int, pixels: NDArray[np.float64], used: NDArray[np.bool_])
     """Corners (n, 2) px on a picture: green where used (n,), red where not."""
     found = b""
     head = _message(ANNOTATION)(timestamp=_stamp(happened_ns), type=_POINTS).SerializeToString()
-    for which, color in ((used, _SEEN), (~used, _COVERED)):
-        if which.any():
-            one = head + _points(pixels[which]) + _look(color)
+    seen = np.count_nonzero(used)
+    for count, which, color in ((seen, used, _SEEN), (len(used) - seen, ~used, _COVERED)):
+        if count:
+            one = head + _points(pixels if count == len(used) else pixels[which]) + _look(color)
             found += b"\x12" + _varint(len(one)) + one  # field 2 of the annotations of a picture
     return found
 
 
 def _points(pixels: NDArray[np.float64]) -> bytes:
     """Field 3 of an annotation for each of n points (n, 2), as protobuf writes it, at once: there are fifty a frame."""
-    made = np.empty(len(pixels), _POINT)
-    made["head"], made["tag"] = (0x1A, 18, 0x09), 0x11  # field, its length, x; y
+    made = _blank(len(pixels)).copy()
     # The origin is the corner of the first pixel there, its middle here.
     made["x"], made["y"] = (pixels + 0.5).T
     return made.tobytes()
+
+
+@cache
+def _blank(count: int) -> NDArray[np.void]:
+    made = np.zeros(count, _POINT)
+    made["head"], made["tag"] = (0x1A, 18, 0x09), 0x11  # field, its length, x; y
+    return made
 
 
 @cache

@@ -164,11 +164,11 @@ def _parts(shape: tuple[int, int], seen: Seen) -> Floats:
     slopes, left = (each[:, ::every, ::every] for each in (seen.slopes, seen.left))
     A, b = np.zeros((3, len(K), len(K))), np.zeros((3, len(K)))
     products = (K[:, None] * K).reshape(-1, K.shape[-1])
-    for J, r, which in zip(slopes.reshape(len(left), -1, 3), left.reshape(len(left), -1), seen.kind, strict=True):
-        used = np.abs(J).sum(axis=1) > 0
-        if np.count_nonzero(used) <= J.shape[1]:
+    flat_slopes = slopes.reshape(len(left), -1, 3)
+    bases, moved = np.linalg.qr(flat_slopes)[0], np.abs(flat_slopes).sum(axis=2) > 0
+    for H, used, r, which in zip(bases, moved, left.reshape(len(left), -1), seen.kind, strict=True):
+        if np.count_nonzero(used) <= H.shape[1]:
             continue
-        H = np.linalg.qr(J)[0]
         r = r - H @ (H.T @ r)
         # With P = 1 - H H^T, tr(P K P L) = tr(K L) - 2 tr(H^T K L H) + tr(H^T K H H^T L H), each of them symmetric.
         KH = (K @ H) * used[:, None]
