@@ -8,6 +8,7 @@ from scipy.stats import chi2
 
 from straw.tracking.around import polynomial
 from straw.tracking.course import AROUND, COURSE, FEWEST, LEAST_PX, SMOOTH, Courses, distance, missed
+from straw.tracking.noise import USUAL_LAG_PX
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -16,6 +17,11 @@ _MOVED = float(chi2.isf(1e-3, COURSE))  # certainly not noise
 _LEAST_REPEATED = 1e-4  # share of frames that repeat another, before any is found
 _CALM = 0.1  # share of all steps from frame to frame: the smallest show what a codec makes of a repeated picture
 _HALT = 6.0  # times slower than before and after, then on the same way: no motion of a body does so
+_LEAP = 1.5  # times a leap is larger than the steps before and after it; after one repeat of steady motion it is 2
+# Catching up after still frames; without repeats, in 12,600 frames of H.264 and HEVC, at most 2.3 times the usual lag.
+_HIDDEN_PX = 3 * np.sqrt(2) * USUAL_LAG_PX
+_STILL = 20.0  # times smaller than a leap are steps between repeats, a tenth at most of what a codec hides
+_GATHERS = 1.5  # at least by so much grows the second step of a start from rest: at constant acceleration threefold
 _SURE = 100.0  # odds; before any is found that is a false alarm in a million good frames (Markov's inequality)
 _MOST_REPEATS = 6  # of one picture, one after another
 _MOST_AT_TURNS = 3  # likewise, beside a reversal: a longer halt may be a rest, in which a codec drops small vibrations
@@ -27,7 +33,7 @@ def repeats(seen: Courses, usual: Floats, good: Flags) -> list[tuple[int, int]]:
     Two hypotheses: repeated, so that nothing moved beyond what a codec makes of the same picture twice; or not, so that
     the board is where the frames around predict it. The first must be far more probable, with a prior estimated from
     the video, and the board must be off the prediction. Beside a reversal, as at an impact, or a near halt, the motion
-    must also be smooth without the frames in question.
+    must also be smooth without the frames in question. A halt that no body makes needs no odds (`_halts`).
     """
     n, share = len(seen.time_s), _LEAST_REPEATED
     found: list[tuple[int, int]] = []
@@ -53,10 +59,11 @@ def repeats(seen: Courses, usual: Floats, good: Flags) -> list[tuple[int, int]]:
         size = np.sqrt(np.minimum((before**2).sum(axis=1), (onward**2).sum(axis=1)))
         halted = np.sqrt((halts**2).sum(axis=2)).max(axis=0) * _HALT < size
         whole = np.all([good[first + k] for k in range(-2, count + 1)], axis=0)
-        plain = moving & (~backwards | (turns[first] > _MOVED))
+        impossible = _halts(seen, first, count)
+        plain = (moving & (~backwards | (turns[first] > _MOVED))) | impossible
         told = plain | ((count <= _MOST_AT_TURNS) & (moving | turning))
         gain = np.where(told & (away > _MOVED) & whole, (moved - still) / 2, -np.inf)
-        gain = np.where(moving & whole & halted & ~backwards, np.inf, gain)
+        gain = np.where(whole & ((moving & halted & ~backwards) | impossible), np.inf, gain)
         for k in np.argsort(-gain):
             if gain[k] < np.log(_SURE / share):
                 break
@@ -65,6 +72,22 @@ def repeats(seen: Courses, usual: Floats, good: Flags) -> list[tuple[int, int]]:
                 found.append((int(first[k]), count))
                 share = max(share, len(found) / n)
     return found
+
+
+def _halts(seen: Courses, first: NDArray[np.intp], count: int) -> Flags:
+    """Return which runs (f,) of still frames, from ``first`` on, are no motion of a body.
+
+    Either the board leaps after them, by more than in the frames before and after and than what a codec hides in slow
+    motion: no body speeds up and slows down within one frame, but of repeats the last step is all the way since the
+    first. Or two or three rest amid a reversal: a turning point lasts for one, and a start from rest gathers speed.
+    """
+    step = np.sqrt((np.diff(seen.course, axis=0) ** 2).sum(axis=1))
+    rest = np.max([step[first - 1 + k] for k in range(count)], axis=0)
+    into, before, out, after, later = (step[first + k] for k in (-2, -3, count - 1, count, count + 1))
+    leap = (into > out / _STILL) & (out > _LEAP * np.max([into, before, after, later], axis=0)) & (out > _HIDDEN_PX)
+    size = np.minimum(into, out)
+    turn = (1 < count <= _MOST_AT_TURNS) & (size > _HIDDEN_PX) & (after < _GATHERS * out)
+    return np.asarray((rest < np.where(leap, out, size) / _STILL) & (leap | turn))
 
 
 def _smooth_without(seen: Courses, good: Flags, first: int, count: int) -> bool:

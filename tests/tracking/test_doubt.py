@@ -112,6 +112,42 @@ def test_a_series_of_repeats_that_begins_or_ends_at_a_turning_point_is_found(fir
     assert np.count_nonzero(said != "") <= 4
 
 
+def drifting(steps_px: np.ndarray, tremor_px: float) -> Courses:
+    """A board that moves by ``steps_px`` (f,) a frame, all of it along one line, after 100 frames of steady motion."""
+    seen, rng = moving(400), np.random.default_rng(12)
+    steps = np.concatenate((np.full(100, steps_px[0]), steps_px, np.full(300 - len(steps_px), steps_px[-1])))
+    seen.course[:] = np.cumsum(steps)[:, None] / np.sqrt(6) + rng.normal(0, tremor_px, (400, 6))
+    return seen
+
+
+def test_slow_motion_tells_its_repeats_by_the_leap_at_their_end():
+    """Three repeats at 0.04 px a frame: every prediction is as near as the codec's lag."""
+    steps = np.full(100, 0.04)
+    steps[40:43], steps[43] = 0.0, 0.16
+    said = doubted(drifting(steps, 2e-4))
+    assert (said[140:143] == REPEATED).all()
+    assert np.count_nonzero(said != "") == 3
+
+
+def test_what_a_codec_hides_and_catches_up_is_no_leap():
+    """The same at 0.012 px a frame: 0.05 px, two usual lags in both coordinates, may be a codec's."""
+    steps = np.full(100, 0.012)
+    steps[40:43], steps[43] = 0.0, 0.048
+    assert not (doubted(drifting(steps, 2e-4)) != "").any()
+
+
+def test_frames_that_rest_amid_a_reversal_are_refused_and_a_turning_point_is_not():
+    """A thrown board: 1.2, 0.8, 0.4, 0, -0.4 px a frame; then two repeats there, of which the last is off."""
+    thrown = 1.2 - 0.4 * np.arange(7)
+    steps = np.concatenate((np.full(40, 1.2), thrown, np.full(40, thrown[-1])))
+    assert not (doubted(drifting(steps, 2e-4)) != "").any()
+    again = steps.copy()
+    again[43:45], again[45] = 0.0, steps[43:46].sum()
+    said = doubted(drifting(again, 2e-4))
+    assert said[144] == REPEATED
+    assert np.count_nonzero(said != "") <= 2
+
+
 @pytest.mark.parametrize("order", [1, 2, 3])
 def test_a_start_from_rest_is_not_refused(order):
     """At rest a codec repeats the same picture; then the board moves at constant speed, or accelerates."""
