@@ -62,6 +62,15 @@ def test_real_stills_of_one_camera_calibrate_with_a_note_that_they_are_few(reald
     assert any("too few" in line for line in found.advice)
 
 
+def test_a_still_given_twice_and_its_copy_count_once(realdata, tmp_path):
+    paths = [path for path in sorted((realdata / "caliscope_chess9x6").glob("cam_0_*.jpg")) if "_000" not in path.name]
+    copy = tmp_path / "copy.jpg"
+    copy.write_bytes(paths[0].read_bytes())
+    found = calibrate([*paths, paths[0], copy])
+    assert len({view.source for view in found.views}) == len(found.views)
+    assert f"2 of {len(paths) + 2} files hold the same as another and were left out" in found.advice
+
+
 def test_pictures_of_two_sizes_or_without_boards_are_refused_in_one_line(tmp_path):
     flat = np.full((240, 320), 127, np.uint8)
     cv2.imwrite(str(tmp_path / "a.png"), flat)

@@ -147,6 +147,14 @@ def test_a_video_that_starts_in_motion_is_refused(setup, seen_by_opencv):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("mount", ["side", "back"])
+def test_a_wrong_mount_is_refused_by_its_name(setup, seen_by_opencv, mount):
+    views = followed(seen_by_opencv, setup, folding(120), noise_px=0.02)
+    with pytest.raises(TrackingError, match=f"mount '{mount}'") as caught:
+        settle(Camera(setup.lens, mount=mount, line_s=0.0), Board(), REST, views)
+    assert "\n" not in str(caught.value)
+
+
 @pytest.mark.parametrize(("line_s", "turn_deg"), [(8e-6, (0.0, 0.0)), (3.7e-6, (1.5, -1.0))])
 def test_settling_converges_within_its_rounds(setup, seen_by_opencv, monkeypatch, line_s, turn_deg):
     """The constants enter nonlinearly and must converge; the print's offsets, which shrink slowly, need not."""
