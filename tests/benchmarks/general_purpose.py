@@ -28,10 +28,10 @@ BELOW = (1.0, 0.1, 0.01)
 
 
 @compiled
-def rate(time_s: float, y: Floats, numbers: Floats, frusta: Floats, terms: Floats) -> Floats:
+def rate(time_s: float, y: Floats, numbers: Floats, frusta: Floats, wall: Floats, terms: Floats) -> Floats:
     """y' (2 coordinates,) of a truncated straw under a validation run's pressure.
 
-    The straw comes as three arrays, since taking a NamedTuple apart on each call takes longer than the physics.
+    The straw comes as four arrays, since taking a NamedTuple apart on each call takes longer than the physics.
     """
     r_i, r_o, rho, g, phi_0, m_tip, I_tip, F_X, F_Z, M_Y, loss, S, C3, cycle, steady_pa = numbers
     n = len(y) // 2
@@ -54,6 +54,7 @@ def rate(time_s: float, y: Floats, numbers: Floats, frusta: Floats, terms: Float
         frusta[0],
         frusta[1],
         frusta[2],
+        wall,
         frusta[3],
         frusta[4],
         cycle,
@@ -94,11 +95,11 @@ def solve(run: ValidationRun, time_s: Floats, solver: str, rtol: float, below: f
     assert run.straw.form == "truncated", "M is singular in the full form: there is no y' = f(t, y)"
     c = run.straw.constants()
     numbers = np.array([*c[2:15], c.cycle, run.steady_pa])
-    frusta, terms = np.array(c[15:20]), c.terms.copy()
+    frusta, wall, terms = np.array([c.zeta0, c.C1, c.C2, c.c_zeta, c.c_phi]), c.wall.copy(), c.terms.copy()
     q = rest_state(run.straw, run.deployed)
     y = np.concatenate([q, np.zeros_like(q)])
     for layout in (y, np.repeat(y, 2)[::2]):  # compiles: columns of a matrix have another type
-        rate(0.0, layout, numbers, frusta, terms)
+        rate(0.0, layout, numbers, frusta, wall, terms)
     evaluations = 0
     start = time.process_time()
 
@@ -107,7 +108,7 @@ def solve(run: ValidationRun, time_s: Floats, solver: str, rtol: float, below: f
         evaluations += 1
         if evaluations % 1000 == 0 and time.process_time() - start > limit_s:
             raise _TimeIsUpError
-        return rate(t, y, numbers, frusta, terms)
+        return rate(t, y, numbers, frusta, wall, terms)
 
     found, trouble = None, ""
     with warnings.catch_warnings(action="ignore"):  # LSODA's warnings of failed convergence; the accuracy is checked
