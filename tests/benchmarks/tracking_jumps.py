@@ -20,7 +20,7 @@ import numpy as np
 
 from straw.tracking import jumps, poser
 from straw.tracking.views import Views
-from tests.benchmarks.tracking_painted import KINDS, errors, file_of, painted, tracked
+from tests.benchmarks.tracking_painted import KINDS, errors, file_of, misprint_of, painted, tracked
 
 FIRST = 600  # seeds that no figure of README.md is from
 
@@ -38,7 +38,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as made:
         for name in args.kinds:
             for seed in range(args.first, args.first + args.clips):
-                misprint_um = (0, 20)[seed // 2 % 2]
+                misprint_um = misprint_of(seed)
                 path = file_of(args.keep or Path(made), name, seed, misprint_um)
                 scene = painted(path, KINDS[name], seed, 1e-6 * misprint_um)
                 count, shown, true = compared(path, scene)

@@ -12,7 +12,7 @@ import math
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -111,8 +111,14 @@ KINDS = {
 }
 
 
+MISPRINTS_UM = (0.0, 20.0)
 #: Names of the kinds in README.md.
 NAMES = dict(zip(KINDS, ("side", "aside", "above", "both", "turn", "trouble", "hevc"), strict=True))
+
+
+def misprint_of(seed: int, each_um: Sequence[float] = MISPRINTS_UM) -> float:
+    """Misprint of a clip's board, um: in turn, two clips each, as cameras differ by the seed's parity."""
+    return each_um[seed // 2 % len(each_um)]
 
 
 def file_of(folder: Path, name: str, seed: int, misprint_um: float) -> Path:
@@ -153,7 +159,7 @@ def main() -> int:
     """Print a line for each clip and each kind; 1 when a kind has more wrong frames than 1 in 10,000."""
     ask = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     ask.add_argument("--clips", type=int, default=CLIPS, help="of each kind")
-    ask.add_argument("--misprints", type=float, nargs="+", default=[0.0, 20.0], help="um; in turn, two clips each")
+    ask.add_argument("--misprints", type=float, nargs="+", default=[*MISPRINTS_UM], help="um; in turn, two clips each")
     ask.add_argument("--first", type=int, default=100, help="seed of the first clip")
     ask.add_argument("--kinds", nargs="+", default=list(KINDS), choices=list(KINDS))
     ask.add_argument("--like", type=float, nargs=2, help="slow and fast, of straw.tracking.variance.MOTION_LIKE")
@@ -173,7 +179,7 @@ def main() -> int:
         for name in args.kinds:
             by_clip: list[np.ndarray] = []
             for seed in range(args.first, args.first + args.clips):
-                misprint_um = args.misprints[seed // 2 % len(args.misprints)]  # cameras differ by the seed's parity
+                misprint_um = misprint_of(seed, args.misprints)
                 path = file_of(folder, name, seed, misprint_um)
                 scene = painted(path, KINDS[name], seed, 1e-6 * misprint_um)
                 start = time.perf_counter()

@@ -16,7 +16,7 @@ import numpy as np
 
 from straw.tracking.doubt import REPEATED
 from tests.benchmarks.figures import missed, publish, write_option
-from tests.benchmarks.tracking_painted import BEYOND, KINDS, painted, tracked
+from tests.benchmarks.tracking_painted import BEYOND, KINDS, file_of, misprint_of, painted, tracked
 from tests.painting.film import encode
 
 CLIPS = (("aside and above", 100, 1), ("25 deg above", 101, 2))  # kind, seed of the scene, seed of the places
@@ -37,16 +37,22 @@ def repeated(count: int, seed: int) -> np.ndarray:
 def main() -> int:
     """Print a line for each clip; 1 when a repeated picture is valid and beyond 6 sigma."""
     ask = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    ask.add_argument("--kind", choices=list(KINDS), help="one other clip: its kind, instead of the two of README.md")
+    ask.add_argument("--seed", type=int, default=104, help="of its scene (104)")
+    ask.add_argument("--places", type=int, default=11, help="seed of the places where pictures repeat (11)")
     ask.add_argument("--keep", type=Path, help="folder to keep the painted clips in")
     ask.add_argument("--b-frames", type=int, default=0, help="of the second encoding")
     write_option(ask)
     args = ask.parse_args()
+    if args.kind and args.write:
+        sys.exit("--write states the figures of the two clips of README.md: leave out --kind")
     wrong = repeats_shown = refused_others = others_shown = 0
     with tempfile.TemporaryDirectory() as made:
         folder = args.keep or Path(made)
-        for kind, seed, places in CLIPS:
-            path = folder / f"{kind.replace(' ', '-')}-{seed}-0.mp4"
-            scene = painted(path, KINDS[kind], seed, 0.0)
+        for kind, seed, places in [(args.kind, args.seed, args.places)] if args.kind else CLIPS:
+            misprint_um = misprint_of(seed)
+            path = file_of(folder, kind, seed, misprint_um)
+            scene = painted(path, KINDS[kind], seed, 1e-6 * misprint_um)
             with av.open(str(path)) as video:
                 pictures = [frame.to_ndarray(format="gray") for frame in video.decode(video=0)]
             index = repeated(len(pictures), places)
