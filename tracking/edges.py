@@ -23,6 +23,72 @@ _RASTER_WIDTH_PX = 1.5
 _MOST_WIDTH = 0.42  # of the pitch
 
 
+def _gather(
+    picture: Picture,
+    at: Floats,
+    slopes: tuple[float, float, float, float],
+    wx: float,
+    wy: float,
+    bounds: tuple[int, int, int, int],
+    stride: int,
+    near: Floats,
+) -> tuple[int, int, int, int, int, int]:
+    """Collect the pixels of a corner's window: those near its edges in ``near`` (3, m) as x, y, grey, the rest as sums.
+
+    ``slopes``: of x and of y by column and by row; ``wx``, ``wy``: what counts as near, all in pitches; ``bounds``:
+    rows and columns, first and last, that hold the window. Returns how many pixels, and how many near; the sums of grey
+    and its square; how many more of the others are in squares where x y > 0 than where it is negative, and by how much
+    their grey sums differ. Row by row the window is cut into runs, as by far the most pixels are away from the edges.
+    """
+    xu, xv, yu, yv = slopes
+    top, bottom, left, right = bounds
+    # columns from one edge of a square to the next along a row
+    per_x, per_y = 1 / xu if xu != 0 else 1e300, 1 / yu if yu != 0 else 1e300
+    reach_x, reach_y = abs(per_x), abs(per_y)
+    n = m = n_signed = sum_signed = sum_grey = sum_square = 0
+    for row in range(top, bottom + 1, stride):
+        x_0, y_0 = xv * (row - at[1]), yv * (row - at[1])
+        edge_x, edge_y = at[0] - x_0 * per_x, at[0] - y_0 * per_y  # the columns where the row crosses the edges
+        low = max(edge_x - _WINDOW * reach_x, edge_y - _WINDOW * reach_y, left)
+        high = min(edge_x + _WINDOW * reach_x, edge_y + _WINDOW * reach_y, right)
+        if low > high:
+            continue
+        # near which columns are from ... to; none where an edge is out of the window
+        one, one_to = max(edge_x - wx * reach_x, low), max(min(edge_x + wx * reach_x, high), low - 1)
+        two, two_to = max(edge_y - wy * reach_y, low), max(min(edge_y + wy * reach_y, high), low - 1)
+        if one > two:
+            one, one_to, two, two_to = two, two_to, one, one_to
+        column, end = math.ceil(low), math.floor(high) + 1
+        column += (left - column) % stride
+        for part in range(3):  # pixels away from the edges, then those near the next edge, of which there are two
+            first, last = (one, one_to) if part == 0 else (two, two_to)
+            begin = end if part == 2 or first > high else math.ceil(first)
+            if column < begin:
+                x, y = xu * (column - at[0]) + x_0, yu * (column - at[0]) + y_0
+                count = sum_run = 0
+                for k in range(column, begin, stride):
+                    grey: int = np.int64(picture[row, k])  # type: ignore[assignment]  # a byte would overflow
+                    sum_run += grey
+                    sum_square += grey * grey
+                    count += 1
+                column += count * stride
+                n += count
+                sum_grey += sum_run
+                sign = 1 if x * y > 0 else -1
+                n_signed += sign * count
+                sum_signed += sign * sum_run
+            if part == 2:
+                break
+            for k in range(column, math.floor(last) + 1, stride):
+                grey = np.int64(picture[row, k])  # type: ignore[assignment]
+                near[0, m], near[1, m], near[2, m] = xu * (k - at[0]) + x_0, yu * (k - at[0]) + y_0, grey
+                sum_grey += grey
+                sum_square += grey * grey
+                m += 1
+                column += stride
+    return n + m, m, sum_grey, sum_square, n_signed, sum_signed
+
+
 def _measure(
     picture: Picture,
     at: Floats,
@@ -58,67 +124,52 @@ def _measure(
     far_x, far_y = abs(area) / math.hypot(bx, by), abs(area) / math.hypot(ax, ay)
     wx, wy = wide_x / far_x, wide_y / far_y  # in pitches
     xu, xv, yu, yv = by / area, -bx / area, -ay / area, ax / area
-    m = 0
-    light = dark = 0.0  # pixels, and sums of grey, away from the edges: by far the most of them
-    n_light = n_dark = 0.0
-    s_t = s_tt = s_u = s_v = s_tu = s_tv = s_uu = s_uv = s_vv = s_i = s_it = s_iu = s_iv = s_ii = 0.0
+    slopes, bounds = (xu, xv, yu, yv), (top, bottom, left, right)
+    n, m, sum_grey, sum_square, n_signed, sum_signed = gather(picture, at, slopes, wx, wy, bounds, stride, near)
+    if n < 16:
+        return
+    # The model's picture is t = s(p) r(q), with dt/dp = 1.5 a and dt/dq = 1.5 b; away from the edges it is 1 or -1.
+    s_t = s_tt = s_a = s_b = s_ta = s_tb = s_aa = s_ab = s_bb = s_it = s_ia = s_ib = 0.0
     x_1 = x_t = x_i = x_x = y_1 = y_t = y_i = y_y = 0.0
-    for row in range(top, bottom + 1, stride):
-        dv = row - at[1]
-        for column in range(left, right + 1, stride):
-            du = column - at[0]
-            x, y = xu * du + xv * dv, yu * du + yv * dv
-            if abs(x) > _WINDOW or abs(y) > _WINDOW:
-                continue
-            grey = float(picture[row, column])
-            s_ii += grey * grey
-            if abs(x) >= wx and abs(y) >= wy:
-                if (x > 0) == (y > 0):
-                    light += grey
-                    n_light += 1
-                else:
-                    dark += grey
-                    n_dark += 1
-                continue
-            near[0, m], near[1, m], near[2, m] = x, y, grey
-            m += 1
-    for k in range(m):  # apart from the branches above, so that the compiler vectorises it
+    for k in range(m):  # apart from the search for these pixels, so that the compiler vectorises it
         grey = near[2, k]
         p, q = min(max(near[0, k] / wx, -1.0), 1.0), min(max(near[1, k] / wy, -1.0), 1.0)
         s, r = p * (3 - p * p) / 2, q * (3 - q * q) / 2
-        s_by, r_by = 1.5 * (1 - p * p) / wx, 1.5 * (1 - q * q) / wy
-        t = s * r
-        # the corner moves, the pixels stay: dT/du = -dT/dx dx/du - ...
-        t_u, t_v = -(s_by * r * xu + s * r_by * yu), -(s_by * r * xv + s * r_by * yv)
+        t, a, b = s * r, (1 - p * p) * r, (1 - q * q) * s
+        ap, bq = a * p, b * q
         s_t += t
         s_tt += t * t
-        s_u += t_u
-        s_v += t_v
-        s_tu += t * t_u
-        s_tv += t * t_v
-        s_uu += t_u * t_u
-        s_uv += t_u * t_v
-        s_vv += t_v * t_v
-        s_i += grey
+        s_a += a
+        s_b += b
+        s_ta += t * a
+        s_tb += t * b
+        s_aa += a * a
+        s_ab += a * b
+        s_bb += b * b
         s_it += grey * t
-        s_iu += grey * t_u
-        s_iv += grey * t_v
-        t_x, t_y = -s_by * p * r, -r_by * q * s  # by wx and by wy, in pitches
-        x_1 += t_x
-        x_t += t_x * t
-        x_i += t_x * grey
-        x_x += t_x * t_x
-        y_1 += t_y
-        y_t += t_y * t
-        y_i += t_y * grey
-        y_y += t_y * t_y
-    n = m + n_light + n_dark
-    s_i += light + dark
-    s_it += light - dark
-    s_t += n_light - n_dark
-    s_tt += n_light + n_dark
-    if n < 16:
-        return
+        s_ia += grey * a
+        s_ib += grey * b
+        x_1 += ap
+        x_t += ap * t
+        x_i += ap * grey
+        x_x += ap * ap
+        y_1 += bq
+        y_t += bq * t
+        y_i += bq * grey
+        y_y += bq * bq
+    by_x, by_y = -1.5 / wx, -1.5 / wy  # the corner moves, the pixels stay: dt/du = by_x a dx/du + by_y b dy/du
+    ua, ub, va, vb = by_x * xu, by_y * yu, by_x * xv, by_y * yv
+    s_u, s_v = ua * s_a + ub * s_b, va * s_a + vb * s_b
+    s_tu, s_tv = ua * s_ta + ub * s_tb, va * s_ta + vb * s_tb
+    s_iu, s_iv = ua * s_ia + ub * s_ib, va * s_ia + vb * s_ib
+    s_uu = ua * ua * s_aa + 2 * ua * ub * s_ab + ub * ub * s_bb
+    s_uv = ua * va * s_aa + (ua * vb + ub * va) * s_ab + ub * vb * s_bb
+    s_vv = va * va * s_aa + 2 * va * vb * s_ab + vb * vb * s_bb
+    # by the half widths, in pitches
+    x_1, x_t, x_i, x_x = by_x * x_1, by_x * x_t, by_x * x_i, by_x * by_x * x_x
+    y_1, y_t, y_i, y_y = by_y * y_1, by_y * y_t, by_y * y_i, by_y * by_y * y_y
+    s_i, s_ii, s_it = float(sum_grey), float(sum_square), s_it + sum_signed
+    s_t, s_tt = s_t + n_signed, s_tt + (n - m)
     # Means out, then 3 x 3 for c, c du, c dv.
     v_tt, v_tu, v_tv = s_tt - s_t * s_t / n, s_tu - s_t * s_u / n, s_tv - s_t * s_v / n
     v_uu, v_uv, v_vv = s_uu - s_u * s_u / n, s_uv - s_u * s_v / n, s_vv - s_v * s_v / n
@@ -193,5 +244,6 @@ def _measure_all(
 
 
 # Assigned rather than decorated: numba has no types, and this keeps the functions above checked.
+gather = compiled(_gather, fastmath=True)
 measure = compiled(_measure, fastmath=True)
 measure_all = compiled(_measure_all, fastmath=True)

@@ -54,7 +54,8 @@ class Record:
         )
         head = json.dumps(dict(identity), sort_keys=True).encode()
         self._head = hashlib.sha256(head + str(self.dtype).encode()).digest()
-        self._waiting: list[Rows] = []
+        self._waiting, self._buffer = 0, np.zeros(_FLUSH, self.dtype)
+        self._columns = {name: self._buffer[name] for name in self.dtype.names or ()}
         self._reading = threading.Lock()
         try:
             self._file: IO[bytes] = self._opened()
@@ -81,28 +82,29 @@ class Record:
 
     def add(self, frame: Frame, corrupt: int, found: Sighting | str) -> None:
         """Append what one frame showed; ``corrupt``: packets lost before it."""
-        row = np.zeros((), self.dtype)
-        row["time_s"], row["frame"], row["file"] = frame.time_s, self._count, frame.file
-        row["corrupt"], row["key"], row["between"] = corrupt, frame.key, frame.between
+        k, column = self._waiting, self._columns
+        column["time_s"][k], column["frame"][k], column["file"][k] = frame.time_s, self._count, frame.file
+        column["corrupt"][k], column["key"][k], column["between"][k] = corrupt, frame.key, frame.between
         if isinstance(found, Sighting):
-            row["seen"], row["contrast"], row["rms_px"] = True, found.contrast, found.rms_px
+            column["seen"][k], column["contrast"][k], column["rms_px"][k] = True, found.contrast, found.rms_px
             for name in ("widths", "homography", "grid", "used"):
-                row[name] = getattr(found, name)
+                column[name][k] = getattr(found, name)
         else:
-            row["reason"] = found.encode()[:60]
-        self._waiting.append(row)
+            column["reason"][k] = found.encode()[:60]
+        self._waiting += 1
         self._count += 1
-        if len(self._waiting) >= _FLUSH:
+        if self._waiting == _FLUSH:
             self.flush()
 
     def flush(self) -> None:
         """Bring all rows to the file."""
         try:
-            self._file.write(b"".join(row.tobytes() for row in self._waiting))
+            self._file.write(self._buffer[: self._waiting].tobytes())
             self._file.flush()
         except OSError as error:
             raise TrackingError(f"{self.path}: cannot be written ({reason(error)}); check the disk's space") from None
-        self._waiting = []
+        self._buffer[: self._waiting] = 0
+        self._waiting = 0
 
     def rows(self, start: int, stop: int) -> Rows:
         """Return rows ``start`` to ``stop`` (clipped to what there is); threads may ask at the same time."""
@@ -141,7 +143,7 @@ class Record:
 
     def remove(self) -> None:
         """Close and delete the file."""
-        self._waiting = []
+        self._waiting = 0
         self._file.close()
         self.path.unlink(missing_ok=True)
 
