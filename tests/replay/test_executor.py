@@ -21,7 +21,7 @@ from straw.replay.diagnose.systems.straw.observation import observe
 from straw.replay.diagnose.systems.straw.system import StrawSystem
 from straw.replay.workers import threads
 from tests.apparatus.campaign import NONE, campaign
-from tests.replay.test_system import stiffening
+from tests.replay.test_system import SOME, stiffening
 
 
 class PicklingExecutor(Executor):
@@ -52,7 +52,8 @@ def test_a_dask_cluster_of_processes_finds_what_threads_find() -> None:
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
         for dask in (None, cluster.scheduler_address):
             with threads(2, dask) as pool:
-                findings = conclude(inquire(records, OscillatorSystem(), executor=pool), brief=True)
+                searched = inquire(records, OscillatorSystem(), library=SOME, executor=pool)
+                findings = conclude(searched, brief=True)
             found.append(findings.as_json())
     assert found[0]["causes"] == ["cubic_stiffness"]
     assert found[0] == found[1]

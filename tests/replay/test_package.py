@@ -24,6 +24,14 @@ import straw
 run = straw.simulate(straw.load_straw(None), straw.load_protocol("p.toml"), [0.0, 0.01], [1, 4])
 print(straw.__version__, run.x_m.shape)
 """
+#: Help of each of the commands given as a list of their words.
+HELP = """
+import ast, contextlib, sys
+from straw.replay.cli import main
+for words in ast.literal_eval(sys.argv[1]):
+    with contextlib.suppress(SystemExit):
+        main([*words, "--help"])
+"""
 
 
 def tracked(repository: Path) -> list[str]:
@@ -137,8 +145,11 @@ def test_without_git_and_tags_the_version_is_that_of_the_next_release(repository
 
 
 def test_every_command_answers_beside_files_of_the_rooms_names(installed: dict[str, str], foreign: Path) -> None:
-    for words in commands():
-        assert asked(installed, foreign, installed["STRAW"], *words, "--help").startswith("usage: straw")
+    """The command itself, and all its subcommands in one process, with the folder first on its path."""
+    assert asked(installed, foreign, installed["STRAW"], "--help").startswith("usage: straw")
+    every = list(commands())
+    said = asked(installed, foreign, sys.executable, "-c", HELP, repr(every))
+    assert said.count("usage: straw") == len(every)
 
 
 def test_every_module_is_imported_from_straw_beside_files_of_the_rooms_names(
