@@ -30,11 +30,18 @@ WITHOUT_MODEL = {
     "test_function_system.py", "test_import_command.py", "test_metrics.py", "test_shell_pictures.py",
     "test_shell_table.py", "test_system.py",
 }  # fmt: skip
+#: They compile for half a minute what other files need, too, which side by side would each compile it.
+FIRST = ("test_doubt.py", "test_discover_blind.py")
+#: Files that take longest, the longest first: the last of a run is then a short one, and no core waits for it.
+LONGEST = (
+    "test_readme.py", "test_missing.py", "test_diagnose.py", "test_derivative.py", "test_package.py",
+    "test_examples.py", "test_executor.py", "test_energy_balance.py", "test_shell_command.py",
+)  # fmt: skip
 COMPILES, WAITS_FOR_NOTHING, LONG, OTHERS = range(4)
 
 
 def turn(item: pytest.Item) -> int:
-    """The longest file first, which compiles the model; meanwhile those that do not need it; then the demo, which would
+    """The file that compiles the model first; meanwhile those that do not need it; then the longest ones, which would
     otherwise run alone at the end."""
     name = item.path.name
     if name == "test_concealed.py":
@@ -43,12 +50,24 @@ def turn(item: pytest.Item) -> int:
         return OTHERS
     if item.path.parent.name in ("rig", "tracking") or name in WITHOUT_MODEL:
         return WAITS_FOR_NOTHING
-    return LONG if name == "test_readme.py" else OTHERS
+    return LONG if name in LONGEST else OTHERS
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Sort the tests by `turn`."""
-    items.sort(key=turn)
+    """Sort the tests by `turn`; files of the rig, which mostly wait, are spread among those that compute."""
+    alike: dict[tuple[int, bool], dict[Path, int]] = {}
+    for item in items:
+        files = alike.setdefault((turn(item), item.path.parent.name == "rig"), {})
+        files.setdefault(item.path, len(files))
+    place = {path: k / len(files) for files in alike.values() for path, k in files.items()}
+
+    def order(item: pytest.Item) -> tuple[float, ...]:
+        name = item.path.name
+        if (at := turn(item)) == LONG:
+            return at, LONGEST.index(name)
+        return at, name not in FIRST, place[item.path]
+
+    items.sort(key=order)
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
