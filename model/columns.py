@@ -172,6 +172,8 @@ def _solve_stage(
 ) -> None:
     """All columns of one stage: rates of q and v into the bench, and after the last stage the columns into ``d``."""
     P, hg, rows = len(d.inside_pa), h * GAMMA, rows_of(c, b.links)
+    time_s = state.clock[0] + TIMES[stage] * h
+    b.motion.time_s[0] = c.start_s + time_s
     _linearised(c, given, s, stage, hg, b, rows)
     _known(state, stage, h, d, given, b, rows)
     if given.remembers:
@@ -179,7 +181,7 @@ def _solve_stage(
     _answered(c, given, s, stage, hg, b, rows)
     for at in range(len(given.driven)):
         drive = Table(table.start_s, table.step_s, given.drive[at])
-        b.external[given.driven[at]] = pressure_in(drive, state.clock[0] + TIMES[stage] * h)
+        b.external[given.driven[at]] = pressure_in(drive, time_s)
     advance_inlet(c, given, w, s, stage, hg, d, b, rows)
     _moved_on(c, stage, hg, b, rows, P)
     for x in range(STATES):

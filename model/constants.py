@@ -35,6 +35,7 @@ class Constants(NamedTuple):
     c_zeta: Floats  # equation 4
     c_phi: Floats  # equation 4
     cycle: float  # how often the specimen was cycled before the run
+    start_s: float  # when the run starts, in the time that laws may depend on
     plain: bool  # no frustum term beyond the base model
     remembers: bool  # a term with memory among them
     terms: Floats  # (cells, 2, straw.model.terms.WIDTH) constants of the terms the base model lacks

@@ -113,6 +113,7 @@ def frustum_at(
         c.cycle,
         c.wall[i, j],
         m.inside_pa[0],
+        m.time_s[0],
     )
 
 

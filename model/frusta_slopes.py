@@ -97,6 +97,7 @@ def _with_constant(f: Frustum, field: int, more: float) -> Frustum:
         f.cycle + (more if field == 11 else 0.0),
         f.wall,
         f.pressure + (more if field == PRESSURE else 0.0),
+        f.time_s,
     )
 
 
@@ -131,6 +132,7 @@ def by_wall(c: Constants, m: Motion, i: int, j: int, way: Floats, e: float, row:
                 f.cycle,
                 row,
                 f.pressure,
+                f.time_s,
             )
         )
         force += sign * one[0] / (2 * e)

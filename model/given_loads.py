@@ -54,6 +54,7 @@ def _moved(c: Constants, number: int, more: float) -> Constants:
         c.c_zeta,
         c.c_phi,
         c.cycle,
+        c.start_s,
         c.plain,
         c.remembers,
         c.terms,

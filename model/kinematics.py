@@ -27,7 +27,8 @@ class Motion(NamedTuple):
     d_phi: Floats
     dd_zeta: Floats
     dd_phi: Floats
-    inside_pa: Floats  # (1,) pressure inside, on which laws of the frusta may depend
+    inside_pa: Floats  # (1,) pressure inside, and
+    time_s: Floats  # (1,) time in the laboratory, on which laws of the frusta may depend
 
 
 class Chain(NamedTuple):
@@ -67,6 +68,7 @@ def still_motion(c: Constants) -> Motion:
         np.zeros((n, 2)),
         np.zeros((n, 2)),
         np.zeros(1),
+        np.full(1, c.start_s),
     )
 
 

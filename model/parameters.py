@@ -42,8 +42,9 @@ class StrawParameters:
     inlet), ``[n - 1, 1]`` the even one; a scalar or a pair (odd, even) is spread over all cells. ``form`` is "full"
     (4N coordinates) or "truncated" (odd frusta rigid at zeta0, 2N coordinates). ``elasticity`` is what the even frusta
     obey: "equation 7", "shell" (finite elements of the paper's specimen), or a file made by `straw shell`; the term
-    ``wall_elasticity`` goes a share of the way from it to the other. ``readers``
-    and ``figures`` are files of parts that are no physics, for the code that loads them.
+    ``wall_elasticity`` goes a share of the way from it to the other. A run begins at ``start_s`` of the time that laws
+    may depend on; where ``zero_time_s`` is given, in seconds of Unix time, that time counts from there (`in_run`).
+    ``readers`` and ``figures`` are files of parts that are no physics, for the code that loads them.
 
     Raises ModelError for anything that is not a straw, naming the constant.
     """
@@ -67,6 +68,8 @@ class StrawParameters:
     F_Z_n: float = 0.0
     M_Y_n_m: float = 0.0
     cycle: float = 0.0
+    start_s: float = 0.0
+    zero_time_s: float = 0.0
     elasticity: str = EQUATION_7
     terms: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     readers: tuple[str, ...] = ()
@@ -85,9 +88,10 @@ class StrawParameters:
         self._check("r_ch_m", self.r_ch_m > 1e-60, "above 1e-60")  # the loss has its fourth power, 0 below 1e-81
         for name in ("c_zeta_n_s_per_m", "c_phi_n_m_s_per_rad"):
             self._check(name, all_of(getattr(self, name) >= 0), "zero or above")
-        for name in ("g_m_per_s2", "phi_0_rad", "F_X_n", "F_Z_n", "M_Y_n_m"):
+        for name in ("g_m_per_s2", "phi_0_rad", "F_X_n", "F_Z_n", "M_Y_n_m", "start_s", "zero_time_s"):
             self._check(name, math.isfinite(getattr(self, name)), "finite")
         self._check("cycle", self.cycle >= 0, "zero or above")
+        self._check("zero_time_s", self.zero_time_s >= 0, "zero or above")
         object.__setattr__(self, "terms", checked(self.terms, self.cells))
         self._check("r_o_m", self.r_o_m > self.r_i_m, f"above r_i_m = {self.r_i_m}")
         # |zeta0_even| < zeta0_odd keeps every cell's volume, length and mass positive whichever way it snaps.
@@ -138,6 +142,14 @@ class StrawParameters:
                     changes.setdefault(name, rows[0])
         return replace(self, **changes)
 
+    def in_run(self, cycle: int, zero_time_ns: int) -> Self:
+        """The straw as a recorded run finds it: after so many cycles, its time 0 at ``zero_time_ns`` of Unix time.
+
+        Without ``zero_time_s`` the laws' time is the run's own.
+        """
+        start_s = (zero_time_ns - round(1e9 * self.zero_time_s)) * 1e-9 if self.zero_time_s else self.start_s
+        return self.replace(cycle=float(cycle), start_s=start_s)
+
     @property
     def coordinates(self) -> int:
         """Number of generalised coordinates: 4N in the full form, 2N in the truncated form."""
@@ -176,6 +188,7 @@ class StrawParameters:
             c_zeta=self.c_zeta_n_s_per_m,
             c_phi=self.c_phi_n_m_s_per_rad,
             cycle=self.cycle,
+            start_s=self.start_s,
             plain=not (has(self.terms, "frustum") or has(self.terms, "memory")),
             remembers=has(self.terms, "memory"),
             terms=packed(self.terms, self.cells),

@@ -97,6 +97,7 @@ def add_pushed(c: Constants, given: Given, b: Bench, rows: Rows) -> None:
                 c.c_zeta,
                 c.c_phi,
                 c.cycle,
+                c.start_s,
                 c.plain,
                 c.remembers,
                 c.terms,

@@ -65,7 +65,7 @@ def _newton_matrix(
     which couples all rates, is left out as well and put in by how the straw yields to a pascal (`_displaced`).
     """
     spread(c, state.q, state.v, state.a, w.room.motion)
-    w.room.motion.inside_pa[0] = state.clock[2]
+    w.room.motion.inside_pa[0], w.room.motion.time_s[0] = state.clock[2], c.start_s + state.clock[0]
     place(c, w.room.motion, w.start)
     tangent(c, w.room.motion, state.memory, s.memory[0], hg, w.blocks, w.K)
     articulate(c, w.start, w.blocks, hg, w.newton)
@@ -131,7 +131,8 @@ def _solve_stages(
     for i in range(STAGES):
         _known(state, h, i, limits.remembers, s, w)
         q, v, a = s.q[i], s.v[i], s.a[i]
-        external_pa = pressure_in(table, state.clock[0] + TIMES[i] * h)
+        time_s = state.clock[0] + TIMES[i] * h
+        external_pa, w.room.motion.time_s[0] = pressure_in(table, time_s), c.start_s + time_s
         before, converged = np.inf, False
         for iteration in range(NEWTON_LIMIT):
             inside_pa, slope = inside_pressure(w.channel, s.known_inlet[i], hg, external_pa, volume_rate(c, v), w.inlet)

@@ -33,6 +33,7 @@ class Frustum(NamedTuple):
     cycle: float  # how often the specimen was cycled before this run
     wall: Floats = EQUATION_7  # a row of `straw.model.terms.shell_energy`; equation 7 where its first number is zero
     pressure: float = 0.0  # inside, Pa
+    time_s: float = 0.0  # from the run's start, or from the straw's ``zero_time_s`` where that is given
 
 
 @dataclass(frozen=True)

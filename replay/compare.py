@@ -77,7 +77,7 @@ def setting(
     start_s = min(float(run.pressure.time_s[0]), float(run.tip.time_s[0]))
     time_s = run.tip.time_s if start_s >= run.tip.time_s[0] else np.concatenate([[start_s], run.tip.time_s])
     pressure = driving_pressure(run.pressure, run.command)
-    return straw.replace(cycle=float(run.cycle)), pressure, time_s, run.initial_deployed
+    return straw.in_run(run.cycle, run.zero_time_ns), pressure, time_s, run.initial_deployed
 
 
 def predict(run: Run, straw: StrawParameters, *, tolerance_m: float = TOLERANCE_M) -> Prediction:

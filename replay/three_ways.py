@@ -57,7 +57,7 @@ def three_ways(run: Run, straw: StrawParameters, protocol: PressureProtocol) -> 
             f"{run.path}: recorded with cells {run.initial_deployed} deployed, protocol {protocol.name} begins with "
             f"{protocol.initial_deployed}; give the protocol of that run"
         )
-    worn = straw.replace(cycle=float(run.cycle))
+    worn = straw.in_run(run.cycle, run.zero_time_ns)
     signals = {
         "recording": _signals(run),
         "emulator": _emulated(worn, protocol),

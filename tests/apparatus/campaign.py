@@ -65,6 +65,7 @@ class Made:
     motion: Motion
     pressure_pa: np.ndarray
     index: int
+    clock_s: float  # in the laboratory when it starts
 
 
 def make(
@@ -138,7 +139,7 @@ def _make(
             time_s = np.arange(0.0, plan.seconds + 0.25, FINE_S)
             pressure = regulated(plan, time_s, settling_s)
             motion = move(straw, plan.deployed, plan.seconds + 0.2, pressure, FINE_S, clock_zero_s=clock)
-            made.append(Made(plan, straw, instrument, motion, pressure, index))
+            made.append(Made(plan, straw, instrument, motion, pressure, index, clock))
         clock += plan.seconds + 2.0
     return made
 
@@ -156,7 +157,7 @@ def record(made: Made, seed: int, name: str) -> Run:
     read_s = np.arange(round(plan.seconds / GAUGE_S) + 1) * GAUGE_S
     reading = read(made, read_s) + rng.normal(scale=SIGMA_PA, size=len(read_s))
     told_s, told_pa = np.array(plan.commands).T
-    zero_ns = 1_795_000_000_000_000_000 + int(rng.integers(10**12))
+    zero_ns = 1_795_000_000_000_000_000 + round(1e9 * made.clock_s)
     metadata = {
         "run_id": plan.run_id, "specimen": name, "initial_deployed": ",".join(map(str, plan.deployed)),
         "cycle": str(plan.cycle), "zero_time_ns": str(zero_ns), "cells": str(CELLS),

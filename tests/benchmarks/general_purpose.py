@@ -58,6 +58,7 @@ def rate(time_s: float, y: Floats, numbers: Floats, frusta: Floats, wall: Floats
         frusta[3],
         frusta[4],
         cycle,
+        0.0,  # the run's start
         True,  # no terms beyond the base model
         False,
         terms,

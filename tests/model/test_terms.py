@@ -306,6 +306,26 @@ def test_a_force_over_how_far_aside_the_tip_is_and_a_moment_over_its_angle_do_th
         assert force[n] == pytest.approx(work, rel=1e-5, abs=1e-8)
 
 
+def test_a_force_towards_a_point_does_the_work_of_its_table_over_the_distance_from_there() -> None:
+    pull, away = np.array([5, 4, 3, 1, 0, -1, -2, -2]) * 1e-2, np.linspace(0.1, 1.2, 8)
+    there = {"post_x": 0.9, "post_z": -0.4}
+    straw = FOLDING.with_term("missing_tip_force", amount=1.0, **curve("far_{}", away, "pull_{}_n", pull), **there)
+    c, k = straw.constants(), np.asarray(straw.constants().terms[0, 0, slice(*COLUMNS["missing_tip_force"])])
+    length = float(np.sum(straw.zeta0_m[:, 0] - straw.zeta0_m[:, 1]))
+    q = rest_state(FOLDING, [1, 4, 6], 2e3) + np.repeat([0.0, 0.02], 9)
+    s, load, force = chain_of(c, motion_of(c, q, 0 * q, 0 * q)), no_load(9), np.empty_like(q)
+    TERMS["missing_tip_force"].force(c, k, s, load)
+    project(c, s, load, force)
+
+    def distance(at: np.ndarray) -> float:
+        tip = chain_of(c, motion_of(c, at, 0 * q, 0 * q)).position[9]
+        return float(np.hypot(*(tip - length * np.array([0.9, -0.4]))))
+
+    for n, step in enumerate(np.eye(len(q)) * 1e-7):
+        nearer = -(distance(q + step) - distance(q - step)) / 2e-7
+        assert force[n] == pytest.approx(np.interp(distance(q) / length, away, pull) * nearer, rel=1e-5, abs=1e-8)
+
+
 def test_a_stiffness_over_the_pressure_inside_is_that_of_the_modulus_and_grows_with_the_pressure() -> None:
     pressures = np.linspace(-35e3, 35e3, 8)
     stiffer = curve("pressed_{}_pa", pressures, "stiffer_{}", 2e-6 * pressures)
@@ -314,6 +334,35 @@ def test_a_stiffness_over_the_pressure_inside_is_that_of_the_modulus_and_grows_w
         worn = FOLDING.replace(E_pa=FOLDING.E_pa * np.array([1.0, 1 + 2e-6 * pressure]))
         assert rest_state(straw, [1, 4], pressure) == pytest.approx(rest_state(worn, [1, 4], pressure), abs=1e-9)
     assert np.abs(rest_state(straw, [1, 4], 12e3) - rest_state(FOLDING, [1, 4], 12e3)).max() > 1e-6
+
+
+def test_a_stiffness_over_time_is_that_of_the_modulus_at_the_time_in_the_laboratory() -> None:
+    """The second run begins 100 s after the zero of time, when the walls have 0.9 of their stiffness for good."""
+    ages = np.array([0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 90.0])
+    aged = FOLDING.with_term("missing_force", amount=1.0, **curve("at_{}_s", ages, "aged_{}", -0.1 * ages / 90))
+    aged = aged.replace(zero_time_s=1.8e9)
+    later, worn = aged.in_run(0, 1_800_000_100_000_000_000), FOLDING.replace(E_pa=FOLDING.E_pa * np.array([1.0, 0.9]))
+    assert later.start_s == pytest.approx(100.0)
+    time_s = np.linspace(0, 0.5, 121)
+    drive = lambda t: -25e3 * (1 - np.exp(-50 * t))  # noqa: E731
+    one, other = (simulate(straw, drive, time_s, [1, 4]) for straw in (later, worn))
+    np.testing.assert_allclose(one.zeta_m, other.zeta_m, atol=1e-7)
+    assert np.abs(one.zeta_m - simulate(aged, drive, time_s, [1, 4]).zeta_m).max() > 1e-5
+
+
+def test_a_stiffness_over_time_changes_within_a_run() -> None:
+    """Under a held pressure the straw follows the rest state of the moment's modulus, by damping over stiffness late:
+    620 N s/m over some 10 kN/m, below 0.1 s."""
+    ages = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0])
+    aged = FOLDING.with_term("missing_force", amount=1.0, **curve("at_{}_s", ages, "aged_{}", -0.02 * ages))
+    seen = simulate(aged, lambda t: np.full_like(np.asarray(t, dtype=float), -8e3), np.array([0.0, 3.0, 6.0]), [1, 4])
+    rests = [
+        rest_state(FOLDING.replace(E_pa=FOLDING.E_pa * np.array([1.0, share])), [1, 4], -8e3)[:9]
+        for share in (1.0, 0.94, 0.88)
+    ]
+    in_three_s = np.abs(rests[2] - rests[1]).max()
+    for k, rest in enumerate(rests):
+        assert seen.zeta_m[k, :, 1] == pytest.approx(rest, abs=0.1 / 3 * in_three_s)
 
 
 def test_a_straw_file_contains_its_terms() -> None:

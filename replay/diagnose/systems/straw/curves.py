@@ -7,7 +7,7 @@ second is sought in the same way.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -57,19 +57,22 @@ def curves(campaign: Campaign, null: Fit, told: Told = silent, states: Sequence[
     # the missing force has biased the base's constants: only damping and channel are kept
     calm = np.where([k.target in TAKEN_ALONG for k in null.unknowns], null.u, 0.0)
     known, none = evaluated(wide, null.unknowns, calm), np.zeros((0, len(calm)))
-    starts = _promising(wide, known, none, campaign.observations, told, states)
-    first = []
-    for k, start in enumerate(starts[:FITTED]):
-        told(start.curve.state.name, len(states) + k, len(states) + 2 * FITTED)
-        first.append(_carried_on(start.curve, start.curve.campaign, FIRST_ROUNDS, 0.01))
-    first.sort(key=lambda c: c.fit.cost)
+    starts = _promising(wide, known, none, 0, campaign.observations, told, states, FITTED)
+    tried, steps = len(states), len(states) + 2 * FITTED
+    first = _first_fits(starts, campaign.observations, lambda name, k: told(name, tried + k, steps))
     found: list[Curve] = []
     for k, curve in enumerate(first):
-        told(curve.state.name, len(states) + FITTED + k, len(states) + 2 * FITTED)
+        told(curve.state.name, tried + FITTED + k, steps)
         here = campaign.with_system(curve.campaign.system)
         rival = len(found) < FINISHED and curve.fit.cost < RIVAL * first[0].fit.cost
         found.append(_finished(curve, campaign, wide) if rival else _carried_on(curve, here, 0))
-    return sorted(found, key=lambda c: c.fit.cost)
+    return sorted(found, key=_priced)
+
+
+def _priced(curve: Curve) -> float:
+    """Cost of a curve's fit with the price of the constants beside its values: each the logarithm of the number of
+    samples (Schwarz, Annals of Statistics 6, 1978)."""
+    return curve.fit.cost + len(curve.state.beside) * float(np.log(len(curve.fit.residual)))
 
 
 def beside(
@@ -79,18 +82,18 @@ def beside(
     here = campaign.with_system(first.campaign.system)
     wide = here.only(telling_runs(campaign, null)).coarse()
     known = evaluated(wide, first.fit.unknowns, first.fit.u, first.smooth)
-    others = [state for state in states if state is not first.state]
-    starts = _promising(wide, known, first.smooth, campaign.observations, told, others)
+    others = [state for state in states if state.name != first.state.name]
+    starts = _promising(wide, known, first.smooth, len(first.at), campaign.observations, told, others, FINISHED)
     if campaign.stop() or not starts:
         return None
-    tried = [_carried_on(start.curve, start.curve.campaign, FIRST_ROUNDS, 0.01) for start in starts[:FINISHED]]
+    tried = _first_fits(starts, campaign.observations, lambda name, k: None)
     best = min(one.fit.cost for one in tried)
     finished = []
     for k, one in enumerate(tried, 1):
         told(one.state.name, k, len(tried))
         if one.fit.cost < RIVAL * best:
             finished.append(_finished(one, campaign, wide))
-    return min(finished, key=lambda c: c.fit.cost)
+    return min(finished, key=_priced)
 
 
 def restarted(curve: Curve, u: Floats) -> Curve:
@@ -103,25 +106,68 @@ def _promising(
     wide: Campaign,
     known: Fit,
     beneath: Floats,
+    values: int,
     observations: Sequence[Any],
     told: Told,
     states: Sequence[State],
-) -> list[_Start]:
-    """All states' curves at zero, the one that promises most first; none where the search was stopped."""
-    starts: list[_Start] = []
-    for start in _starts(wide, known, beneath, observations, told, states):
-        starts.append(start)
+    most: int,
+) -> list[list[_Start]]:
+    """Curves at zero over the few states, at most ``most``, that promise most, the best first; of each state from all
+    of its starts, as the first slopes do not tell where a point lies. None where the search was stopped."""
+    starts: dict[str, list[_Start]] = {}
+    for start in _starts(wide, known, beneath, values, observations, told, states):
+        starts.setdefault(start.curve.state.name, []).append(start)
         if wide.stop():
             return []
-    return sorted(starts, key=lambda start: start.promise)
+    return sorted(starts.values(), key=lambda some: min(one.promise for one in some))[:most]
+
+
+def _first_fits(
+    starts: Sequence[Sequence[_Start]], observations: Sequence[Any], told: Callable[[str, int], None]
+) -> list[Curve]:
+    """The best fit over each state, the best of all first."""
+    found = []
+    for k, some in enumerate(starts):
+        told(some[0].curve.state.name, k)
+        fits = [_carried_on(one.curve, one.curve.campaign, FIRST_ROUNDS, 0.01) for one in some]
+        if some[0].curve.state.beside:
+            fits = [_placed_anew(one, observations) for one in fits]
+        best = min(fits, key=_priced)
+        for _ in range(MOVES if best.state.beside else 0):
+            best = _placed_anew(best, observations)
+        found.append(best)
+    return sorted(found, key=_priced)
+
+
+def _placed_anew(curve: Curve, observations: Sequence[Any]) -> Curve:
+    """The curve fitted on points where the runs pass by what has been found of the constants beside it."""
+    fit, names = curve.fit, [k.target for k in curve.fit.unknowns]
+    places = [names.index(one.target) for one in curve.state.beside]
+    assert curve.state.anew is not None
+    state = curve.state.anew(*(fit.unknowns[k].value(float(fit.u[k])) for k in places))
+    unknowns = list(fit.unknowns)
+    for k, one in zip(places, state.beside, strict=True):
+        unknowns[k] = one
+    straw, _ = applied(straw_of(curve.campaign), fit.unknowns, fit.u)
+    at = points(state, [state.visited(straw, o, None) for o in observations])
+    curve = replace(curve, state=state, fit=replace(fit, unknowns=tuple(unknowns)))
+    if at is not None:
+        curve = replace(_on_points(curve, curve.campaign, at), placed=at)
+    return _carried_on(curve, curve.campaign, FIRST_ROUNDS, 0.01)
 
 
 def _bent(curve: Curve, campaign: Campaign) -> Curve:
     """The curve on points that lie closer where it bends (`bent_points`), to be fitted again."""
+    values = np.zeros(len(curve.points))
+    values[curve.free] = curve.fit.u[curve.smooth.shape[1] - len(curve.at) :]
+    return _on_points(curve, campaign, bent_points(curve.state, curve.placed, curve.points, values))
+
+
+def _on_points(curve: Curve, campaign: Campaign, at: Floats) -> Curve:
+    """The curve on other points (n,), to be fitted again."""
     state, fit, base = curve.state, curve.fit, curve.smooth.shape[1] - len(curve.at)
     values = np.zeros(len(curve.points))
     values[curve.free] = fit.u[base:]
-    at = bent_points(state, curve.placed, curve.points, values)
     here, unknowns, smooth = with_points(campaign, fit.unknowns[:base], curve.beneath, state, at)
     scale = fit.unknowns[-1].scale
     unknowns = (*unknowns[:base], *(replace(k, scale=scale) for k in unknowns[base:]))
@@ -166,21 +212,30 @@ def _starts(
     campaign: Campaign,
     null: Fit,
     beneath: Floats,
+    values: int,
     observations: Sequence[Any],
     told: Told,
     states: Sequence[State],
 ) -> Iterator[_Start]:
-    """Every state's curve at zero with its slopes; its points lie where all observations pass."""
-    base = null.unknowns
-    straw, _ = applied(straw_of(campaign), base, null.u)
-    seen = [(o, simulated(o, straw_of(campaign), base, null.u).prediction) for o in observations]
+    """Every state's curve at zero with its slopes; its points lie where all observations pass.
+
+    The last unknowns of the fit, ``values`` of them, are those of another curve; a state's constants beside its curve
+    come before them, so that all curves come last.
+    """
+    straw, _ = applied(straw_of(campaign), null.unknowns, null.u)
+    seen = [(o, simulated(o, straw_of(campaign), null.unknowns, null.u).prediction) for o in observations]
+    before = len(null.u) - values
     for k, state in enumerate(states):
         told(state.name, k, len(states) + 2 * FITTED)
         at = points(state, [state.visited(straw, o, p) for o, p in seen])
         if at is None:
             continue
-        here, unknowns, smooth = with_points(campaign, base, beneath, state, at)
-        u = np.concatenate([null.u, np.zeros(len(unknowns) - len(base))])
+        more = len(state.beside)
+        base = (*null.unknowns[:before], *state.beside, *null.unknowns[before:])
+        rows = np.insert(beneath, [before] * more, 0.0, axis=1)
+        here, unknowns, smooth = with_points(campaign, base, rows, state, at)
+        u = np.insert(null.u, [before] * more, [one.mean for one in state.beside])
+        u = np.concatenate([u, np.zeros(len(unknowns) - len(base))])
         fit = evaluated(here, unknowns, u, smooth)
         unit, wanted = unknowns[-1].scale, -_downhill(fit, smooth)[0][len(base) :]
         # in units of the predicted size a large force is as near as a small one
@@ -189,7 +244,7 @@ def _starts(
         slopes[:, len(base) :] *= larger
         unknowns = (*base, *(replace(k, scale=unit * larger) for k in unknowns[len(base) :]))
         fit = replace(fit, unknowns=unknowns, slopes=slopes)
-        yield _Start(Curve(state, here, smooth, beneath, fit, at, at), fit.cost - _downhill(fit, smooth)[1])
+        yield _Start(Curve(state, here, smooth, rows, fit, at, at), fit.cost - _downhill(fit, smooth)[1])
 
 
 def _downhill(fit: Fit, smooth: Floats) -> tuple[Floats, float]:

@@ -39,7 +39,8 @@ def atoms(state: State, at: Floats) -> tuple[Atom, ...]:
             Atom(f"{x}^2", 2, lambda q, _: q**2),
         )
     near = _near_folded(x, float(at[1])) if state.symbol == "zeta" else ()
-    return (*_powers(x, 3), *near, *_kinks(x, at, state.state_unit))
+    far = _fading_powers(x) if state.name == "tip distance" else ()
+    return (*_powers(x, 3), *near, *far, *_kinks(x, at, state.state_unit))
 
 
 def _kinks(x: str, at: Floats, unit: str) -> tuple[Atom, ...]:
@@ -55,6 +56,14 @@ def _powers(x: str, most: int) -> tuple[Atom, ...]:
     return tuple(
         Atom(text, n, lambda v, _, n=n: v**n, code_words=f"x**{n}" if n else "1.0")  # type: ignore[misc]
         for n, text in enumerate(texts)
+    )
+
+
+def _fading_powers(x: str) -> tuple[Atom, ...]:
+    """Forces that fade with the distance, as those of charges and magnets do."""
+    return tuple(
+        Atom(f"(10 mm/{x})^{n}", 0, lambda v, _, n=n: (0.01 / v) ** n, code_words=f"(0.01 / x)**{n}")  # type: ignore[misc]
+        for n in (1, 2, 4)
     )
 
 

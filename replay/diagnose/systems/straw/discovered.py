@@ -15,11 +15,13 @@ PLACES = {
     "speed": ("frustum_force", "height_rate"),
     "damping over height": ("constant:c_zeta_n_s_per_m", "height"),
     "cycles: stiffness": ("constant:E_pa", "cycle"),
+    "time: stiffness": ("constant:E_pa", "time"),
     "pressure: stiffness": ("constant:E_pa", "pressure"),
     "cycles: force": ("frustum_force", "cycle"),
     "tip X, along X": ("tip_force", "tip_x"),
     "tip X, along Z": ("tip_force", "tip_x"),
     "tip Z, along Z": ("tip_force", "tip_z"),
+    "tip distance": ("tip_force", "tip_x", "tip_z"),
     "tip angle": ("tip_moment", "angle"),
     "tip speed": ("tip_force", "tip_rate"),
     "flow": ("flow", "flow"),
@@ -45,11 +47,11 @@ def discovered(law: MissingLaw, cells: Sequence[int]) -> dict[str, Any]:
     """The contract's ``discovered`` of a curve that made the runs held out better; ``cells`` that moved."""
     assert law.formula is not None
     state = law.state
-    place, over = PLACES[state.name]
+    place, *over = PLACES[state.name]
     return {
         "place": place,
         "cells": list(cells) if place.startswith(("frustum", "constant:c_zeta", "constant:E")) else [],
-        "states": [over],
+        "states": over,
         "formula": law.formula.text,
         "unit": state.value_unit,
         "curve": [list(map(float, row)) for row in zip(law.at, law.values, law.sigmas, strict=True)],

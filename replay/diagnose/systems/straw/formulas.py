@@ -25,8 +25,8 @@ Floats = NDArray[np.float64]
 def with_formula(curve: Curve, null: Fit) -> tuple[Curve, Written]:
     """A curve with its formula; the curve fitted again from it where the formula fits better, as a curve can follow
     any formula."""
-    form = written(curve, null)
-    if form.model.fit.cost < cost_beside(curve.fit, len(null.unknowns), curve.smooth) - CALIBRATION.scale:
+    form, base = written(curve, null), len(curve.fit.unknowns) - len(curve.at)
+    if form.model.fit.cost < cost_beside(curve.fit, base, curve.smooth) - CALIBRATION.scale:
         other = restarted(curve, form.model.parameters()[1])
         if other.fit.cost < curve.fit.cost:
             curve, form = other, written(other, null)
@@ -49,7 +49,8 @@ def tabulated(curves: Sequence[Curve], null: Fit, forms: Sequence[Written]) -> t
     placed by the formulas, and placed anew until the kinks stay; what fits best is kept, as a law that is not quite the
     formula may be nearer to it between points that lie farther apart.
     """
-    last, base = curves[-1], len(null.unknowns)
+    last = curves[-1]
+    base = len(last.fit.unknowns) - sum(len(one.at) for one in curves)
     none, sums = np.zeros((0, base)), [one.sum for one in forms]
     if len(forms) == 1:
         model = forms[0].model

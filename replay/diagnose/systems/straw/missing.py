@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +19,14 @@ from straw.replay.diagnose.formula import Formula
 from straw.replay.diagnose.formula_fit import Written
 from straw.replay.diagnose.inquiry import Told, silent
 from straw.replay.diagnose.judge import unexplained
+from straw.replay.diagnose.robust import weights
 from straw.replay.diagnose.settings import NOISE_LEAVES
-from straw.replay.diagnose.sparse import tangent
+from straw.replay.diagnose.sparse import deviations, tangent
 from straw.replay.diagnose.systems.straw.curve import Curve
 from straw.replay.diagnose.systems.straw.curves import beside, curves
 from straw.replay.diagnose.systems.straw.discovered import discovered
 from straw.replay.diagnose.systems.straw.formulas import as_curves, tabulated, with_formula, written
+from straw.replay.diagnose.systems.straw.of import straw_of, with_straw
 from straw.replay.diagnose.systems.straw.states import STATES, State
 
 Floats = NDArray[np.float64]
@@ -44,6 +46,7 @@ class MissingLaw:
     sigmas: Floats  # (n,) one deviation, the base's constants free
     matters: Floats  # (n,) sigmas by which the runs would miss each point's value
     formula: Formula | None
+    beside: tuple[tuple[str, float, float], ...] = ()  # symbol, value and deviation of the state's further constants
 
     @property
     def noun(self) -> str:
@@ -58,8 +61,10 @@ class MissingLaw:
         s, k = self.state, int(np.argmax(self.matters))
         if self.formula and self.noun != s.says:
             return f"{self.noun}: {self.formula.text}"
+        where = ", ".join(f"{name} = ({1e3 * x:.3g} ± {1e3 * sigma:.1g}) mm" for name, x, sigma in self.beside)
+        says = f"{s.says} ({where})" if where else s.says
         return (
-            f"{s.says}: {s.value_symbol} = {self.values[k]:.2g} ± {self.sigmas[k]:.1g} "
+            f"{says}: {s.value_symbol} = {self.values[k]:.2g} ± {self.sigmas[k]:.1g} "
             f"{s.value_unit.replace('1', '')} at {s.symbol} = {self.at[k]:.3g} {s.state_unit.replace('1', '')}".rstrip()
         )
 
@@ -79,6 +84,7 @@ class MissingLaw:
                 {"at": float(x), "value": float(v), "sigma": float(e)}
                 for x, v, e in zip(self.at, self.values, self.sigmas, strict=True)
             ],
+            "point": {name: {"value": x, "sigma": sigma} for name, x, sigma in self.beside} or None,
             "formula": self.formula.as_json() if self.formula else None,
         }
 
@@ -135,6 +141,7 @@ def missing_force(
 
     For six runs 63 to 460 s of CPU, up to 800 s where two curves do not suffice (`tests.benchmarks.missing_force`).
     """
+    campaign = _dated(campaign)
     found = curves(campaign, null, told, states)
     if campaign.stop() or not found:
         return []
@@ -157,6 +164,15 @@ def missing_force(
     forms, model = tabulated(pair, null, [written(one, null) for one in pair])
     laws = tuple(_law(*one) for one in zip(pair, forms, strict=True))
     return [Missing(both, model, laws, together, others), alone]
+
+
+def _dated(campaign: Campaign) -> Campaign:
+    """The campaign of a straw whose laws' time counts from the first recording, where it counts from nowhere yet."""
+    straw = straw_of(campaign)
+    if straw.zero_time_s:
+        return campaign
+    first_ns = min(cast(Any, o).run.zero_time_ns for o in campaign.observations)
+    return with_straw(campaign, straw.replace(zero_time_s=1e-9 * first_ns))
 
 
 def _explained(campaign: Campaign, null: Fit, fit: Fit) -> float:
@@ -186,7 +202,23 @@ def _law(curve: Curve, written: Written | None) -> MissingLaw:
         symbol = f"{state.value_symbol}({state.symbol})"
         law = Formula(symbol, written.atoms, written.coefficients, written.deviations, units, written.keeps)
     matters = np.abs(seen.values) * np.sqrt(np.maximum(np.diag(seen.H), 0.0))
-    return MissingLaw(state, curve.at * curve.scale(curve.fit), seen.values, seen.sigmas, matters, law)
+    beside = _beside(curve, written.model.fit if written else curve.fit)
+    return MissingLaw(state, curve.at * curve.scale(curve.fit), seen.values, seen.sigmas, matters, law, beside)
+
+
+def _beside(curve: Curve, fit: Fit) -> tuple[tuple[str, float, float], ...]:
+    """Symbol, value and deviation, SI, of the constants beside a curve's values; all others free."""
+    state, targets, out = curve.state, [k.target for k in fit.unknowns], []
+    if not state.beside:
+        return ()
+    w = weights(fit.residual)
+    spread = max(1.0, float(np.mean(w * fit.residual**2)))
+    prior = np.diag([1 / k.sd**2 for k in fit.unknowns])
+    sd = deviations((fit.slopes * w[:, None]).T @ fit.slopes / spread + prior)
+    for symbol, one in zip(state.symbols, state.beside, strict=True):
+        k, si = targets.index(one.target), curve.scale(curve.fit)
+        out.append((symbol, si * one.value(float(fit.u[k])), si * one.scale * float(sd[k])))
+    return tuple(out)
 
 
 def _unit(state: State, power: float) -> str:

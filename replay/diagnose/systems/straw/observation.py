@@ -113,7 +113,7 @@ class Observation:
         assert self.run.initial_deployed is not None
         for form in ("truncated", "full"):
             with suppress(ModelError):  # then every straw finds its own
-                worn = straw.replace(form=form, cycle=float(self.run.cycle))
+                worn = straw.replace(form=form).in_run(self.run.cycle, self.run.zero_time_ns)
                 self.rests[form] = rest_state(worn, self.run.initial_deployed, float(self.pressure.pressure_pa[0]))
 
     def sigma(self, slack_s: float = SLACK_S) -> Floats:

@@ -61,7 +61,7 @@ def simulated(
     """The straw's motion in this run with the unknowns at u; ModelError where it cannot be simulated."""
     near = nearby(straw, unknowns, at) if derivatives else None
     changed, instrument = (near.straw, near.instrument) if near else applied(straw, unknowns, at)
-    changed = changed.replace(cycle=float(observed.run.cycle))
+    changed = changed.in_run(observed.run.cycle, observed.run.zero_time_ns)
     seen, by = _until_it_snaps(observed, changed, instrument, unknowns, near, tolerance_m)
     pose = np.stack([seen.x_m, seen.z_m, seen.phi_rad])
     stamped_s = instrument.stamped(seen.time_s)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,10 +39,13 @@ class State:
     values: str
     points: str
     unit: float
-    visited: Callable[[StrawParameters, Observation, Prediction], Floats]  # values in the runs
+    visited: Callable[[StrawParameters, Observation, Any], Floats]  # values in the runs
     odd: bool = False  # odd: over the magnitude of the state, through zero
     zero: bool = False  # zero where the state is zero
     scale: Callable[[StrawParameters], float] = lambda straw: 1.0  # SI value of a point at 1
+    beside: tuple[Unknown, ...] = ()  # further constants, found with the table's values, in the unit of its points
+    symbols: tuple[str, ...] = ()  # of these
+    anew: Callable[..., State] | None = None  # the state sought from other values of these on
 
     @property
     def term(self) -> str:
@@ -90,13 +94,42 @@ def _cycle(straw: StrawParameters, o: Observation, p: Prediction) -> Floats:
     return np.array([float(o.run.cycle)])
 
 
+def _laboratory_s(straw: StrawParameters, o: Observation, p: Prediction) -> Floats:
+    return straw.in_run(o.run.cycle, o.run.zero_time_ns).start_s + p.time_s
+
+
 def _along(straw: StrawParameters, o: Observation, p: Prediction) -> Floats:
     return np.asarray(o.tip[0] / _length_m(straw))
+
+
+def _from(x: float, z: float) -> Callable[[StrawParameters, Observation, Prediction], Floats]:
+    """The tip's distance from a point, which is given in unloaded lengths."""
+    return lambda straw, o, p: np.hypot(o.tip[0] / _length_m(straw) - x, o.tip[1] / _length_m(straw) - z)
+
+
+def _toward(x: float, z: float) -> State:
+    """A force on the tip along the line to a fixed point, sought from there on, within a third of a length."""
+    where = (("post_x", x), ("post_z", z))
+    return State(
+        "tip distance", "r", "m", "F", "N",
+        "a force on the tip towards a fixed point that depends on the distance from it",
+        "term.missing_tip_force.pull_{}_n", "far_{}", 2e-3, _from(x, z), scale=_length_m,
+        symbols=("X", "Z"), anew=_toward,
+        beside=tuple(
+            Unknown(f"term.missing_tip_force.{name}", POST, kind="linear", mean=at / POST, sd=1 / (3 * POST))
+            for name, at in where
+        ),
+    )  # fmt: skip
 
 
 def _aside(straw: StrawParameters, o: Observation, p: Prediction) -> Floats:
     return np.asarray(o.tip[1] / _length_m(straw))
 
+
+#: Unit of a fixed point's place in the search, and where it starts: beside the folded and the deployed tip, on either
+#: side, and beyond; all in unloaded lengths.
+POST = 0.05
+POSTS = ((0.5, -0.4), (0.5, 0.4), (1.0, -0.3), (1.0, 0.3), (2.0, 0.0))
 
 STATES: tuple[State, ...] = (
     State(
@@ -121,6 +154,10 @@ STATES: tuple[State, ...] = (
         "term.missing_force.stiffness_{}", "cycle_{}", 2e-3, _cycle,
     ),
     State(
+        "time: stiffness", "t", "s", "e", "1", "a stiffness of the frusta that changes with time",
+        "term.missing_force.aged_{}", "at_{}_s", 2e-3, _laboratory_s,
+    ),
+    State(
         "pressure: stiffness", "p", "Pa", "e", "1", "a stiffness of the frusta that changes with the pressure inside",
         "term.missing_force.stiffer_{}", "pressed_{}_pa", 5e-3, lambda straw, o, p: p.pressure_pa, zero=True,
     ),
@@ -140,6 +177,7 @@ STATES: tuple[State, ...] = (
         "tip Z, along Z", "Z", "m", "F_Z", "N", "a force along Z on the tip that depends on how far aside it is",
         "term.missing_tip_force.aside_{}_n", "z_{}", 2e-3, _aside, scale=_length_m,
     ),
+    *(_toward(*at) for at in POSTS),
     State(
         "tip angle", "Phi", "rad", "M", "N m", "a moment on the tip that depends on its angle",
         "term.missing_tip_force.turning_{}_n_m", "phi_{}_rad", 0.2e-3, lambda straw, o, p: o.tip[2],
