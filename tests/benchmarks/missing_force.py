@@ -1,22 +1,25 @@
 """Laws outside the library, concealed by an independent apparatus: the curve and formula found for the missing force.
 
-    python -m tests.benchmarks.missing_force [--ablated] [--only "side wind" ...] [--states "tip speed" ...] [--write]
+    python -m tests.benchmarks.missing_force [--ablated] [--only "side wind" ...] [--out FILE] [--write]
 
 Per law: the state it acts over, the state chosen, the share of the misfit that the curve explains, the curve's largest
 error against the law where it is determined, as a share of the law's largest value, and the formula. 63 to 800 s of
 CPU each; and X on held-out runs: base, curve, stated noise, and the residual of the law itself with the mean straw, by
 the apparatus: the camera's noise and the scatter of repeats. Cohesion and squeeze film are causes of the library, here
-taken out of it; with `--ablated` so is each of the others. Of those without a state, none can be right.
+taken out of it; with `--ablated` so is each of the others. Of those without a state, none can be right. Results are
+kept by law in a file, and laws that are in it are not searched again.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -30,13 +33,13 @@ from straw.replay.diagnose.settings import ROUNDS
 from straw.replay.diagnose.systems.straw.base import base_fit
 from straw.replay.diagnose.systems.straw.missing import MissingLaw, missing_force
 from straw.replay.diagnose.systems.straw.observation import observe
-from straw.replay.diagnose.systems.straw.states import STATES
+from straw.replay.diagnose.systems.straw.states import STATES, State
 from straw.replay.diagnose.systems.straw.system import StrawSystem
 from tests.apparatus.campaign import SCATTER, campaign, make, specimen
 from tests.apparatus.effects import Cause
 from tests.apparatus.instrument import FRAME_S, SIGMA
 from tests.benchmarks.concealed import BASE, SIX
-from tests.benchmarks.figures import missed, publish, write_option
+from tests.benchmarks.figures import missed, publish, table, write_option
 
 FOLDED_M = -2.28e-3
 SEED = 4
@@ -49,6 +52,28 @@ class Planted:
     cause: Cause
     state: str
     law: Callable[[np.ndarray], np.ndarray] | None
+
+    @property
+    def name(self) -> str:
+        """Of the law, or of the cause of the library."""
+        return self.cause.form if self.cause.name == "unknown" else self.cause.name
+
+
+@dataclass(frozen=True)
+class Row:
+    """What was found of a law: states, and X on the runs held out, RMS: base, found, stated noise, the law itself."""
+
+    law: str
+    over: list[str]
+    before_m: float
+    after_m: float
+    floor_m: float
+    left_by_law_m: float
+    shown: bool  # as an improvement
+
+    def better_than(self, least_m: float) -> bool:
+        """Whether shown, and three times better than the base, or within 1.3 times the least residual possible."""
+        return self.shown and (self.after_m < self.before_m / 3 or self.after_m < 1.3 * least_m)
 
 
 def _unknown(form: str, size: float) -> Cause:
@@ -138,66 +163,82 @@ def left_by_the_law(cause: Cause, runs: Sequence[str]) -> float:
     return float(np.sqrt(np.mean(squares) + SIGMA[0] ** 2))
 
 
+def searched(planted: Planted, states: Sequence[State]) -> Row:
+    """Conceal, fit, print what was found."""
+    name = planted.name
+    observations = [observe(run) for run in campaign((planted.cause,), SEED, SIX)]
+    with ThreadPoolExecutor() as pool:
+        here = Campaign(observations, StrawSystem(BASE), pool)
+        here.system.ready(observations)
+        null, _ = base_fit(here)
+        random_effects(here, null)
+        null = fitted(here, null.unknowns, null.u, rounds=ROUNDS)
+        left, start, before = unexplained(here, null), time.process_time(), here.tally["played"]
+        laws, located = missing_force(here, null, states=states), locate(here, null)
+        found = laws[-1]
+        helps = helpful(null, laws, located)
+        found, held = helps or (found, hold_out(found.curve.campaign, null, [(found.noun, found.model)], located))
+    assert held is not None
+    cpu, over = time.process_time() - start, [law.state.name for law in found.laws] if found.tells else []
+    x = [row["x_m"] for row in (held.before, held.after, held.floor)]
+    row = Row(name, over, *x, left_by_the_law(planted.cause, held.heldout), bool(found.tells and held.better))
+    print(f"{name}: the base leaves {left:.0f} sigmas squared; over {planted.state!r} it should be")
+    print(f"  {found.says}")
+    shown = "shown" if row.shown else "not shown as an improvement"
+    print(f"  held out, X: {', '.join(f'{1e3 * v:.3f}' for v in (*x, row.left_by_law_m))} mm: {shown}")
+    for law in found.laws:
+        if planted.law and law.state.name == planted.state:
+            print(f"  largest error of the curve: {100 * error(law, planted.law):.0f} % of the law's size")
+        if law.formula:
+            print(f"  {law.formula.text}  (keeps {100 * law.formula.keeps:.0f} %)")
+    print(f"  {cpu:.0f} s CPU, {here.tally['played'] - before} runs played", flush=True)
+    return row
+
+
+def figures(laws: Sequence[Planted], rows: Mapping[str, Row]) -> dict[str, str]:
+    """The table of all laws, and how often state and prediction were right."""
+    head = ("law", "acts over", "found over", "base", "found", "the law itself", "stated noise")
+    told, right, good, at_law = [], 0, 0, 0
+    for planted in laws:
+        row = rows[planted.name]
+        named = planted.state in row.over
+        better = row.better_than(row.floor_m)
+        right, good, at_law = right + named, good + better, at_law + (better or row.better_than(row.left_by_law_m))
+        after = missed(f"{1e3 * row.after_m:.3f}", better) + ("" if row.shown else ", not shown")
+        base, law, noise = (f"{1e3 * v:.3f}" for v in (row.before_m, row.left_by_law_m, row.floor_m))
+        over = missed(" and ".join(row.over) or "nothing", named)
+        told.append((planted.name, planted.state or "none", over, base, after, law, noise))
+    counts = {"right": right, "good": good, "at-law": at_law}
+    print(f"of {len(laws)}: the state was right in {right}; held out 3 times better, or near noise, in {good},")
+    print(f"or near what the law itself leaves, in {at_law}")
+    shares = {name: missed(f"{count} of {len(laws)}", count >= 0.75 * len(laws)) for name, count in counts.items()}
+    return {"table": table(head, told), **shares}
+
+
 def main() -> None:
-    """Conceal, fit, print."""
+    """Search what is not in the file of results yet, then state the figures of all."""
     ask = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     ask.add_argument("--only", nargs="*", default=[])
     ask.add_argument("--states", nargs="*", default=[])
     ask.add_argument("--ablated", action="store_true", help="each cause of the library, taken out of it")
+    ask.add_argument("--out", type=Path, metavar="FILE", help="results by law, continued (missing_force.jsonl)")
     write_option(ask)
     args = ask.parse_args()
     if args.write and (args.only or args.states or args.ablated):
         sys.exit("--write states the figures of all planted laws: leave out --only, --states and --ablated")
-    head = ("law", "acts over", "found over", "base", "found", "the law itself", "stated noise")
-    table = ["", f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
+    if args.states and not args.out:
+        sys.exit("--states gives other results: name a file for them with --out")
+    path = args.out or Path("missing_force.jsonl")
     states = [s for s in STATES if not args.states or s.name in args.states]
-    right = tried = good = at_law = 0
-    for planted in ABLATED if args.ablated else PLANTED:
-        name = planted.cause.form if planted.cause.name == "unknown" else planted.cause.name
-        if args.only and name not in args.only:
-            continue
-        observations = [observe(run) for run in campaign((planted.cause,), SEED, SIX)]
-        with ThreadPoolExecutor() as pool:
-            here = Campaign(observations, StrawSystem(BASE), pool)
-            here.system.ready(observations)
-            null, _ = base_fit(here)
-            random_effects(here, null)
-            null = fitted(here, null.unknowns, null.u, rounds=ROUNDS)
-            left, start, before = unexplained(here, null), time.process_time(), here.tally["played"]
-            laws, located = missing_force(here, null, states=states), locate(here, null)
-            found = laws[-1]
-            helps = helpful(null, laws, located)
-            found, held = helps or (found, hold_out(found.curve.campaign, null, [(found.noun, found.model)], located))
-        assert held is not None
-        tried += 1
-        named = found.tells and planted.state in [law.state.name for law in found.laws]
-        right += named
-        cpu = time.process_time() - start
-        print(f"{name}: the base leaves {left:.0f} sigmas squared; over {planted.state!r} it should be")
-        print(f"  {found.says}")
-        x = [row["x_m"] for row in (held.before, held.after, held.floor)]
-        better = held.better and (x[1] < x[0] / 3 or x[1] < 1.3 * x[2])
-        good += better
-        left_there = left_by_the_law(planted.cause, held.heldout)
-        at_law += better or (held.better and x[1] < 1.3 * left_there)
-        over = " and ".join(law.state.name for law in found.laws) if found.tells else "nothing"
-        told = [f"{1e3 * v:.3f}" for v in (*x, left_there)]
-        told[1] = missed(told[1], better) + ("" if found.tells and held.better else ", not shown")
-        cells = name, planted.state or "none", missed(over, named), told[0], told[1], told[3], told[2]
-        table.append(f"| {' | '.join(cells)} |")
-        shown = "shown" if found.tells and held.better else "not shown as an improvement"
-        print(f"  held out, X: {', '.join(f'{1e3 * v:.3f}' for v in (*x, left_there))} mm: {shown}")
-        for law in found.laws:
-            if planted.law and law.state.name == planted.state:
-                print(f"  largest error of the curve: {100 * error(law, planted.law):.0f} % of the law's size")
-            if law.formula:
-                print(f"  {law.formula.text}  (keeps {100 * law.formula.keeps:.0f} %)")
-        print(f"  {cpu:.0f} s CPU, {here.tally['played'] - before} runs played", flush=True)
-    print(f"the state was right in {right} of {tried}; held out 3 times better, or near noise, in {good}")
-    print(f"held out 3 times better, or near what the law itself leaves, in {at_law}")
-    counts = {"right": right, "good": good, "at-law": at_law}
-    figures = {name: missed(f"{count} of {tried}", count >= 0.75 * tried) for name, count in counts.items()}
-    publish("missing_force", {"table": "\n".join([*table, ""]), **figures}, args.write)
+    laws = [one for one in (ABLATED if args.ablated else PLANTED) if not args.only or one.name in args.only]
+    lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+    rows = {row.law: row for row in (Row(**json.loads(line)) for line in lines)}
+    for planted in laws:
+        if planted.name not in rows:
+            rows[planted.name] = searched(planted, states)
+            with path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(asdict(rows[planted.name])) + "\n")
+    publish("missing_force", figures(laws, rows), args.write)
 
 
 if __name__ == "__main__":
