@@ -64,6 +64,24 @@ def test_a_stop_is_found_where_it_is_with_its_stiffness_though_points_of_its_cur
     assert law.coefficients[0] == pytest.approx(-800.0, abs=max(3 * float(law.sigmas[0]), 8.0))
 
 
+def test_a_magnet_is_found_where_it_is_with_its_law_over_the_distance():
+    """Planted: 0.1 N (10 mm)^2 / (r^2 + (2 mm)^2) from (55, -12) mm; the 2 mm are 5 % at the 9 mm that the tip is away,
+    and half a millimetre there."""
+    runs = campaign((Cause("unknown", 0.1, "magnet near the tip", 1),), 3, ("deploy-35kPa-1",), NONE)
+    near = [state for state in STATES if state.name == "tip distance"][2]
+    with ThreadPoolExecutor() as pool:
+        here, base = Campaign([observe(run) for run in runs], StrawSystem(BASE), pool), base_unknowns(BASE)[:3]
+        null = fitted(here, base, np.zeros(len(base)), rounds=5)
+        law = missing_force(here, null, states=[near])[-1].laws[0]
+    (_, x_m, _), (_, z_m, _) = law.beside
+    assert (x_m, z_m) == pytest.approx((55e-3, -12e-3), abs=0.8e-3)
+    assert law.formula is not None
+    (atom,) = law.formula.atoms
+    assert atom.text == "(10 mm/r)^2"
+    assert law.formula.coefficients[0] == pytest.approx(0.1, rel=0.05)
+    assert set(law.as_json()["point"]) == {"X", "Z"}
+
+
 def test_a_straw_with_a_curve_can_be_saved_and_simulated():
     at = np.array([0.2, 0.4, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0])
     state = BY_NAME["tip X, along Z"]
