@@ -51,6 +51,7 @@ def test_a_gauge_that_saturates_is_found_as_an_error_over_its_reading_with_its_s
 
 
 def test_a_stop_is_found_where_it_is_with_its_stiffness_though_points_of_its_curve_lie_beside_it():
+    """In one run; `tests.benchmarks.missing_force` has six."""
     runs = campaign((Cause("unknown", 1e-3, "board against a stop", 1),), 3, ("deploy-35kPa-1",), NONE)
     with ThreadPoolExecutor() as pool:
         here, base = Campaign([observe(run) for run in runs], StrawSystem(BASE), pool), base_unknowns(BASE)[:3]
