@@ -1,5 +1,6 @@
 """A discovered curve, as the contract describes it and as a law file."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,6 +10,7 @@ import pytest
 from straw.model.law_file import laws_in
 from straw.model.term import Frustum
 from straw.replay.diagnose.formula import Formula
+from straw.replay.diagnose.page.laws import laws_of
 from straw.replay.diagnose.said import says
 from straw.replay.diagnose.systems.straw.dictionary import atoms
 from straw.replay.diagnose.systems.straw.discovered import PLACES, discovered
@@ -75,3 +77,14 @@ def test_a_law_whose_formula_is_a_number_alone_is_called_constant():
     wind = found("tip Z, along Z", at, lambda text: text == "")
     assert wind.says == "a constant force along Z on the tip: F = (2 ± 0.2) N"
     assert "depends" in found("tip Z, along Z", at, lambda text: text in ("", "Z")).says
+
+
+def test_a_force_towards_a_point_is_told_with_the_points_place():
+    law = found("tip distance", np.linspace(5e-3, 40e-3, 8), lambda text: text == "(10 mm/r)^2")
+    law = replace(law, beside=(("X", 55e-3, 2e-4), ("Z", -12e-3, 1e-4)))
+    assert "distance from it (X = (55 ± 0.2) mm, Z = (-12 ± 0.1) mm): F = " in law.says
+    told = discovered(law, [1, 4])
+    assert (told["place"], told["states"]) == ("tip_force", ["tip_x", "tip_z"])
+    findings: Any = SimpleNamespace(missing=SimpleNamespace(laws=[law]))
+    (page,) = laws_of(findings, findings)
+    assert {c.symbol: c.value for c in page.constants}.items() >= {"X_P": 55.0, "Z_P": -12.0}.items()
