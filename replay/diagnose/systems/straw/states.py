@@ -126,9 +126,10 @@ def _aside(straw: StrawParameters, o: Observation, p: Prediction) -> Floats:
     return np.asarray(o.tip[1] / _length_m(straw))
 
 
-#: Unit of a fixed point's place in the search, and where it starts: beside the folded and the deployed tip, on either
-#: side, and beyond; all in unloaded lengths.
+#: Unit of a fixed point's place in the search, in unloaded lengths: 3 mm on the paper's straw, about a cell folded.
 POST = 0.05
+#: Where the search for it starts: beside the folded and the deployed tip, on either side, and beyond; the force's curve
+#: spans some 0.3 lengths from there, and the first slopes do not tell which start leads to the point.
 POSTS = ((0.5, -0.4), (0.5, 0.4), (1.0, -0.3), (1.0, 0.3), (2.0, 0.0))
 
 STATES: tuple[State, ...] = (
