@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import time
 from collections.abc import Collection
 from contextlib import nullcontext
 from dataclasses import replace
@@ -158,7 +159,8 @@ def emulation(
     """An emulated controller with the straw in a configuration behind it, ready to be entered."""
     emulator_of(controller)  # a wrong name is reported before half a minute is spent
     prepare()
-    return Emulation(Stepper(straw, deployed), controller, *addresses, **settings)
+    now = straw.in_run(int(straw.cycle), time.time_ns())  # for laws that depend on time
+    return Emulation(Stepper(now, deployed), controller, *addresses, **settings)
 
 
 def drive(

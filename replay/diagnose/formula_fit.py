@@ -14,8 +14,8 @@ from straw.replay.diagnose.formed import Formed, Model, coarsely_first, fitted
 from straw.replay.diagnose.formula import Atom, Sum
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.judge import CALIBRATION
-from straw.replay.diagnose.robust import robust_cost, weights
-from straw.replay.diagnose.sparse import deviations, sparse, tangent
+from straw.replay.diagnose.robust import robust_cost
+from straw.replay.diagnose.sparse import deviations_of, sparse, tangent
 
 Floats = NDArray[np.float64]
 
@@ -138,11 +138,7 @@ def as_written(model: Model, null_cost: float, curve_cost: float) -> list[Writte
     """Each of a model's sums with the numbers of its fit."""
     here, fit = model.campaign, model.fit
     assert isinstance(here, Formed)
-    assert model.smooth is not None
-    w = weights(fit.residual)
-    spread = max(1.0, float(np.mean(w * fit.residual**2)))
-    prior = np.diag([1 / k.sd**2 for k in fit.unknowns]) + model.smooth.T @ model.smooth
-    sigmas = deviations((fit.slopes * w[:, None]).T @ fit.slopes / spread + prior)
+    sigmas = deviations_of(fit, model.smooth)
     keeps = min((null_cost - fit.cost) / max(null_cost - curve_cost, 1e-9), 1.0)  # it may explain more than the curve
     out, first = [], here.base
     for form in here.sums:

@@ -64,6 +64,19 @@ def tangent(fit: Fit, base: int, smooth: Floats) -> Tangent:
     return Tangent(values, g, H, np.abs(per_u) * sigmas_u, follow, np.asarray(-beside[:, -1]), fixed)
 
 
+def deviations_of(fit: Fit, smooth: Floats | None = None) -> Floats:
+    """Standard deviations (unknowns,) of u at a fit, the prior and the roughness penalty ``smooth`` (k, unknowns)
+    included.
+
+    Robust weights; misfit beyond noise widens all uncertainties.
+    """
+    w = weights(fit.residual)
+    spread = max(1.0, float(np.mean(w * fit.residual**2)))
+    prior = np.diag([1 / k.sd**2 for k in fit.unknowns])
+    rough = 0.0 if smooth is None else smooth.T @ smooth
+    return deviations((fit.slopes * w[:, None]).T @ fit.slopes / spread + prior + rough)
+
+
 def deviations(information: Floats) -> Floats:
     """Standard deviations (n,) from a positive definite information matrix (n, n), also where it is nearly singular:
     there they are large, limited by the accuracy of its elements."""

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from straw.model.channel import channel_at_rest, channel_of, inside_pressure
+from straw.model.constants import Constants
 from straw.model.errors import ModelError
 from straw.model.frusta import MEMORY_TERMS
-from straw.model.kinematics import chain_of, motion_of
+from straw.model.kinematics import Chain, chain_of, motion_of
 from straw.model.load import no_load, project
 from straw.model.parameters import StrawParameters
 from straw.model.rest import rest_state
@@ -278,6 +279,17 @@ def test_tables_over_speed_flow_and_the_tip_give_their_forces() -> None:
     assert ends[0].z_m[-1] == pytest.approx(ends[1].z_m[-1], abs=1e-7)
 
 
+def bent_under_a_tip_force(straw: StrawParameters) -> tuple[Constants, np.ndarray, Chain, np.ndarray]:
+    """A straw's constants, its coordinates where it rests bent, its bodies there, and the missing tip force on each
+    coordinate."""
+    c, k = straw.constants(), np.asarray(straw.constants().terms[0, 0, slice(*COLUMNS["missing_tip_force"])])
+    q = rest_state(FOLDING, [1, 4, 6], 2e3) + np.repeat([0.0, 0.02], 9)
+    s, load, force = chain_of(c, motion_of(c, q, 0 * q, 0 * q)), no_load(9), np.empty_like(q)
+    TERMS["missing_tip_force"].force(c, k, s, load)
+    project(c, s, load, force)
+    return c, q, s, force
+
+
 def test_a_force_over_how_far_aside_the_tip_is_and_a_moment_over_its_angle_do_the_work_of_their_tables() -> None:
     """Virtual work on a bent straw at rest: of the force by Z, of the moment by Phi."""
     aside, turning = np.array([3, 1, 2, 0, -1, -3, -2, -4]) * 1e-2, np.array([4, 3, 3, 1, 0, -2, -2, -5]) * 1e-3
@@ -288,12 +300,8 @@ def test_a_force_over_how_far_aside_the_tip_is_and_a_moment_over_its_angle_do_th
         **curve("z_{}", where, "aside_{}_n", aside),
         **curve("phi_{}_rad", angles, "turning_{}_n_m", turning),
     )
-    c, k = straw.constants(), np.asarray(straw.constants().terms[0, 0, slice(*COLUMNS["missing_tip_force"])])
+    c, q, s, force = bent_under_a_tip_force(straw)
     length = float(np.sum(straw.zeta0_m[:, 0] - straw.zeta0_m[:, 1]))
-    q = rest_state(FOLDING, [1, 4, 6], 2e3) + np.repeat([0.0, 0.02], 9)
-    s, load, force = chain_of(c, motion_of(c, q, 0 * q, 0 * q)), no_load(9), np.empty_like(q)
-    TERMS["missing_tip_force"].force(c, k, s, load)
-    project(c, s, load, force)
     z, phi = s.position[9, 1], s.tip_angle[0]
     assert abs(z) > 1e-3
     for n, step in enumerate(np.eye(len(q)) * 1e-7):
@@ -310,12 +318,8 @@ def test_a_force_towards_a_point_does_the_work_of_its_table_over_the_distance_fr
     pull, away = np.array([5, 4, 3, 1, 0, -1, -2, -2]) * 1e-2, np.linspace(0.1, 1.2, 8)
     there = {"post_x": 0.9, "post_z": -0.4}
     straw = FOLDING.with_term("missing_tip_force", amount=1.0, **curve("far_{}", away, "pull_{}_n", pull), **there)
-    c, k = straw.constants(), np.asarray(straw.constants().terms[0, 0, slice(*COLUMNS["missing_tip_force"])])
+    c, q, _, force = bent_under_a_tip_force(straw)
     length = float(np.sum(straw.zeta0_m[:, 0] - straw.zeta0_m[:, 1]))
-    q = rest_state(FOLDING, [1, 4, 6], 2e3) + np.repeat([0.0, 0.02], 9)
-    s, load, force = chain_of(c, motion_of(c, q, 0 * q, 0 * q)), no_load(9), np.empty_like(q)
-    TERMS["missing_tip_force"].force(c, k, s, load)
-    project(c, s, load, force)
 
     def distance(at: np.ndarray) -> float:
         tip = chain_of(c, motion_of(c, at, 0 * q, 0 * q)).position[9]

@@ -81,7 +81,7 @@ def test_a_law_whose_formula_is_a_number_alone_is_called_constant():
 
 def test_a_force_towards_a_point_is_told_with_the_points_place():
     law = found("tip distance", np.linspace(5e-3, 40e-3, 8), lambda text: text == "(10 mm/r)^2")
-    law = replace(law, beside=(("X", 55e-3, 2e-4), ("Z", -12e-3, 1e-4)))
+    law = replace(law, further=(("X", 55e-3, 2e-4), ("Z", -12e-3, 1e-4)))
     assert "distance from it (X = (55 ± 0.2) mm, Z = (-12 ± 0.1) mm): F = " in law.says
     told = discovered(law, [1, 4])
     assert (told["place"], told["states"]) == ("tip_force", ["tip_x", "tip_z"])

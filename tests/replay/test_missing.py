@@ -66,15 +66,15 @@ def test_a_stop_is_found_where_it_is_with_its_stiffness_though_points_of_its_cur
 
 
 def test_a_magnet_is_found_where_it_is_with_its_law_over_the_distance():
-    """Planted: 0.1 N (10 mm)^2 / (r^2 + (2 mm)^2) from (55, -12) mm; the 2 mm are 5 % at the 9 mm that the tip is away,
-    and half a millimetre there."""
+    """Planted: 0.1 N (10 mm)^2 / (r^2 + (2 mm)^2) from (55, -12) mm. The 2 mm are 5 % of the force, or 0.2 mm of place,
+    at the 9 mm that the tip comes near; 1 % of the straw's length, as its geometry is held, is 0.5 mm."""
     runs = campaign((Cause("unknown", 0.1, "magnet near the tip", 1),), 3, ("deploy-35kPa-1",), NONE)
     near = [state for state in STATES if state.name == "tip distance"][2]
     with ThreadPoolExecutor() as pool:
         here, base = Campaign([observe(run) for run in runs], StrawSystem(BASE), pool), base_unknowns(BASE)[:3]
         null = fitted(here, base, np.zeros(len(base)), rounds=5)
         law = missing_force(here, null, states=[near])[-1].laws[0]
-    (_, x_m, _), (_, z_m, _) = law.beside
+    (_, x_m, _), (_, z_m, _) = law.further
     assert (x_m, z_m) == pytest.approx((55e-3, -12e-3), abs=0.8e-3)
     assert law.formula is not None
     r = np.array([9e-3, 12e-3, 18e-3])

@@ -23,7 +23,7 @@ from straw.rig.run_read import read_run
 #: Of the guide; run in tests/replay/test_paper.py.
 PAPER = "straw paper --out paper"
 #: Started as from a shell: the demo, a run with its guardian, what takes a moment only. The others are called in
-#: this process, which is half a minute of start-ups less.
+#: this process, which saves their start-ups.
 STARTED = ("straw demo", "straw rig run rig/protocols/fold-25kPa.toml --emulate -o run.mcap", "straw runs list")
 
 

@@ -63,6 +63,20 @@ def refused(rig: tuple[Path, Path], capsys: pytest.CaptureFixture[str], folder: 
     return said
 
 
+def test_an_emulated_straw_whose_walls_age_is_as_old_as_replay_takes_it_to_be(tmp_path: Path) -> None:
+    """A tenth softer since a second of Unix time that has long passed; replayed without, it snaps at another time."""
+    ages = [f"at_{n}_s = {n}.0\naged_{n} = -0.1\n" for n in range(1, 9)]
+    ages[0] = "at_1_s = 1.0\naged_1 = 0.0\n"  # not yet
+    aged = tmp_path / "aged.toml"
+    aged.write_text("zero_time_s = 1e9\n[terms.missing_force]\namount = 1.0\n" + "".join(ages))
+    (tmp_path / "fold.toml").write_text(FOLD)
+    run, tip = tmp_path / "run.mcap", tmp_path / "tip.mcap"
+    drive = ["rig", "run", str(tmp_path / "fold.toml"), "--emulate", "--fast", "-o", str(run), "--tip", str(tip)]
+    assert main([*drive, "--straw", str(aged)]) == 0
+    late_s = [replay((run, tip), tmp_path, *more)["snaps"][0]["late_s"] for more in (["--straw", str(aged)], [])]
+    assert abs(late_s[0]) < 3e-3 < abs(late_s[1])
+
+
 def test_the_snap_of_cell_1_is_in_both_at_the_same_time(rig: tuple[Path, Path], tmp_path: Path) -> None:
     """Readings at 100 Hz limit a snap's time to about a millisecond."""
     run = replay(rig, tmp_path)

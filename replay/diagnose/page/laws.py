@@ -84,7 +84,7 @@ def _missing(m: Any) -> LawTold:
         told.append(_constant(f"a_{k}", c, e, unit))
         if shape := atom.shape:
             told.append(_constant(f"c_{k}", shape.value * shape.per, shape.sigma * shape.per, shape.unit))
-    told += [_constant(f"{name}_P", 1e3 * x, 1e3 * sigma, "mm") for name, x, sigma in m.beside]
+    told += [_constant(f"{name}_P", 1e3 * x, 1e3 * sigma, "mm") for name, x, sigma in m.further]
     keeps = f"The formula keeps {100 * m.formula.keeps:.0f} % of what the curve gains."
     picture = law_curve(curve, (scale * x, m.formula.of(x)))
     return LawTold(says, f"{m.formula.symbol} = {' + '.join(parts)}", keeps, told, f"<figure>{picture}</figure>")

@@ -32,8 +32,8 @@ Floats = NDArray[np.float64]
 
 #: States that are fitted, that are carried to the end; rounds of the first fit.
 FITTED, FINISHED, FIRST_ROUNDS = 4, 2, 8
-#: How often the points of a curve are moved to where it bends at most, which halves the distance of a point from a kink
-#: each time, and the share of the cost that another move has to gain.
+#: How often the points of a curve are moved at most, to where it bends, which halves the distance of a point from a
+#: kink each time, or where the runs pass; and the share of the cost that another move to a bend has to gain.
 MOVES, GAINS = 4, 0.01
 #: Steps of the search to the size of force that the first slopes predict, and its limit in units.
 STEPS, LARGEST = 3.0, 1000.0
@@ -70,9 +70,9 @@ def curves(campaign: Campaign, null: Fit, told: Told = silent, states: Sequence[
 
 
 def _priced(curve: Curve) -> float:
-    """Cost of a curve's fit with the price of the constants beside its values: each the logarithm of the number of
+    """Cost of a curve's fit with the price of the constants besides its values: each the logarithm of the number of
     samples (Schwarz, Annals of Statistics 6, 1978)."""
-    return curve.fit.cost + len(curve.state.beside) * float(np.log(len(curve.fit.residual)))
+    return curve.fit.cost + len(curve.state.further) * float(np.log(len(curve.fit.residual)))
 
 
 def beside(
@@ -130,23 +130,23 @@ def _first_fits(
     for k, some in enumerate(starts):
         told(some[0].curve.state.name, k)
         fits = [_carried_on(one.curve, one.curve.campaign, FIRST_ROUNDS, 0.01) for one in some]
-        if some[0].curve.state.beside:
+        if some[0].curve.state.further:
             fits = [_placed_anew(one, observations) for one in fits]
         best = min(fits, key=_priced)
-        for _ in range(MOVES if best.state.beside else 0):
+        for _ in range(MOVES if best.state.further else 0):
             best = _placed_anew(best, observations)
         found.append(best)
     return sorted(found, key=_priced)
 
 
 def _placed_anew(curve: Curve, observations: Sequence[Any]) -> Curve:
-    """The curve fitted on points where the runs pass by what has been found of the constants beside it."""
+    """The curve fitted on points where the runs pass by what has been found of its further constants."""
     fit, names = curve.fit, [k.target for k in curve.fit.unknowns]
-    places = [names.index(one.target) for one in curve.state.beside]
+    places = [names.index(one.target) for one in curve.state.further]
     assert curve.state.anew is not None
     state = curve.state.anew(*(fit.unknowns[k].value(float(fit.u[k])) for k in places))
     unknowns = list(fit.unknowns)
-    for k, one in zip(places, state.beside, strict=True):
+    for k, one in zip(places, state.further, strict=True):
         unknowns[k] = one
     straw, _ = applied(straw_of(curve.campaign), fit.unknowns, fit.u)
     at = points(state, [state.visited(straw, o, None) for o in observations])
@@ -219,8 +219,8 @@ def _starts(
 ) -> Iterator[_Start]:
     """Every state's curve at zero with its slopes; its points lie where all observations pass.
 
-    The last unknowns of the fit, ``values`` of them, are those of another curve; a state's constants beside its curve
-    come before them, so that all curves come last.
+    The last unknowns of the fit, ``values`` of them, are those of another curve; a state's further constants come
+    before them, so that all curves come last.
     """
     straw, _ = applied(straw_of(campaign), null.unknowns, null.u)
     seen = [(o, simulated(o, straw_of(campaign), null.unknowns, null.u).prediction) for o in observations]
@@ -230,11 +230,11 @@ def _starts(
         at = points(state, [state.visited(straw, o, p) for o, p in seen])
         if at is None:
             continue
-        more = len(state.beside)
-        base = (*null.unknowns[:before], *state.beside, *null.unknowns[before:])
+        more = len(state.further)
+        base = (*null.unknowns[:before], *state.further, *null.unknowns[before:])
         rows = np.insert(beneath, [before] * more, 0.0, axis=1)
         here, unknowns, smooth = with_points(campaign, base, rows, state, at)
-        u = np.insert(null.u, [before] * more, [one.mean for one in state.beside])
+        u = np.insert(null.u, [before] * more, [one.mean for one in state.further])
         u = np.concatenate([u, np.zeros(len(unknowns) - len(base))])
         fit = evaluated(here, unknowns, u, smooth)
         unit, wanted = unknowns[-1].scale, -_downhill(fit, smooth)[0][len(base) :]

@@ -19,9 +19,8 @@ from straw.replay.diagnose.formula import Formula
 from straw.replay.diagnose.formula_fit import Written
 from straw.replay.diagnose.inquiry import Told, silent
 from straw.replay.diagnose.judge import unexplained
-from straw.replay.diagnose.robust import weights
 from straw.replay.diagnose.settings import NOISE_LEAVES
-from straw.replay.diagnose.sparse import deviations, tangent
+from straw.replay.diagnose.sparse import deviations_of, tangent
 from straw.replay.diagnose.systems.straw.curve import Curve
 from straw.replay.diagnose.systems.straw.curves import beside, curves
 from straw.replay.diagnose.systems.straw.discovered import discovered
@@ -46,7 +45,7 @@ class MissingLaw:
     sigmas: Floats  # (n,) one deviation, the base's constants free
     matters: Floats  # (n,) sigmas by which the runs would miss each point's value
     formula: Formula | None
-    beside: tuple[tuple[str, float, float], ...] = ()  # symbol, value and deviation of the state's further constants
+    further: tuple[tuple[str, float, float], ...] = ()  # symbol, value, deviation of the state's further constants
 
     @property
     def noun(self) -> str:
@@ -61,7 +60,7 @@ class MissingLaw:
         s, k = self.state, int(np.argmax(self.matters))
         if self.formula and self.noun != s.says:
             return f"{self.noun}: {self.formula.text}"
-        where = ", ".join(f"{name} = ({1e3 * x:.3g} ± {1e3 * sigma:.1g}) mm" for name, x, sigma in self.beside)
+        where = ", ".join(f"{name} = ({1e3 * x:.3g} ± {1e3 * sigma:.1g}) mm" for name, x, sigma in self.further)
         says = f"{s.says} ({where})" if where else s.says
         return (
             f"{says}: {s.value_symbol} = {self.values[k]:.2g} ± {self.sigmas[k]:.1g} "
@@ -84,7 +83,7 @@ class MissingLaw:
                 {"at": float(x), "value": float(v), "sigma": float(e)}
                 for x, v, e in zip(self.at, self.values, self.sigmas, strict=True)
             ],
-            "point": {name: {"value": x, "sigma": sigma} for name, x, sigma in self.beside} or None,
+            "point": {name: {"value": x, "sigma": sigma} for name, x, sigma in self.further} or None,
             "formula": self.formula.as_json() if self.formula else None,
         }
 
@@ -139,7 +138,7 @@ def missing_force(
     """What is missing as one curve, with band and formula, and before it as two together where the second explains most
     of what the first leaves; empty where the search was stopped.
 
-    For six runs 63 to 460 s of CPU, up to 800 s where two curves do not suffice (`tests.benchmarks.missing_force`).
+    For six runs 66 to 262 s of CPU, up to 853 s where two curves do not suffice (`tests.benchmarks.missing_force`).
     """
     campaign = _dated(campaign)
     found = curves(campaign, null, told, states)
@@ -202,21 +201,16 @@ def _law(curve: Curve, written: Written | None) -> MissingLaw:
         symbol = f"{state.value_symbol}({state.symbol})"
         law = Formula(symbol, written.atoms, written.coefficients, written.deviations, units, written.keeps)
     matters = np.abs(seen.values) * np.sqrt(np.maximum(np.diag(seen.H), 0.0))
-    beside = _beside(curve, written.model.fit if written else curve.fit)
-    return MissingLaw(state, curve.at * curve.scale(curve.fit), seen.values, seen.sigmas, matters, law, beside)
+    further = _further(curve, written.model if written else as_curves(curve)) if state.further else ()
+    return MissingLaw(state, curve.at * curve.scale(curve.fit), seen.values, seen.sigmas, matters, law, further)
 
 
-def _beside(curve: Curve, fit: Fit) -> tuple[tuple[str, float, float], ...]:
-    """Symbol, value and deviation, SI, of the constants beside a curve's values; all others free."""
-    state, targets, out = curve.state, [k.target for k in fit.unknowns], []
-    if not state.beside:
-        return ()
-    w = weights(fit.residual)
-    spread = max(1.0, float(np.mean(w * fit.residual**2)))
-    prior = np.diag([1 / k.sd**2 for k in fit.unknowns])
-    sd = deviations((fit.slopes * w[:, None]).T @ fit.slopes / spread + prior)
-    for symbol, one in zip(state.symbols, state.beside, strict=True):
-        k, si = targets.index(one.target), curve.scale(curve.fit)
+def _further(curve: Curve, model: Model) -> tuple[tuple[str, float, float], ...]:
+    """Symbol, value and deviation, SI, of the constants besides a curve's values; all others free."""
+    fit, si, out = model.fit, curve.scale(curve.fit), []
+    sd, targets = deviations_of(fit, model.smooth), [k.target for k in fit.unknowns]
+    for symbol, one in zip(curve.state.symbols, curve.state.further, strict=True):
+        k = targets.index(one.target)
         out.append((symbol, si * one.value(float(fit.u[k])), si * one.scale * float(sd[k])))
     return tuple(out)
 

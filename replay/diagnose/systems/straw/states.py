@@ -43,7 +43,7 @@ class State:
     odd: bool = False  # odd: over the magnitude of the state, through zero
     zero: bool = False  # zero where the state is zero
     scale: Callable[[StrawParameters], float] = lambda straw: 1.0  # SI value of a point at 1
-    beside: tuple[Unknown, ...] = ()  # further constants, found with the table's values, in the unit of its points
+    further: tuple[Unknown, ...] = ()  # more constants, found with the table's values, in the unit of its points
     symbols: tuple[str, ...] = ()  # of these
     anew: Callable[..., State] | None = None  # the state sought from other values of these on
 
@@ -108,14 +108,15 @@ def _from(x: float, z: float) -> Callable[[StrawParameters, Observation, Predict
 
 
 def _toward(x: float, z: float) -> State:
-    """A force on the tip along the line to a fixed point, sought from there on, within a third of a length."""
+    """A force on the tip along the line to a fixed point, sought from there on; its prior's deviation is a third of a
+    length."""
     where = (("post_x", x), ("post_z", z))
     return State(
         "tip distance", "r", "m", "F", "N",
         "a force on the tip towards a fixed point that depends on the distance from it",
         "term.missing_tip_force.pull_{}_n", "far_{}", 2e-3, _from(x, z), scale=_length_m,
         symbols=("X", "Z"), anew=_toward,
-        beside=tuple(
+        further=tuple(
             Unknown(f"term.missing_tip_force.{name}", POST, kind="linear", mean=at / POST, sd=1 / (3 * POST))
             for name, at in where
         ),
@@ -126,10 +127,10 @@ def _aside(straw: StrawParameters, o: Observation, p: Prediction) -> Floats:
     return np.asarray(o.tip[1] / _length_m(straw))
 
 
-#: Unit of a fixed point's place in the search, in unloaded lengths: 3 mm on the paper's straw, about a cell folded.
+#: Unit of a fixed point's place in the search, in unloaded lengths: 3 mm on the paper's straw.
 POST = 0.05
-#: Where the search for it starts: beside the folded and the deployed tip, on either side, and beyond; the force's curve
-#: spans some 0.3 lengths from there, and the first slopes do not tell which start leads to the point.
+#: Where the search for it starts: beside the folded and the deployed tip, on either side, and beyond. From all of them,
+#: as the first slopes do not tell which leads to the point (the magnet of `tests.benchmarks.missing_force`).
 POSTS = ((0.5, -0.4), (0.5, 0.4), (1.0, -0.3), (1.0, 0.3), (2.0, 0.0))
 
 STATES: tuple[State, ...] = (
