@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.fit import Fit
+from straw.replay.diagnose.fit import Fit, fitted
 from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.robust import weights
 from straw.replay.diagnose.systems.straw.constants import applied
 from straw.replay.diagnose.systems.straw.of import straw_of, with_straw
 from straw.replay.diagnose.systems.straw.states import State
@@ -19,6 +20,11 @@ Floats = NDArray[np.float64]
 
 #: Prior deviation of a curve's point from the line between its neighbours, in units of the state.
 ROUGH = 1.5
+#: Rounds of a first fit, and the share of the cost by which the last one has to lower it.
+FIRST_ROUNDS, SHARE = 8, 0.01
+#: How often the points of a curve are moved at most: to where it bends, which halves the distance of a point from a
+#: kink each time, or where the runs pass.
+MOVES = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,3 +88,39 @@ def rows_for(state: State, at: Floats, free: NDArray[np.bool_]) -> Floats:
         row[k - 1 : k + 2] = share - 1, 1.0, -share
         rows.append(row[keep] / ROUGH)
     return np.array(rows).reshape(len(rows), int(keep.sum()))
+
+
+def on_points(curve: Curve, campaign: Campaign, at: Floats) -> Curve:
+    """The curve on other points (n,), to be fitted again."""
+    state, fit, base = curve.state, curve.fit, curve.smooth.shape[1] - len(curve.at)
+    values = np.zeros(len(curve.points))
+    values[curve.free] = fit.u[base:]
+    here, unknowns, smooth = with_points(campaign, fit.unknowns[:base], curve.beneath, state, at)
+    scale = fit.unknowns[-1].scale
+    unknowns = (*unknowns[:base], *(replace(k, scale=scale) for k in unknowns[base:]))
+    where, known = (np.append(0.0, x) if state.odd else x for x in (curve.points, values))
+    u = np.concatenate([fit.u[:base], np.interp(at, where, known)[searched(state, at)]])
+    return replace(curve, campaign=here, smooth=smooth, points=at, fit=replace(fit, unknowns=unknowns, u=u))
+
+
+def carried_on(curve: Curve, campaign: Campaign, rounds: int, share: float = 1e-4) -> Curve:
+    """The curve's fit continued, perhaps on other runs; with no rounds only evaluated there."""
+    fit, smooth = curve.fit, curve.smooth
+    fit = fitted(campaign, fit.unknowns, fit.u, rounds=rounds, share=share, smooth=smooth)
+    return replace(curve, campaign=campaign, fit=fit)
+
+
+def downhill(fit: Fit, smooth: Floats) -> tuple[Floats, float]:
+    """Minus the step to the optimum of the linearised problem, and its gain."""
+    w = weights(fit.residual)
+    sd, mean = np.array([k.sd for k in fit.unknowns]), np.array([k.mean for k in fit.unknowns])
+    curvature = (fit.slopes * w[:, None]).T @ fit.slopes + np.diag(1 / sd**2) + smooth.T @ smooth
+    gradient = fit.slopes.T @ (w * fit.residual) + (fit.u - mean) / sd**2 + smooth.T @ (smooth @ fit.u)
+    step = np.linalg.solve(curvature, gradient)
+    return step, float(gradient @ step)
+
+
+def priced(curve: Curve) -> float:
+    """Cost of a curve's fit with the price of the constants besides its values: each the logarithm of the number of
+    samples (Schwarz, Annals of Statistics 6, 1978)."""
+    return curve.fit.cost + len(curve.state.further) * float(np.log(len(curve.fit.residual)))

@@ -1,8 +1,7 @@
 """The search for curves over the states that a missing force may depend on.
 
-All states are tried to first order, the most promising fitted to
-the coarse comparison, and the best of these to all samples, its points moved to where it bends. Beside the best one a
-second is sought in the same way.
+All states are tried to first order, the most promising fitted to the coarse comparison, and the best of these to all
+samples, its points moved to where it bends. Beside the best one a second is sought in the same way.
 """
 
 from __future__ import annotations
@@ -15,26 +14,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.fit import Fit, evaluated, fitted
+from straw.replay.diagnose.fit import Fit, evaluated
 from straw.replay.diagnose.inquiry import Told, silent
 from straw.replay.diagnose.refine import refined, without_a_run
-from straw.replay.diagnose.robust import weights
 from straw.replay.diagnose.settings import COARSE_ROUNDS, ROUNDS
 from straw.replay.diagnose.systems.straw.base import telling_runs
 from straw.replay.diagnose.systems.straw.constants import applied
-from straw.replay.diagnose.systems.straw.curve import Curve, searched, with_points
+from straw.replay.diagnose.systems.straw.curve import (
+    FIRST_ROUNDS,
+    MOVES,
+    SHARE,
+    Curve,
+    carried_on,
+    downhill,
+    on_points,
+    priced,
+    with_points,
+)
 from straw.replay.diagnose.systems.straw.of import straw_of
 from straw.replay.diagnose.systems.straw.simulated import simulated
 from straw.replay.diagnose.systems.straw.states import STATES, State
 from straw.replay.diagnose.systems.straw.tables import bent_points, points
+from straw.replay.diagnose.systems.straw.toward import towards_a_point
 
 Floats = NDArray[np.float64]
 
-#: States that are fitted, that are carried to the end; rounds of the first fit.
-FITTED, FINISHED, FIRST_ROUNDS = 4, 2, 8
-#: How often the points of a curve are moved at most, to where it bends, which halves the distance of a point from a
-#: kink each time, or where the runs pass; and the share of the cost that another move to a bend has to gain.
-MOVES, GAINS = 4, 0.01
+#: States that are fitted, and those that are carried to the end.
+FITTED, FINISHED = 4, 2
+#: Share of the cost that another move of the points to a bend has to gain.
+GAINS = 0.01
 #: Steps of the search to the size of force that the first slopes predict, and its limit in units.
 STEPS, LARGEST = 3.0, 1000.0
 #: Another state is a rival while its first fit costs less than this many times the best's.
@@ -65,14 +73,8 @@ def curves(campaign: Campaign, null: Fit, told: Told = silent, states: Sequence[
         told(curve.state.name, tried + FITTED + k, steps)
         here = campaign.with_system(curve.campaign.system)
         rival = len(found) < FINISHED and curve.fit.cost < RIVAL * first[0].fit.cost
-        found.append(_finished(curve, campaign, wide) if rival else _carried_on(curve, here, 0))
-    return sorted(found, key=_priced)
-
-
-def _priced(curve: Curve) -> float:
-    """Cost of a curve's fit with the price of the constants besides its values: each the logarithm of the number of
-    samples (Schwarz, Annals of Statistics 6, 1978)."""
-    return curve.fit.cost + len(curve.state.further) * float(np.log(len(curve.fit.residual)))
+        found.append(_finished(curve, campaign, wide) if rival else carried_on(curve, here, 0))
+    return sorted(found, key=priced)
 
 
 def beside(
@@ -93,13 +95,13 @@ def beside(
         told(one.state.name, k, len(tried))
         if one.fit.cost < RIVAL * best:
             finished.append(_finished(one, campaign, wide))
-    return min(finished, key=_priced)
+    return min(finished, key=priced)
 
 
 def restarted(curve: Curve, u: Floats) -> Curve:
     """The curve fitted again from elsewhere."""
     fit = replace(curve.fit, u=u)
-    return _moved(_carried_on(replace(curve, fit=fit), curve.campaign, ROUNDS), curve.campaign)
+    return _moved(carried_on(replace(curve, fit=fit), curve.campaign, ROUNDS), curve.campaign)
 
 
 def _promising(
@@ -129,58 +131,19 @@ def _first_fits(
     found = []
     for k, some in enumerate(starts):
         told(some[0].curve.state.name, k)
-        fits = [_carried_on(one.curve, one.curve.campaign, FIRST_ROUNDS, 0.01) for one in some]
-        if some[0].curve.state.further:
-            fits = [_placed_anew(one, observations) for one in fits]
-        best = min(fits, key=_priced)
-        for _ in range(MOVES if best.state.further else 0):
-            best = _placed_anew(best, observations)
-        found.append(best)
-    return sorted(found, key=_priced)
-
-
-def _placed_anew(curve: Curve, observations: Sequence[Any]) -> Curve:
-    """The curve fitted on points where the runs pass by what has been found of its further constants."""
-    fit, names = curve.fit, [k.target for k in curve.fit.unknowns]
-    places = [names.index(one.target) for one in curve.state.further]
-    assert curve.state.anew is not None
-    state = curve.state.anew(*(fit.unknowns[k].value(float(fit.u[k])) for k in places))
-    unknowns = list(fit.unknowns)
-    for k, one in zip(places, state.further, strict=True):
-        unknowns[k] = one
-    straw, _ = applied(straw_of(curve.campaign), fit.unknowns, fit.u)
-    at = points(state, [state.visited(straw, o, None) for o in observations])
-    curve = replace(curve, state=state, fit=replace(fit, unknowns=tuple(unknowns)))
-    if at is not None:
-        curve = replace(_on_points(curve, curve.campaign, at), placed=at)
-    return _carried_on(curve, curve.campaign, FIRST_ROUNDS, 0.01)
+        first = some[0].curve
+        if first.state.further:
+            found.append(towards_a_point([one.curve for one in some], observations))
+        else:
+            found.append(carried_on(first, first.campaign, FIRST_ROUNDS, SHARE))
+    return sorted(found, key=priced)
 
 
 def _bent(curve: Curve, campaign: Campaign) -> Curve:
     """The curve on points that lie closer where it bends (`bent_points`), to be fitted again."""
     values = np.zeros(len(curve.points))
     values[curve.free] = curve.fit.u[curve.smooth.shape[1] - len(curve.at) :]
-    return _on_points(curve, campaign, bent_points(curve.state, curve.placed, curve.points, values))
-
-
-def _on_points(curve: Curve, campaign: Campaign, at: Floats) -> Curve:
-    """The curve on other points (n,), to be fitted again."""
-    state, fit, base = curve.state, curve.fit, curve.smooth.shape[1] - len(curve.at)
-    values = np.zeros(len(curve.points))
-    values[curve.free] = fit.u[base:]
-    here, unknowns, smooth = with_points(campaign, fit.unknowns[:base], curve.beneath, state, at)
-    scale = fit.unknowns[-1].scale
-    unknowns = (*unknowns[:base], *(replace(k, scale=scale) for k in unknowns[base:]))
-    where, known = (np.append(0.0, x) if state.odd else x for x in (curve.points, values))
-    u = np.concatenate([fit.u[:base], np.interp(at, where, known)[searched(state, at)]])
-    return replace(curve, campaign=here, smooth=smooth, points=at, fit=replace(fit, unknowns=unknowns, u=u))
-
-
-def _carried_on(curve: Curve, campaign: Campaign, rounds: int, share: float = 1e-4) -> Curve:
-    """The curve's fit continued, perhaps on other runs; with no rounds only evaluated there."""
-    fit, smooth = curve.fit, curve.smooth
-    fit = fitted(campaign, fit.unknowns, fit.u, rounds=rounds, share=share, smooth=smooth)
-    return replace(curve, campaign=campaign, fit=fit)
+    return on_points(curve, campaign, bent_points(curve.state, curve.placed, curve.points, values))
 
 
 def _finished(curve: Curve, campaign: Campaign, wide: Campaign) -> Curve:
@@ -188,7 +151,7 @@ def _finished(curve: Curve, campaign: Campaign, wide: Campaign) -> Curve:
     starts and with one run left out, as a cause of the library is."""
     curve = _moved(curve, wide)
     here = campaign.with_system(curve.campaign.system)
-    coarse = _carried_on(curve, here.coarse(), COARSE_ROUNDS[-1]).fit
+    coarse = carried_on(curve, here.coarse(), COARSE_ROUNDS[-1]).fit
     fit = without_a_run(here, refined(here, coarse, ROUNDS, curve.smooth), curve.smooth)
     return _moved(replace(curve, campaign=here, fit=fit), campaign)
 
@@ -199,7 +162,7 @@ def _moved(curve: Curve, campaign: Campaign) -> Curve:
         other = _bent(curve, campaign)
         if np.array_equal(other.points, curve.points):
             break
-        other = _carried_on(other, other.campaign, FIRST_ROUNDS)
+        other = carried_on(other, other.campaign, FIRST_ROUNDS)
         if not other.fit.cost < curve.fit.cost:
             break
         gain, curve = 1 - other.fit.cost / curve.fit.cost, other
@@ -237,21 +200,11 @@ def _starts(
         u = np.insert(null.u, [before] * more, [one.mean for one in state.further])
         u = np.concatenate([u, np.zeros(len(unknowns) - len(base))])
         fit = evaluated(here, unknowns, u, smooth)
-        unit, wanted = unknowns[-1].scale, -_downhill(fit, smooth)[0][len(base) :]
+        unit, wanted = unknowns[-1].scale, -downhill(fit, smooth)[0][len(base) :]
         # in units of the predicted size a large force is as near as a small one
         larger = float(np.clip(np.max(np.abs(wanted)) / STEPS, 1.0, LARGEST))
         slopes = fit.slopes.copy()
         slopes[:, len(base) :] *= larger
         unknowns = (*base, *(replace(k, scale=unit * larger) for k in unknowns[len(base) :]))
         fit = replace(fit, unknowns=unknowns, slopes=slopes)
-        yield _Start(Curve(state, here, smooth, rows, fit, at, at), fit.cost - _downhill(fit, smooth)[1])
-
-
-def _downhill(fit: Fit, smooth: Floats) -> tuple[Floats, float]:
-    """Minus the step to the optimum of the linearised problem, and its gain."""
-    w = weights(fit.residual)
-    sd, mean = np.array([k.sd for k in fit.unknowns]), np.array([k.mean for k in fit.unknowns])
-    curvature = (fit.slopes * w[:, None]).T @ fit.slopes + np.diag(1 / sd**2) + smooth.T @ smooth
-    gradient = fit.slopes.T @ (w * fit.residual) + (fit.u - mean) / sd**2 + smooth.T @ (smooth @ fit.u)
-    step = np.linalg.solve(curvature, gradient)
-    return step, float(gradient @ step)
+        yield _Start(Curve(state, here, smooth, rows, fit, at, at), fit.cost - downhill(fit, smooth)[1])

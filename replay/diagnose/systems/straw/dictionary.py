@@ -62,9 +62,22 @@ def _powers(x: str, most: int) -> tuple[Atom, ...]:
 def _fading_powers(x: str) -> tuple[Atom, ...]:
     """Forces that fade with the distance, as those of charges and magnets do."""
     return tuple(
-        Atom(f"(10 mm/{x})^{n}", 0, lambda v, _, n=n: (0.01 / v) ** n, code_words=f"(0.01 / x)**{n}")  # type: ignore[misc]
+        atom
         for n in (1, 2, 4)
+        for atom in (
+            Atom(f"(10 mm/{x})^{n}", 0, lambda v, _, n=n: (0.01 / v) ** n, code_words=f"(0.01 / x)**{n}"),  # type: ignore[misc]
+            fading_softly(n, 3e-3, x),
+        )
     )
+
+
+def fading_softly(power: int, near_m: float, x: str = "r") -> Atom:
+    """A force that fades with a power of the distance, but hardly within a distance, as bodies are no points."""
+    return Atom(
+        f"((10 mm)^2/({x}^2 + {{}}^2))^{power / 2:g}", 0, lambda v, near: (1e-4 / (v**2 + near**2)) ** (power / 2), 2,
+        f"(1e-4 / (x**2 + {{}}**2))**{power / 2:g}",
+        Shape(near_m, 1.0, near_m / 10, 10 * near_m, "mm", 1e3, ratio=True),
+    )  # fmt: skip
 
 
 def _middles(at: Floats) -> Floats:

@@ -13,8 +13,8 @@ from straw.replay.diagnose.formed import Model, coarsely_first, fitted
 from straw.replay.diagnose.formula import Sum
 from straw.replay.diagnose.formula_fit import LAST_ROUNDS, Written, as_good, as_written, cost_beside, formula
 from straw.replay.diagnose.judge import CALIBRATION
-from straw.replay.diagnose.systems.straw.curve import Curve, searched
-from straw.replay.diagnose.systems.straw.curves import MOVES, restarted
+from straw.replay.diagnose.systems.straw.curve import MOVES, Curve, searched
+from straw.replay.diagnose.systems.straw.curves import restarted
 from straw.replay.diagnose.systems.straw.dictionary import atoms
 from straw.replay.diagnose.systems.straw.of import straw_of, with_straw
 from straw.replay.diagnose.systems.straw.tables import FOLLOWS, formula_points
