@@ -11,7 +11,7 @@ from straw.replay.diagnose.discover.page import page
 from straw.replay.diagnose.discover.said import text
 from straw.replay.diagnose.systems.function.check import check_on
 from straw.replay.diagnose.systems.function.model import load_model
-from straw.replay.diagnose.systems.function.recording import read_recordings
+from straw.replay.diagnose.systems.function.read_recordings import read_recordings
 from straw.replay.diagnose.systems.function.system import FunctionSystem
 from straw.replay.errors import ReplayError
 from straw.replay.output import check_places, write_json, write_text

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.discover.choose import drifts
-from straw.replay.diagnose.discover.discover import TO_NOISE, Discovery, Step
+from straw.replay.diagnose.discover.discover import TO_NOISE
+from straw.replay.diagnose.discover.rounds import Discovery, Step
 from straw.replay.diagnose.discover.said import asides, gain, headline
 from straw.replay.diagnose.discover.trial import Trial
 from straw.replay.diagnose.discover.words import Told, acts_in_recording, as_json, is_fault, law_text, told
