@@ -100,8 +100,8 @@ def explain(
 def _large(
     found: Inquiry, hypotheses: Sequence[Hypothesis], base: Fit, proposal: Proposal | None, steps: _Steps
 ) -> set[str]:
-    """All causes at once, the best ones and twos of them alone; if much is left, each cause from its own starts.
-    Returns the names of those that were."""
+    """All causes at once, then the best single causes and pairs by themselves; if much is left, each cause from its own
+    starts. Returns the names of those that were."""
     wide = telling(found)
     known = evaluated(wide, base.unknowns, base.u)
     if explains(known):

@@ -161,7 +161,7 @@ def one_round(current: Trial, unit: Floats, pool: Executor, stop: Callable[[], b
     last = polished(accepted)
     if last.predicts < accepted.predicts:
         every[every.index(accepted)] = left[0] = accepted = last
-    accepted = at_once(accepted)
+    accepted = without_lag(accepted)
     alike = [one for one in left if rivals(one.laws[-1], accepted.laws[-1]) and not apart(one, accepted)]
     same = [one for one in alike if written_otherwise(accepted, one, current, runs)]
     alike = [one for one in alike if one not in same]
@@ -171,7 +171,7 @@ def one_round(current: Trial, unit: Floats, pool: Executor, stop: Callable[[], b
     return Step(accepted, tuple(every), tuple(alike), tuple(promised[:FITTED]), tuple(same), forms, errors)
 
 
-def at_once(trial: Trial) -> Trial:
+def without_lag(trial: Trial) -> Trial:
     """The trial with its last law over the state itself, where a lag gives no relevant improvement."""
     law, number = trial.laws[-1], len(trial.laws) - 1
     if law.state.lag_s is None:
