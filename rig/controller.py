@@ -14,7 +14,7 @@ from typing import Any, Self, final
 
 from straw.rig.clock import Clock
 from straw.rig.errors import LimitError, LinkLostError, RigError
-from straw.rig.limits import STRAW_LIMITS, Leash, PressureLimits
+from straw.rig.limits import STRAW_LIMITS, PressureLimits, RateLimiter
 from straw.rig.plausible import Expectation
 from straw.rig.reading import Answer, Command, Reading, Stamp, stamp_of
 
@@ -47,7 +47,7 @@ class Controller(ABC):
         self.clock = clock or Clock()
         self.is_open = False
         self._limits = self.span.and_also(limits)
-        self._leashes = {channel: Leash(self.resolution_pa) for channel in channels}
+        self._rate_limiters = {channel: RateLimiter(self.resolution_pa) for channel in channels}
         self._expected = {channel: Expectation() for channel in channels}
         self._lock = threading.RLock()  # one exchange at a time over all threads: replies must not be mixed up
         #: A driver calls it whenever it makes progress, with the seconds that its next step may take if that is long: a
@@ -169,14 +169,14 @@ class Controller(ABC):
             before_ns = self.clock.monotonic_ns()
             if reason is None:
                 pressure_pa = self.rounded(pressure_pa)
-                reason = self._leashes[channel].why_not(pressure_pa, self.limits.max_rate_pa_s, before_ns * 1e-9)
+                reason = self._rate_limiters[channel].why_not(pressure_pa, self.limits.max_rate_pa_s, before_ns * 1e-9)
             if reason is not None:
                 cure = "ask for less, or for a slower ramp"
                 raise LimitError(f"{self.name}: {reason} (channel {channel}); nothing was sent; {cure}")
             self._expected[channel].told(pressure_pa)
             raw = self._send(channel, pressure_pa)
             stamp = self._stamp(before_ns, len(raw))
-            self._leashes[channel].arrived(pressure_pa)
+            self._rate_limiters[channel].arrived(pressure_pa)
         return Command(**stamp, channel=channel, pressure_pa=pressure_pa, raw=raw)
 
     @final
@@ -187,7 +187,7 @@ class Controller(ABC):
             answer = self._read()
             stamp = self._stamp(before_ns, len(answer.raw))
         for channel in self.channels:
-            in_force_pa = self._leashes[channel].places_pa
+            in_force_pa = self._rate_limiters[channel].places_pa
             if reason := self._expected[channel].why_refused(channel, answer, self.span, in_force_pa):
                 raise RigError(f"{self.name}: {reason}")
         return tuple(
@@ -240,7 +240,7 @@ class Controller(ABC):
                 self._vent(channel)
             except RigError:
                 raise lost from None
-        self._leashes[channel].arrived(0.0)
+        self._rate_limiters[channel].arrived(0.0)
 
     def _stamp(self, before_ns: int, answer_bytes: int = 0) -> dict[str, Any]:
         return stamp_of(self.clock, before_ns, answer_bytes * self.byte_s)

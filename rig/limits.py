@@ -1,4 +1,4 @@
-"""PressureLimits: what the straw and the operator allow; Leash: how far one channel may go from its present value."""
+"""PressureLimits: what the straw and the operator allow; RateLimiter: how far one channel may go from where it is."""
 
 from __future__ import annotations
 
@@ -56,8 +56,8 @@ much again and stays far below the regulator's 100 kPa."""
 SAVED_S = 0.25
 
 
-class Leash:
-    """Where one channel may be, and how far a limit in Pa/s lets it go; times in s on any one clock.
+class RateLimiter:
+    """How far a limit in Pa/s lets one channel go from where it may be; times in s on any one clock.
 
     Over any time T the commanded pressure travels no more than ``rate * (T + 0.25 s)`` and one step of the instrument,
     however often it is commanded (a token bucket that fills at the rate). A set that was not acknowledged may or may

@@ -140,10 +140,10 @@ class _Search:
             self.begin(repeat > 0)
             yield self.bisected(self.coarse())
 
-    def begin(self, anew: bool) -> None:
+    def begin(self, after_a_snap: bool) -> None:
         """Vented and in its configuration, with nothing moving."""
         self.controller.vent()
-        if anew and self.reset is not None:
+        if after_a_snap and self.reset is not None:
             self.event("reset", "to the configuration at the start")
             self.reset()
         self.watcher.begin()
@@ -178,7 +178,7 @@ class _Search:
                 if below.snapped:
                     raise RigError(
                         f"snap search: {below.told_pa / 1e3:g} kPa held once and snapped once; the cell was not set "
-                        "back alike, or it ages: cycle it first"
+                        "back to the same state, or it is ageing: cycle it first"
                     )
             held = self.hold(middle_pa)
             back = not held.snapped

@@ -20,7 +20,7 @@ from straw.replay.diagnose.discover.page import page
 from straw.replay.diagnose.discover.said import text
 from straw.replay.diagnose.systems.function.check import check_on
 from straw.replay.diagnose.systems.function.model import load_model
-from straw.replay.diagnose.systems.function.recording import read_recordings, recordings_of
+from straw.replay.diagnose.systems.function.read_recordings import read_recordings, recordings_of
 from straw.replay.diagnose.systems.function.system import FunctionSystem
 from straw.replay.errors import ReplayError
 from straw.replay.output import finite, write_text

@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Sequence
 
 from straw.model.straw_file import load_straw
+from straw.replay.commands.searching import searching
 from straw.replay.diagnose import figures
 from straw.replay.diagnose.diagnosis import inquire
 from straw.replay.diagnose.findings import Findings, conclude
@@ -18,9 +19,7 @@ from straw.replay.errors import ReplayError
 from straw.replay.gather import gather
 from straw.replay.output import check_new, check_places, write_json, write_text
 from straw.replay.plausible import check_plausible
-from straw.replay.progress import prepare, say, stage_bar
-from straw.replay.workers import threads
-from straw.rig.interrupts import Interrupts
+from straw.replay.progress import prepare, say
 from straw.rig.run import Run
 
 #: How many hypotheses the table shows.
@@ -48,19 +47,8 @@ def run(args: argparse.Namespace) -> int:
     check_campaign(runs, straw.cells)
     observations = [observe(one) for one in runs]
     prepare(derivatives=True)
-    with (
-        threads(args.jobs, args.dask) as pool,
-        stage_bar("diagnose") as told,
-        Interrupts() as interrupts,
-    ):
-        found = inquire(
-            observations,
-            system,
-            library=library,
-            executor=pool,
-            told=told,
-            stop=lambda: interrupts.pending is not None,
-        )
+    with searching(args) as (pool, told, stop):
+        found = inquire(observations, system, library=library, executor=pool, told=told, stop=stop)
         findings = conclude(found, _about(runs), told, tolerance=tolerance)
         page = report(findings, found) if args.report else ""
     print(text(findings, system.channels))

@@ -5,19 +5,17 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 
+from straw.replay.commands.searching import searching
 from straw.replay.diagnose.discover.discover import discover
 from straw.replay.diagnose.discover.findings import SystemFindings
 from straw.replay.diagnose.discover.page import page
 from straw.replay.diagnose.discover.said import text
 from straw.replay.diagnose.systems.function.check import check_on
 from straw.replay.diagnose.systems.function.model import load_model
-from straw.replay.diagnose.systems.function.recording import read_recordings
+from straw.replay.diagnose.systems.function.read_recordings import read_recordings
 from straw.replay.diagnose.systems.function.system import FunctionSystem
 from straw.replay.errors import ReplayError
 from straw.replay.output import check_places, write_json, write_text
-from straw.replay.progress import stage_bar
-from straw.replay.workers import threads
-from straw.rig.interrupts import Interrupts
 
 
 def run(args: argparse.Namespace) -> int:
@@ -32,18 +30,8 @@ def run(args: argparse.Namespace) -> int:
     tolerance = _tolerances(args.tolerance, [y.name for y in model.channels])
     system = FunctionSystem(model)
     check_on(system, recordings)
-    with (
-        threads(args.jobs, args.dask) as pool,
-        stage_bar("diagnose") as told,
-        Interrupts() as interrupts,
-    ):
-        found = discover(
-            system,
-            recordings,
-            executor=pool,
-            told=told,
-            stop=lambda: interrupts.pending is not None,
-        )
+    with searching(args) as (pool, told, stop):
+        found = discover(system, recordings, executor=pool, told=told, stop=stop)
     findings = SystemFindings(found, tuple(recordings), tolerance)
     print(text(findings))
     written = []

@@ -36,7 +36,7 @@ def model_commands(commands: argparse._SubParsersAction[Parser]) -> None:
     shell_options(p)
     straw_options(p)
     json_option(p)
-    p = command(commands, "design", "search geometries with wanted snap pressures, lengths and stable states")
+    p = command(commands, "design", "search for geometries with the snap pressures, lengths and stable states wanted")
     design_options(p)
     straw_options(p, "constants that are not varied")
     json_option(p)

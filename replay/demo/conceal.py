@@ -135,4 +135,4 @@ def story(concealed: Concealed, seal: Seal, told: str, findings: Findings) -> st
     else:
         between = f", {' or '.join(findings.causes)}" if findings.causes else ""
         verdict = f"not named: the diagnosis said {findings.verdict.replace('_', ' ')}{between}"
-    return f"concealed was {concealed}, {agrees}; {verdict}"
+    return f"{concealed} was concealed, {agrees}; {verdict}"

@@ -27,12 +27,12 @@ def at_once(
     coarse comparison, fitted coarsely from there and from the proposal's constants, then finished. As long as none
     explains it, singles have their own starts as well; pairs start on the way from the base's and their causes' fits,
     too. Returns the names of singles that were fitted from all of these."""
-    rankings = subsets(wide, base, hypotheses, _likely(found.campaign, proposal))
+    rankings = subsets(wide, base, hypotheses, _likely(found.campaign, base, proposal))
     begun: list[Contestant] = []
     tried: set[str] = set()
     for starts in foremost(rankings, 1):
         hypothesis = starts[0].hypothesis
-        own = _proposed(base, hypothesis, proposal)
+        own = proposed(base, hypothesis, proposal)
         if not _explained(begun):
             own += look(wide, base, hypothesis)[:STARTS]
             tried.add(hypothesis.name)
@@ -59,7 +59,7 @@ def _pair(
     hypothesis = starts[0].hypothesis
     origins = [base, *(one.fit for one in singles if one.name in hypothesis.causes)]
     groups = [[start, *(shortened(wide, fit, start) for fit in origins)] for start in starts]
-    return _begun(wide, base, [*groups, _proposed(base, hypothesis, proposal)])
+    return _begun(wide, base, [*groups, proposed(base, hypothesis, proposal)])
 
 
 def foremost(rankings: Sequence[Sequence[Start]], size: int) -> list[list[Start]]:
@@ -82,20 +82,15 @@ def _begun(wide: Campaign, base: Fit, groups: Sequence[Sequence[Start]]) -> Cont
     return min(fits, key=lambda c: c.cost)
 
 
-def _proposed(base: Fit, hypothesis: Hypothesis, proposal: Proposal | None) -> list[Start]:
-    """The proposal's constants for causes, by the order of the unknowns."""
+def proposed(base: Fit, hypothesis: Hypothesis, proposal: Proposal | None) -> list[Start]:
+    """Starts from the proposal's constants, ordered as the unknowns; two where a sign is open, none without one."""
     unknowns = (*base.unknowns, *hypothesis.unknowns)
     ways = proposal.start(hypothesis.causes) if proposal else ()
     at = [{one.unknown.target: one.u for one in way} for way in ways]
     return [Start(hypothesis, np.array([way[one.target] for one in unknowns])) for way in at]
 
 
-def _likely(campaign: Campaign, proposal: Proposal | None) -> list[Start]:
+def _likely(campaign: Campaign, base: Fit, proposal: Proposal | None) -> list[Start]:
     """A start of each cause that the proposal takes for more likely present than not."""
-    if proposal is None:
-        return []
-    return [
-        Start(campaign.hypothesis([name]), np.array([s.u for s in proposal.start([name])[0]]))
-        for name, score in proposal.scores.items()
-        if score > 0.5
-    ]
+    names = [name for name, score in proposal.scores.items() if score > 0.5] if proposal else []
+    return [proposed(base, campaign.hypothesis([name]), proposal)[0] for name in names]

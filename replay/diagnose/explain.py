@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.replay.diagnose.at_once import at_once
+from straw.replay.diagnose.at_once import at_once, proposed
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Fit, evaluated, fitted
 from straw.replay.diagnose.hypothesis import Hypothesis
@@ -23,7 +23,7 @@ from straw.replay.diagnose.pairs import find_pairs, seconds, telling
 from straw.replay.diagnose.propose.proposal import Proposal
 from straw.replay.diagnose.refine import explains, finish, refine
 from straw.replay.diagnose.rivals import absent, as_before, from_each_other
-from straw.replay.diagnose.screen import Start, screen
+from straw.replay.diagnose.screen import screen
 from straw.replay.diagnose.settings import FAR, FIRST_ROUNDS, ROUNDS, SHORTLIST
 from straw.replay.diagnose.starts import check_simulated, fit_from_priors
 from straw.replay.diagnose.tournament import fitted_contestant, tournament
@@ -100,8 +100,8 @@ def explain(
 def _large(
     found: Inquiry, hypotheses: Sequence[Hypothesis], base: Fit, proposal: Proposal | None, steps: _Steps
 ) -> set[str]:
-    """All causes at once, the best ones and twos of them alone; if much is left, each cause from its own starts.
-    Returns the names of those that were."""
+    """All causes at once, then the best single causes and pairs by themselves; if much is left, each cause from its own
+    starts. Returns the names of those that were."""
     wide = telling(found)
     known = evaluated(wide, base.unknowns, base.u)
     if explains(known):
@@ -125,7 +125,8 @@ def _from_own_starts(
     known = evaluated(wide, base.unknowns, base.u)
     if explains(known):
         return
-    given = _starts(found.campaign, proposal)
+    causes = [found.campaign.hypothesis([name]) for name in proposal.scores] if proposal else []
+    given = [start for cause in causes for start in proposed(known, cause, proposal)]
     for group in _in_turn(hypotheses, proposal):
         steps("causes that are large", found)
         refine(found, tournament(wide, known, group, given))
@@ -153,17 +154,6 @@ class _Steps:
 
 def _base_start(proposal: Proposal | None) -> list[Floats]:
     return [] if proposal is None else [np.array([s.u for s in proposal.base])]
-
-
-def _starts(campaign: Campaign, proposal: Proposal | None) -> list[Start]:
-    """The causes with the proposal's starts, in the order to be tried."""
-    if proposal is None:
-        return []
-    return [
-        Start(campaign.hypothesis([name]), np.array([s.u for s in way]))
-        for name in proposal.scores
-        for way in proposal.start([name])
-    ]
 
 
 def _in_turn(hypotheses: Sequence[Hypothesis], proposal: Proposal | None) -> list[list[Hypothesis]]:

@@ -6,11 +6,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import scipy.linalg  # noqa: F401  (loads SciPy's BLAS, as only what is loaded can be limited)
-from threadpoolctl import threadpool_limits
+
+from straw.model.shell.threads import one_thread
 
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
     """A context, or a function's decorator, in which BLAS uses one thread in this process."""
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_thread():
         yield

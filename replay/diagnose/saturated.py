@@ -75,7 +75,7 @@ def saturated(known: Fit, hypotheses: Sequence[Hypothesis]) -> Saturated:
 def subsets(
     campaign: Campaign, known: Fit, hypotheses: Sequence[Hypothesis], likely: Sequence[Start]
 ) -> list[list[Start]]:
-    """Starts for every one and every two of the causes, the most promising first, from each fit of all at once.
+    """Starts for every single cause and every pair, the most promising first, from each fit of all at once.
 
     One fit starts with the ``likely`` causes, one from ``known`` with nothing of any. The nearer one is fitted to its
     end, the other, where that does not explain the comparison, only as far as the ranks need.
@@ -97,7 +97,7 @@ def subsets(
 
 
 def _ranked(model: Saturated, fit: Fit, before: float) -> list[Start]:
-    """Every one and every two of the causes by the expansion of the cost about a fit of all, gains over ``before``."""
+    """Every single cause and every pair by the expansion of the cost about a fit of all, gains over ``before``."""
     H, g = normal_equations(fit.unknowns, fit.u, fit.residual, fit.slopes)
     every = range(len(model.causes))
     some = [*((k,) for k in every), *itertools.combinations(every, 2)]

@@ -102,9 +102,8 @@ class Recording(Protocol):
 class Misfit(Protocol):
     """A recording against a simulation.
 
-    ``vector`` (m,), in sigmas, white for a right model: all samples channel by channel, then events;
-    ``jacobian`` (m, unknowns), no columns where none were asked for; ``plain`` (channels, n), SI, by plain
-    subtraction; ``steps``: its cost.
+    ``vector`` (m,), in sigmas, white for a right model: all samples channel by channel, then events; ``jacobian``
+    (m, unknowns), without columns unless asked for; ``plain`` (channels, n), SI, by subtraction; ``steps``: its cost.
     """
 
     @property
@@ -154,8 +153,7 @@ class System(ABC):
 
     @property
     def most_work(self) -> float:
-        """Work, in steps of plain simulations, after which a search ends with its result so far; unlimited by
-        default."""
+        """Work, in steps of plain simulations, after which a search ends with what it has found; without limit here."""
         return float("inf")
 
     @property
@@ -229,8 +227,7 @@ class System(ABC):
         return None
 
     def missing(self, campaign: Campaign, null: Fit, told: Any) -> Sequence[Any]:
-        """The unexplained part as laws over states, what explains more first; none where the system has no such
-        search."""
+        """The unexplained part as laws over states, what explains more first; none where there is no such search."""
         return ()
 
     def shown(self) -> Shown:

@@ -1,4 +1,4 @@
-"""Errors of a solution of a validation run against the reference solution, in the quantities the issue names."""
+"""Errors of a validation run's solution against the reference, in the quantities for which an accuracy is required."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
     pip install ngsolve && python -m tests.benchmarks.shell_second_code
 
-The same shell theory as one energy; everything else is NGSolve's. For walls as solid bodies see facts/fe.md.
+The same shell theory as one energy; everything else is NGSolve's. For walls as solid bodies see ../shared/facts/fe.md.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""The elasticity by finite elements in the model: exact derivatives, the end of its range, its table's equilibria."""
+"""The elasticity by finite elements in the model: exact derivatives, the end of its range, its table's equilibria.
+
+Figures of other codes are those of ../shared/facts/fe.md.
+"""
 
 from __future__ import annotations
 

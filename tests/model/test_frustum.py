@@ -13,7 +13,7 @@ from tests.model.paper import PaperStraw
 
 STRAW = StrawParameters()
 ACTIVE = frustum_of(STRAW)
-#: paper/NOTES.md, mm and rad
+#: ../shared/paper/NOTES.md, mm and rad
 STABLE = {(-2.2800, 0.0), (2.0248, 0.0), (-0.2735, 0.2196), (-0.2735, -0.2196)}
 UNSTABLE = {(0.2552, 0.0), (-0.8014, 0.1727), (-0.8014, -0.1727), (1.0750, 0.1147), (1.0750, -0.1147)}
 #: The same constants written out; the others that a straw of one cell needs do not enter its elastic energy.

@@ -1,4 +1,7 @@
-"""The director shell: exact derivatives, known limits, figures of independent codes, and reports of unsolved points."""
+"""The director shell: exact derivatives, known limits, figures of independent codes, and reports of unsolved points.
+
+Figures of other codes are those of ../shared/facts/fe.md.
+"""
 
 from __future__ import annotations
 

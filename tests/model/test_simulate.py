@@ -27,7 +27,7 @@ def crossing_s(time_s: np.ndarray, zeta: np.ndarray) -> float:
 
 @pytest.mark.parametrize("name", ["fold", "deploy"])
 def test_the_papers_two_validation_runs_match_the_reference_solutions(shared: Path, name: str) -> None:
-    """Issue: X, Z within 10 um RMS, Phi within 0.3 mrad RMS, zero crossings of cells 1 and 4 within 1 ms."""
+    """Required: X, Z within 10 um RMS, Phi within 0.3 mrad RMS, zero crossings of cells 1 and 4 within 1 ms."""
     want = np.genfromtxt(shared / "reference" / f"{name}.csv", delimiter=",", names=True)
     straw, steady_pa, deployed = RUNS[name]
     time_s = np.concatenate([[0.0], want["t_s"]])

@@ -1,4 +1,4 @@
-"""The best ones and twos of fits of all causes at once, fitted by themselves."""
+"""The best single causes and pairs by fits of all causes at once, fitted by themselves."""
 
 from __future__ import annotations
 

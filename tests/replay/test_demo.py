@@ -92,7 +92,7 @@ def test_an_effect_counts_as_named_only_if_it_is_named_alone() -> None:
     assert not named(Concealed(NOTHING, {}), said("unknown_physics", "unknown"))
     told = story(late, Seal("{}"), Seal("{}").sha256, said("ambiguous", "clock_offset", "line_lag"))
     assert "not named: the diagnosis said ambiguous, clock_offset or line_lag" in told
-    assert "concealed was nothing" in story(Concealed(NOTHING, {}), Seal("{}"), "", said("complete"))
+    assert "nothing was concealed" in story(Concealed(NOTHING, {}), Seal("{}"), "", said("complete"))
 
 
 def test_a_faulty_gauge_shows_its_offset_and_nothing_else_changes() -> None:

@@ -21,7 +21,8 @@ from straw.replay.diagnose.discover.samples import to_predict
 from straw.replay.diagnose.fit import fitted
 from straw.replay.diagnose.systems.function.least import least
 from straw.replay.diagnose.systems.function.model import load_model
-from straw.replay.diagnose.systems.function.recording import Recorded, recordings_of
+from straw.replay.diagnose.systems.function.read_recordings import recordings_of
+from straw.replay.diagnose.systems.function.recording import Recorded
 from straw.replay.diagnose.systems.function.stack import Stacked
 from straw.replay.diagnose.systems.function.system import FunctionSystem
 

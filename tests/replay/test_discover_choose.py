@@ -11,7 +11,7 @@ import numpy as np
 
 from straw.replay.diagnose.discover.choose import drifts, fitting, forms_of, picked, rivals, written
 from straw.replay.diagnose.discover.screen import Candidate, told_ahead
-from straw.replay.diagnose.systems.function.kernel import CHANNEL, CLOCK, OF_STATE, OF_TIME, RATE
+from straw.replay.diagnose.systems.function.codes import CHANNEL, CLOCK, OF_STATE, OF_TIME, RATE
 from straw.replay.diagnose.systems.function.laws import Law, Place, State
 from straw.replay.diagnose.systems.function.recording import HeldOut
 from straw.replay.diagnose.systems.function.shapes import CUBE, LINEAR, POWER, SQUARE, TABLE

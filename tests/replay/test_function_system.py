@@ -15,7 +15,7 @@ from straw.replay.diagnose.systems.function.check import defects
 from straw.replay.diagnose.systems.function.model import load_model
 from straw.replay.diagnose.systems.function.noise import noise_of
 from straw.replay.diagnose.systems.function.places import passed, places
-from straw.replay.diagnose.systems.function.recording import read_recordings
+from straw.replay.diagnose.systems.function.read_recordings import read_recordings
 from straw.replay.diagnose.systems.function.system import FunctionSystem
 from straw.replay.diagnose.systems.function.table import read_table
 from straw.replay.errors import ReplayError

@@ -91,7 +91,7 @@ def end(server: subprocess.Popen[str]) -> None:
 
 
 def test_the_demo_tracks_nearly_every_frame_near_the_painted_truth(place: Path) -> None:
-    """Issue on tracking: end-on at 25 degrees with the planar constraint, X and Z <= 30 um, Phi <= 1 mrad RMS."""
+    """Required: end-on at 25 degrees with the planar constraint, X and Z <= 30 um, Phi <= 1 mrad RMS."""
     error = json.loads((place / "demo" / "demo.json").read_text())["tracking_error"]
     assert error["x_m"]["rms"] < 30e-6
     assert error["z_m"]["rms"] < 30e-6

@@ -49,7 +49,7 @@ def test_requirements_that_no_design_meets_are_reported(tmp_path: Path, capsys: 
 
 
 def test_an_order_of_snaps_is_checked_by_finite_elements(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """facts/fe.md: the paper's sealed frustum snaps at 25.2 kPa by finite elements, at 26.1 by equation 7."""
+    """../shared/facts/fe.md: the paper's sealed frustum snaps at 25.2 kPa by finite elements, at 26.1 by equation 7."""
     from straw.model.parameters import StrawParameters
     from straw.model.snap import snaps
 

@@ -12,7 +12,7 @@ from straw.replay.shell.table import _barriers_of
 
 
 def test_barriers_are_saddles_above_the_states_they_separate() -> None:
-    """facts/fe.md by NGSolve, and equation 7 in brackets: (zeta mm, phi, stable, mJ)."""
+    """../shared/facts/fe.md by NGSolve, and equation 7 in brackets: (zeta mm, phi, stable, mJ)."""
     shell = [(2.087, 0, True, 11.76), (0.232, 0, False, 21.19), (-2.28, 0, True, 0.0)]
     shell += [(-0.130, 0.215, True, 10.01), (1.035, 0.104, False, 17.31), (-0.864, 0.143, False, 12.14)]
     assert _barriers_of(shell) == pytest.approx(

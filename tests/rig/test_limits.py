@@ -10,7 +10,7 @@ from straw.rig.controller import Controller
 from straw.rig.drivers import make_controller
 from straw.rig.emulate import Emulation
 from straw.rig.errors import LimitError, RigError
-from straw.rig.limits import Leash, PressureLimits
+from straw.rig.limits import PressureLimits, RateLimiter
 from straw.rig.plant import PressurePlant
 
 
@@ -30,13 +30,13 @@ def test_no_sequence_of_sets_exceeds_the_rate_limit(seed: int) -> None:
     # Arbitrary sets at arbitrary times; of those that pass, the rate over every time interval is checked.
     random = np.random.default_rng(seed)
     rate, step = 10e3, 100.0
-    leash, now_s, at_pa = Leash(step), 0.0, 0.0
+    limiter, now_s, at_pa = RateLimiter(step), 0.0, 0.0
     passed = [(0.0, 0.0)]
     for _ in range(1500):
         now_s += random.choice([0.0, 1e-4, 1e-2, 0.3])
         wanted_pa = round(random.choice([at_pa + step, at_pa - step, random.uniform(-40e3, 60e3)]) / step) * step
-        if leash.why_not(wanted_pa, rate, now_s) is None:
-            leash.arrived(wanted_pa)
+        if limiter.why_not(wanted_pa, rate, now_s) is None:
+            limiter.arrived(wanted_pa)
             passed.append((now_s, wanted_pa))
             at_pa = wanted_pa
     time_s, pressure_pa = np.array(passed).T
@@ -48,11 +48,11 @@ def test_no_sequence_of_sets_exceeds_the_rate_limit(seed: int) -> None:
 
 
 def test_a_set_that_may_not_have_arrived_counts_as_arrived_and_as_not_arrived() -> None:
-    leash = Leash(100.0)
-    leash.arrived(0.0)
-    assert leash.why_not(2e3, 10e3, 1.0) is None  # sent, never acknowledged
-    assert leash.why_not(-2e3, 10e3, 1.3) is not None  # from 2 kPa it would be a step of 4 kPa
-    assert leash.why_not(1e3, 10e3, 1.3) is None
+    limiter = RateLimiter(100.0)
+    limiter.arrived(0.0)
+    assert limiter.why_not(2e3, 10e3, 1.0) is None  # sent, never acknowledged
+    assert limiter.why_not(-2e3, 10e3, 1.3) is not None  # from 2 kPa it would be a step of 4 kPa
+    assert limiter.why_not(1e3, 10e3, 1.3) is None
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.discover.screen import Candidate
 from straw.replay.diagnose.discover.trial import Trial
-from straw.replay.diagnose.systems.function.kernel import (
+from straw.replay.diagnose.systems.function.codes import (
     CHANNEL,
     CLOCK,
     DELAY,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,7 @@ from straw.replay.diagnose.discover.choose import (
 )
 from straw.replay.diagnose.discover.formulas import formulas
 from straw.replay.diagnose.discover.inline import Inline, never
+from straw.replay.diagnose.discover.rounds import Discovery, Step
 from straw.replay.diagnose.discover.same import written_otherwise
 from straw.replay.diagnose.discover.samples import asked_as, held_out, longest_step, thinned, to_predict
 from straw.replay.diagnose.discover.screen import Candidate, screened
@@ -36,7 +37,7 @@ from straw.replay.diagnose.discover.trial import LAST_ROUNDS, LAST_SHARE, Trial,
 from straw.replay.diagnose.fit import cost_at
 from straw.replay.diagnose.inquiry import Told, silent
 from straw.replay.diagnose.one_thread import one_blas_thread
-from straw.replay.diagnose.systems.function.kernel import STRENGTH
+from straw.replay.diagnose.systems.function.codes import STRENGTH
 from straw.replay.diagnose.systems.function.recording import Recorded
 from straw.replay.diagnose.systems.function.shapes import TABLE
 from straw.replay.diagnose.systems.function.stack import Stacked
@@ -48,60 +49,6 @@ Floats = NDArray[np.float64]
 LAWS, FORMULAS = 3, 4
 #: The base explains a channel if its RMS is within this multiple of the noise.
 TO_NOISE = 1.3
-
-
-@dataclass(frozen=True, eq=False)
-class Step:
-    """One round: the trial chosen, if any; all fitted ones, the best first; those not distinguishable from it.
-
-    ``same`` are the chosen law in other places, ``forms`` names of other shapes that it may have, ``errors``
-    (1 + alike, blocks) those of accepted and alike on the search's samples.
-    """
-
-    accepted: Trial | None
-    fitted: tuple[Trial, ...]
-    alike: tuple[Trial, ...]
-    promised: tuple[Candidate, ...]
-    same: tuple[Trial, ...] = ()
-    forms: tuple[str, ...] = ()
-    errors: Floats = field(default_factory=lambda: np.zeros((1, 1)))
-
-
-@dataclass(frozen=True, eq=False)
-class Discovery:
-    """The base's trial and the rounds; ``asked``: held-out RMS (channels,) of the base, then of each chosen trial.
-
-    ``searched`` are the recordings without their held-out readings, which nothing saw before; ``refused`` how many of
-    the last chosen trials they refuse.
-    """
-
-    base: Trial
-    steps: tuple[Step, ...]
-    noise: Floats
-    asked: tuple[Floats, ...]
-    searched: tuple[Recorded, ...]
-    refused: int = 0
-    whole: bool = True
-
-    @property
-    def chosen(self) -> list[Trial]:
-        """Trials chosen, in order, whether accepted or refused."""
-        return [step.accepted for step in self.steps if step.accepted]
-
-    @property
-    def accepted(self) -> list[Trial]:
-        """Trials accepted, in order."""
-        return self.chosen[: len(self.chosen) - self.refused]
-
-    @property
-    def best(self) -> Trial:
-        """The last accepted, or the base's."""
-        return ([self.base, *self.accepted])[-1]
-
-    @property
-    def held(self) -> tuple[Floats, ...]:
-        """Held-out RMS (channels,) of the base, then of each accepted trial."""
-        return self.asked[: len(self.accepted) + 1]
 
 
 @one_blas_thread()
@@ -214,7 +161,7 @@ def one_round(current: Trial, unit: Floats, pool: Executor, stop: Callable[[], b
     last = polished(accepted)
     if last.predicts < accepted.predicts:
         every[every.index(accepted)] = left[0] = accepted = last
-    accepted = at_once(accepted)
+    accepted = without_lag(accepted)
     alike = [one for one in left if rivals(one.laws[-1], accepted.laws[-1]) and not apart(one, accepted)]
     same = [one for one in alike if written_otherwise(accepted, one, current, runs)]
     alike = [one for one in alike if one not in same]
@@ -224,7 +171,7 @@ def one_round(current: Trial, unit: Floats, pool: Executor, stop: Callable[[], b
     return Step(accepted, tuple(every), tuple(alike), tuple(promised[:FITTED]), tuple(same), forms, errors)
 
 
-def at_once(trial: Trial) -> Trial:
+def without_lag(trial: Trial) -> Trial:
     """The trial with its last law over the state itself, where a lag gives no relevant improvement."""
     law, number = trial.laws[-1], len(trial.laws) - 1
     if law.state.lag_s is None:

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.discover.choose import drifts
-from straw.replay.diagnose.discover.discover import TO_NOISE, Discovery, Step
+from straw.replay.diagnose.discover.discover import TO_NOISE
+from straw.replay.diagnose.discover.rounds import Discovery, Step
 from straw.replay.diagnose.discover.said import asides, gain, headline
 from straw.replay.diagnose.discover.trial import Trial
-from straw.replay.diagnose.discover.words import Told, acts_in_recording, as_json, is_fault, law_text, told
+from straw.replay.diagnose.discover.words import ReportedLaw, acts_in_recording, as_json, is_fault, law_text, told
 from straw.replay.diagnose.systems.function.places import makes_sense, passed, states, together
 from straw.replay.diagnose.systems.function.recording import Recorded
 
@@ -40,7 +41,7 @@ class SystemFindings:
         return tuple(c.name for c in self.discovery.base.system.channels)
 
     @cached_property
-    def laws(self) -> list[Told]:
+    def laws(self) -> list[ReportedLaw]:
         """Laws accepted, in order."""
         return [told(self.discovery.best, k) for k in range(len(self.discovery.best.laws))]
 

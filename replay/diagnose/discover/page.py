@@ -7,7 +7,7 @@ import html
 import numpy as np
 
 from straw.replay.diagnose.discover.findings import SystemFindings
-from straw.replay.diagnose.discover.words import Told, law_text
+from straw.replay.diagnose.discover.words import ReportedLaw, law_text
 from straw.replay.diagnose.formed import Model
 from straw.replay.diagnose.page.fits import law_curve, left_over
 from straw.replay.diagnose.page.player import played
@@ -97,7 +97,7 @@ def _there(f: SystemFindings) -> str:
     return "Where nothing was fitted" if any(o.held.any() for o in f.recordings) else "Where it was fitted"
 
 
-def _law(one: Told, number: int, of: int) -> LawTold:
+def _law(one: ReportedLaw, number: int, of: int) -> LawTold:
     name = one.law.said[:1].upper() + one.law.said[1:]
     constants = [
         Constant(n, "", v, v - INTERVAL * s, v + INTERVAL * s, unit) for n, (v, s, unit) in one.constants.items()
@@ -154,12 +154,12 @@ def _unseen(f: SystemFindings) -> str:
     left = [f"{sig(r)} {c.shown_unit} in {c.symbol}" for r, c in zip(f.remainder, channels, strict=True) if r > 0]
     rest = f" What remains above noise, {and_(left)} (RMS), is not explained by anything here." if left else ""
     states = "".join(
-        f" Of {_the_law(f, k)} nothing is known outside {one.law.state.name} = {sig(one.law.state.low)} to "
+        f" Nothing is known of {_the_law(f, k)} outside {one.law.state.name} = {sig(one.law.state.low)} to "
         f"{sig(one.law.state.high)} {one.law.state.unit}.".replace(" 1.", ".")
         for k, one in enumerate(f.laws, 1)
         if one.law.over != "nothing"
     )
-    return f"Whatever does less than the noise ({noise}).{rest}{states}"
+    return f"Effects smaller than the noise ({noise}).{rest}{states}"
 
 
 def _details(f: SystemFindings) -> list[tuple[str, str]]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.discover.trial import Trial
-from straw.replay.diagnose.systems.function.kernel import CLOCK, DELAY
+from straw.replay.diagnose.systems.function.codes import CLOCK, DELAY
 from straw.replay.diagnose.systems.function.recording import Recorded
 
 Floats = NDArray[np.float64]

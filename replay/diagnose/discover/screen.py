@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from straw.replay.diagnose.discover.blocks import blocks, how_asked, predicted
 from straw.replay.diagnose.discover.trial import Trial, rough
 from straw.replay.diagnose.inquiry import Told
-from straw.replay.diagnose.systems.function.kernel import OF_INPUT, OF_NOTHING, OF_RATE, OF_STATE, OF_TIME
+from straw.replay.diagnose.systems.function.codes import OF_INPUT, OF_NOTHING, OF_RATE, OF_STATE, OF_TIME
 from straw.replay.diagnose.systems.function.laws import Law
 from straw.replay.diagnose.systems.function.places import Passed, makes_sense, passed, places, points, smooth, states
 from straw.replay.diagnose.systems.function.recording import HeldOut, Recorded

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.discover.trial import Trial, covariance_of
-from straw.replay.diagnose.systems.function.kernel import (
+from straw.replay.diagnose.systems.function.codes import (
     CHANNEL,
     CLOCK,
     DELAY,
@@ -43,8 +43,8 @@ READS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
-    """A reported law: formula, constants (value, deviation, unit), and its curve (state, value, deviation)."""
+class ReportedLaw:
+    """A law as it is reported: formula, constants (value, deviation, unit), and its curve (state, value, deviation)."""
 
     law: Law
     formula: str
@@ -52,7 +52,7 @@ class Told:
     curve: Floats  # (3, n)
 
 
-def is_fault(one: Told) -> bool | None:
+def is_fault(one: ReportedLaw) -> bool | None:
     """Whether a law is a fault of the recording, whatever the system; None where that is undetermined.
 
     A delay may be the system's, too, but only a clock can put an effect before its cause. A drift may be the
@@ -75,7 +75,7 @@ def acts_in_recording(law: Law) -> bool:
     return own or law.place.kind in (CLOCK, DELAY, INPUT)
 
 
-def told(trial: Trial, number: int) -> Told:
+def told(trial: Trial, number: int) -> ReportedLaw:
     """A trial's law by its number, with its uncertainty, the other constants free."""
     law, fit = trial.laws[number], trial.fit
     own = [k for k, one in enumerate(fit.unknowns) if one.target.startswith(f"law.{number}.")]
@@ -99,7 +99,7 @@ def told(trial: Trial, number: int) -> Told:
     steps = 1e-4 * np.eye(len(own))
     slopes = np.array([(values(here + s) - values(here - s)) / 2e-4 for s in steps])
     band = np.sqrt(np.maximum(np.einsum("kn,kj,jn->n", slopes, covariance, slopes), 0.0))
-    return Told(law, formula(law, trial.values, number), constants, np.stack([at, values(here), band]))
+    return ReportedLaw(law, formula(law, trial.values, number), constants, np.stack([at, values(here), band]))
 
 
 def unit_of(law: Law, constant: str) -> str:
@@ -144,7 +144,7 @@ def formula(law: Law, values: dict[str, float], number: int) -> str:
         own = law.state.symbol or law.state.name
         lag = f", where {symbol(law)} follows {own} with lag {values[prefix + 'lag_s']:.3g} s"
     if law.place.kind == STRENGTH:
-        return f"the law before, {READS[STRENGTH].format(f=f)}{lag}"
+        return f"the previous law {READS[STRENGTH].format(f=f)}{lag}"
     return READS[law.place.kind].format(name=name, f=f) + lag
 
 
@@ -187,7 +187,7 @@ def law_text(trial: Trial, number: int) -> str:
     return f"{head}def law(s):\n    return {values[prefix + 'strength']:.6g} * {text}\n"
 
 
-def as_json(one: Told) -> dict[str, Any]:
+def as_json(one: ReportedLaw) -> dict[str, Any]:
     """Plain data."""
     return {
         "place": one.law.place.name,

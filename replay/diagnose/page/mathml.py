@@ -29,6 +29,8 @@ SHORT = {"of", "at", "by", "in", "is", "or", "to", "as", "on"}
 SIGNS = {"-": MINUS, "*": "·", "->": "→", "...": "…"}
 NUMBER = re.compile(r"(\d(?:\.\d+)?)e([+-]?\d+)")
 OPEN, CLOSE = "<mrow><mo>(</mo>", "<mo>)</mo></mrow>"
+#: Around what is no taller than a line, as some fonts stretch brackets beyond it.
+LOW_OPEN, LOW_CLOSE = (one.replace("<mo>", '<mo stretchy="false">') for one in (OPEN, CLOSE))
 Token = tuple[str, str]
 
 
@@ -108,7 +110,8 @@ class _Reader:
         if word == "(":
             inside = self.row(")")
             self._skip()
-            return f"{OPEN}{inside}{CLOSE}"
+            tall = "<mfrac>" in inside or "<msup>" in inside or "<msqrt>" in inside
+            return f"{OPEN}{inside}{CLOSE}" if tall else f"{LOW_OPEN}{inside}{LOW_CLOSE}"
         if word == "|":
             inside = self.row("|")
             self._skip()
@@ -160,7 +163,10 @@ def _spaced(words: list[str]) -> list[str]:
 
 def _bare(one: str) -> str:
     """Without brackets in a numerator or denominator."""
-    return f"<mrow>{one[len(OPEN) : -len(CLOSE)]}</mrow>" if one.startswith(OPEN) and one.endswith(CLOSE) else one
+    for first, last in ((OPEN, CLOSE), (LOW_OPEN, LOW_CLOSE)):
+        if one.startswith(first) and one.endswith(last):
+            return f"<mrow>{one[len(first) : -len(last)]}</mrow>"
+    return one
 
 
 def _number(word: str) -> str:

@@ -78,9 +78,9 @@ def _figure(picture: str, caption: str, kind: str = "") -> str:
 
 
 def _law(one: LawTold) -> str:
-    out = f"<h3>{text(one.name)}</h3>"
+    head, out = f"<h3>{text(one.name)}</h3>", ""
     if one.formula:
-        out += f'<p class="law" title="{text(one.formula)}">{mathml(one.formula)}</p>'
+        head += f'<p class="law" title="{text(one.formula)}">{mathml(one.formula)}</p>'
     if one.words:
         out += f"<p class=facts>{text(one.words)}</p>"
     if one.constants:
@@ -90,9 +90,9 @@ def _law(one: LawTold) -> str:
             + "</tr>"
             for c in one.constants
         )
-        head = "<tr><th>constant</th><th>value</th><th>95 % interval</th></tr>"
-        out += f"<div class=scroll><table class=constants>{head}{rows}</table></div>"
-    return f"<div class=found><div>{out}</div>{one.picture}</div>"
+        top = "<tr><th>constant</th><th>value</th><th>95 % interval</th></tr>"
+        out += f"<div class=scroll><table class=constants>{top}{rows}</table></div>"
+    return f"<div class=found><div class=head>{head}</div><div>{out}</div>{one.picture}</div>"
 
 
 def _errors(errors: Sequence[Error]) -> str:

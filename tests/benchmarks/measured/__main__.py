@@ -30,7 +30,7 @@ from straw.replay.diagnose.discover.findings import SystemFindings
 from straw.replay.diagnose.discover.page import page
 from straw.replay.diagnose.discover.said import text
 from straw.replay.diagnose.systems.function.model import Model, load_model
-from straw.replay.diagnose.systems.function.recording import read_recordings
+from straw.replay.diagnose.systems.function.read_recordings import read_recordings
 from straw.replay.diagnose.systems.function.shapes import SHAPES, TABLE
 from straw.replay.diagnose.systems.function.system import FunctionSystem
 from straw.replay.output import write_json, write_text

@@ -25,7 +25,7 @@ import numpy as np
 from straw.replay.diagnose.discover.discover import discover
 from straw.replay.diagnose.discover.findings import SystemFindings
 from straw.replay.diagnose.systems.function.model import load_model
-from straw.replay.diagnose.systems.function.recording import recordings_of
+from straw.replay.diagnose.systems.function.read_recordings import recordings_of
 from straw.replay.diagnose.systems.function.system import FunctionSystem
 from tests.benchmarks.measured.__main__ import AGREES, agrees
 from tests.benchmarks.planted.cases import CASES

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.hypothesis import Unknown
-from straw.replay.diagnose.systems.function.kernel import STRENGTH
+from straw.replay.diagnose.systems.function.codes import STRENGTH
 from straw.replay.diagnose.systems.function.shapes import CONSTANT, FADES, POWER, SHAPES, TABLE, values_of
 
 Floats = NDArray[np.float64]

@@ -1,6 +1,7 @@
 """A user's system file, read and checked: constants, inputs, channels, states, and the functions that relate them.
 
-See `docs` in `describe.py` for what a file says. Times are in seconds, all else in the units that the file names.
+The guide says under "A system of your own" what a file holds. Times are in seconds, all else in the units that the file
+names.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from straw.replay.diagnose.systems.function.kernel import (
+from straw.replay.diagnose.systems.function.codes import (
     CHANNEL,
     CLOCK,
     DELAY,

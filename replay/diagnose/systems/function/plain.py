@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.replay.diagnose.systems.function.functions import fields
-from straw.replay.diagnose.systems.function.kernel import (
+from straw.replay.diagnose.systems.function.clocks import delays, warped
+from straw.replay.diagnose.systems.function.codes import (
     CHANNEL,
     FACTOR,
     INPUT,
@@ -15,9 +15,8 @@ from straw.replay.diagnose.systems.function.kernel import (
     OF_TIME,
     SHIFT,
     STRENGTH,
-    delays,
-    warped,
 )
+from straw.replay.diagnose.systems.function.functions import fields
 from straw.replay.diagnose.systems.function.model import Model
 from straw.replay.diagnose.systems.function.shapes import values_of
 from straw.replay.errors import ReplayError

@@ -16,7 +16,8 @@ from straw.replay.diagnose.system import System
 from straw.replay.diagnose.systems.function.encoding import Encoding
 from straw.replay.diagnose.systems.function.plain import plain_march
 from straw.replay.diagnose.systems.function.recording import Recorded
-from straw.replay.diagnose.systems.function.shots import profiled, varied
+from straw.replay.diagnose.systems.function.shots import profiled
+from straw.replay.diagnose.systems.function.varied import varied
 
 if TYPE_CHECKING:  # for types only, as it imports this module
     from straw.replay.diagnose.systems.function.system import FunctionSystem

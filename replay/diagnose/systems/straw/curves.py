@@ -1,13 +1,13 @@
 """The search for curves over the states that a missing force may depend on.
 
-All states are tried to first order, the most promising fitted to the coarse comparison, and the best of these to all
-samples, its points moved to where it bends. Beside the best one a second is sought in the same way.
+The most promising states to first order (`promising.py`) are fitted to the coarse comparison, and the best of these to
+all samples, with their points moved to where the curve bends. A second curve is sought beside the best in the same way.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,22 +19,18 @@ from straw.replay.diagnose.inquiry import Told, silent
 from straw.replay.diagnose.refine import refined, without_a_run
 from straw.replay.diagnose.settings import COARSE_ROUNDS, ROUNDS
 from straw.replay.diagnose.systems.straw.base import telling_runs
-from straw.replay.diagnose.systems.straw.constants import applied
 from straw.replay.diagnose.systems.straw.curve import (
     FIRST_ROUNDS,
     MOVES,
     SHARE,
     Curve,
     carried_on,
-    downhill,
     on_points,
     priced,
-    with_points,
 )
-from straw.replay.diagnose.systems.straw.of import straw_of
-from straw.replay.diagnose.systems.straw.simulated import simulated
+from straw.replay.diagnose.systems.straw.promising import Start, promising
 from straw.replay.diagnose.systems.straw.states import STATES, State
-from straw.replay.diagnose.systems.straw.tables import bent_points, points
+from straw.replay.diagnose.systems.straw.tables import bent_points
 from straw.replay.diagnose.systems.straw.toward import towards_a_point
 
 Floats = NDArray[np.float64]
@@ -43,20 +39,10 @@ Floats = NDArray[np.float64]
 FITTED, FINISHED = 4, 2
 #: Share of the cost that another move of the points to a bend has to gain.
 GAINS = 0.01
-#: Steps of the search to the size of force that the first slopes predict, and its limit in units.
-STEPS, LARGEST = 3.0, 1000.0
 #: Another state is a rival while its first fit costs less than this many times the best's.
 RIVAL = 1.5
 #: Constants of the base that are taken from its fit; elasticity and geometry start as given.
 TAKEN_ALONG = ("straw.r_ch_m", "straw.c_zeta_n_s_per_m", "straw.c_phi_n_m_s_per_rad")
-
-
-@dataclass(frozen=True, eq=False)
-class _Start:
-    """A state's curve at zero, beside the base's fit: the cost predicted by its slopes."""
-
-    curve: Curve
-    promise: float
 
 
 def curves(campaign: Campaign, null: Fit, told: Told = silent, states: Sequence[State] = STATES) -> list[Curve]:
@@ -65,9 +51,10 @@ def curves(campaign: Campaign, null: Fit, told: Told = silent, states: Sequence[
     # the missing force has biased the base's constants: only damping and channel are kept
     calm = np.where([k.target in TAKEN_ALONG for k in null.unknowns], null.u, 0.0)
     known, none = evaluated(wide, null.unknowns, calm), np.zeros((0, len(calm)))
-    starts = _promising(wide, known, none, 0, campaign.observations, told, states, FITTED)
     tried, steps = len(states), len(states) + 2 * FITTED
-    first = _first_fits(starts, campaign.observations, lambda name, k: told(name, tried + k, steps))
+    runs = campaign.observations
+    starts = promising(wide, known, none, 0, runs, lambda name, k: told(name, k, steps), states, FITTED)
+    first = _first_fits(starts, runs, lambda name, k: told(name, tried + k, steps))
     found: list[Curve] = []
     for k, curve in enumerate(first):
         told(curve.state.name, tried + FITTED + k, steps)
@@ -85,10 +72,12 @@ def beside(
     wide = here.only(telling_runs(campaign, null)).coarse()
     known = evaluated(wide, first.fit.unknowns, first.fit.u, first.smooth)
     others = [state for state in states if state.name != first.state.name]
-    starts = _promising(wide, known, first.smooth, len(first.at), campaign.observations, told, others, FINISHED)
+    steps, values, runs = len(others) + 2 * FITTED, len(first.at), campaign.observations
+    report: Callable[[str, int], None] = lambda name, k: told(name, k, steps)  # noqa: E731
+    starts = promising(wide, known, first.smooth, values, runs, report, others, FINISHED)
     if campaign.stop() or not starts:
         return None
-    tried = _first_fits(starts, campaign.observations, lambda name, k: None)
+    tried = _first_fits(starts, runs, lambda name, k: None)
     best = min(one.fit.cost for one in tried)
     finished = []
     for k, one in enumerate(tried, 1):
@@ -104,28 +93,8 @@ def restarted(curve: Curve, u: Floats) -> Curve:
     return _moved(carried_on(replace(curve, fit=fit), curve.campaign, ROUNDS), curve.campaign)
 
 
-def _promising(
-    wide: Campaign,
-    known: Fit,
-    beneath: Floats,
-    values: int,
-    observations: Sequence[Any],
-    told: Told,
-    states: Sequence[State],
-    most: int,
-) -> list[list[_Start]]:
-    """Curves at zero over the few states, at most ``most``, that promise most, the best first; of each state from all
-    of its starts, as the first slopes do not tell where a point lies. None where the search was stopped."""
-    starts: dict[str, list[_Start]] = {}
-    for start in _starts(wide, known, beneath, values, observations, told, states):
-        starts.setdefault(start.curve.state.name, []).append(start)
-        if wide.stop():
-            return []
-    return sorted(starts.values(), key=lambda some: min(one.promise for one in some))[:most]
-
-
 def _first_fits(
-    starts: Sequence[Sequence[_Start]], observations: Sequence[Any], told: Callable[[str, int], None]
+    starts: Sequence[Sequence[Start]], observations: Sequence[Any], told: Callable[[str, int], None]
 ) -> list[Curve]:
     """The best fit over each state, the best of all first."""
     found = []
@@ -169,42 +138,3 @@ def _moved(curve: Curve, campaign: Campaign) -> Curve:
         if gain < GAINS:
             break
     return curve
-
-
-def _starts(
-    campaign: Campaign,
-    null: Fit,
-    beneath: Floats,
-    values: int,
-    observations: Sequence[Any],
-    told: Told,
-    states: Sequence[State],
-) -> Iterator[_Start]:
-    """Every state's curve at zero with its slopes; its points lie where all observations pass.
-
-    The last unknowns of the fit, ``values`` of them, are those of another curve; a state's further constants come
-    before them, so that all curves come last.
-    """
-    straw, _ = applied(straw_of(campaign), null.unknowns, null.u)
-    seen = [(o, simulated(o, straw_of(campaign), null.unknowns, null.u).prediction) for o in observations]
-    before = len(null.u) - values
-    for k, state in enumerate(states):
-        told(state.name, k, len(states) + 2 * FITTED)
-        at = points(state, [state.visited(straw, o, p) for o, p in seen])
-        if at is None:
-            continue
-        more = len(state.further)
-        base = (*null.unknowns[:before], *state.further, *null.unknowns[before:])
-        rows = np.insert(beneath, [before] * more, 0.0, axis=1)
-        here, unknowns, smooth = with_points(campaign, base, rows, state, at)
-        u = np.insert(null.u, [before] * more, [one.mean for one in state.further])
-        u = np.concatenate([u, np.zeros(len(unknowns) - len(base))])
-        fit = evaluated(here, unknowns, u, smooth)
-        unit, wanted = unknowns[-1].scale, -downhill(fit, smooth)[0][len(base) :]
-        # in units of the predicted size a large force is as near as a small one
-        larger = float(np.clip(np.max(np.abs(wanted)) / STEPS, 1.0, LARGEST))
-        slopes = fit.slopes.copy()
-        slopes[:, len(base) :] *= larger
-        unknowns = (*base, *(replace(k, scale=unit * larger) for k in unknowns[len(base) :]))
-        fit = replace(fit, unknowns=unknowns, slopes=slopes)
-        yield _Start(Curve(state, here, smooth, rows, fit, at, at), fit.cost - downhill(fit, smooth)[1])

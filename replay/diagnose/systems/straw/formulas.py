@@ -46,7 +46,7 @@ def tabulated(curves: Sequence[Curve], null: Fit, forms: Sequence[Written]) -> t
 
     The system knows tables only. One whose points lie where the curve bends follows a formula's kink to the distance of
     two points, and the fit then moves the kink, and the base's constants, to make up for it. So the tables' points are
-    placed by the formulas, and placed anew until the kinks stay; what fits best is kept, as a law that is not quite the
+    placed by the formulas, again and again until the kinks stay. What fits best is kept, as a law that is not quite the
     formula may be nearer to it between points that lie farther apart.
     """
     last = curves[-1]

@@ -45,7 +45,7 @@ class State:
     scale: Callable[[StrawParameters], float] = lambda straw: 1.0  # SI value of a point at 1
     further: tuple[Unknown, ...] = ()  # more constants, found with the table's values, in the unit of its points
     symbols: tuple[str, ...] = ()  # of these
-    anew: Callable[..., State] | None = None  # the state sought from other values of these on
+    sought_from: Callable[..., State] | None = None  # the state with other values of these to start from
 
     @property
     def term(self) -> str:
@@ -115,7 +115,7 @@ def _toward(x: float, z: float) -> State:
         "tip distance", "r", "m", "F", "N",
         "a force on the tip towards a fixed point that depends on the distance from it",
         "term.missing_tip_force.pull_{}_n", "far_{}", 2e-3, _from(x, z), scale=_length_m,
-        symbols=("X", "Z"), anew=_toward,
+        symbols=("X", "Z"), sought_from=_toward,
         further=tuple(
             Unknown(f"term.missing_tip_force.{name}", POST, kind="linear", mean=at / POST, sd=1 / (3 * POST))
             for name, at in where

@@ -99,8 +99,8 @@ def _table(curve: Curve, observations: Sequence[Any], law: Atom | None = None) -
     range bends, to be fitted."""
     fit, names = curve.fit, [k.target for k in curve.fit.unknowns]
     places = [names.index(one.target) for one in curve.state.further]
-    assert curve.state.anew is not None
-    state = curve.state.anew(*(fit.unknowns[k].value(float(fit.u[k])) for k in places))
+    assert curve.state.sought_from is not None
+    state = curve.state.sought_from(*(fit.unknowns[k].value(float(fit.u[k])) for k in places))
     unknowns = list(fit.unknowns)
     for k, one in zip(places, state.further, strict=True):
         unknowns[k] = one
