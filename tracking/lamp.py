@@ -78,8 +78,8 @@ def find_blinks(blocks: Blocks, bursts: Sequence[Sequence[float]]) -> Blinks:
                 best, place, lag = score, int(some[at]), k
     if best < LEAST_CORRELATION:
         raise TrackingError(
-            f"no light in the picture follows the burst (correlation {best:.2f} at most, {LEAST_CORRELATION} required); "
-            "is the LED in view?"
+            "no light in the picture follows the burst "
+            f"(correlation {best:.2f} at most, {LEAST_CORRELATION} required); is the LED in view?"
         )
     light = _light(blocks, place // columns, place % columns)
     offset_s = grid_s[min(lag + margin, len(grid_s) - 1)] - starts[0]
