@@ -69,6 +69,6 @@ def _coarse_shift(host_s: Floats, predicted: Floats, seen_s: Floats, seen: Float
     moved = np.column_stack([np.interp(grid_s, seen_s, axis) for axis in seen.T])
     width = 12  # a twentieth of a second: over a shorter time noise dominates the difference
     a, b = (np.linalg.norm(x[width:] - x[:-width], axis=1) for x in (moved, predicted))
-    likeness = fftconvolve(a - a.mean(), (b - b.mean())[::-1], mode="full")
-    lag = int(np.argmax(likeness)) - (len(b) - 1)
+    correlation = fftconvolve(a - a.mean(), (b - b.mean())[::-1], mode="full")
+    lag = int(np.argmax(correlation)) - (len(b) - 1)
     return float(grid_s[0] + lag / RATE_HZ - host_s[0])

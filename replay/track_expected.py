@@ -54,9 +54,9 @@ def against_model(run: Run, tip: TipTrace, straw: StrawParameters, camera: Camer
         what = f"the tip takes {slow:.1f} times as long for its motion as the run's model"
         return [f"{what}: filmed in slow motion? then give the rate it was filmed at, near --fps {fps:.0f}"]
     reversed_ = [
-        f"{name} ({likeness:.2f})"
+        f"{name} ({correlation:.2f})"
         for name, (seen, predicted) in pairs.items()
-        if (likeness := _likeness(tip.time_s[tip.valid], seen, host_s, predicted)) < _AGAINST
+        if (correlation := _correlation(tip.time_s[tip.valid], seen, host_s, predicted)) < _AGAINST
     ]
     if not reversed_:
         return []
@@ -64,7 +64,7 @@ def against_model(run: Run, tip: TipTrace, straw: StrawParameters, camera: Camer
     return [f"{what}: is board_x_in_image '{camera.board_x_in_image}', and mount '{camera.mount}'?"]
 
 
-def _likeness(seen_s: Floats, seen: Floats, host_s: Floats, predicted: Floats) -> float:
+def _correlation(seen_s: Floats, seen: Floats, host_s: Floats, predicted: Floats) -> float:
     """Correlation of two displacements from rest, without subtracting means, as the direction is wanted."""
     there = np.interp(seen_s, host_s, predicted)
     size = float(np.linalg.norm(seen) * np.linalg.norm(there))

@@ -45,11 +45,6 @@ class Board:
         """Side of one square."""
         return self.size_m / self.squares
 
-    @property
-    def two_faced(self) -> bool:
-        """Whether half a turn maps black onto black, so that no picture tells the board from itself upside down."""
-        return sum(self.shape) % 2 == 0
-
     def __str__(self) -> str:
         return f"{self.squares}x{self.squares_y or self.squares} squares"
 

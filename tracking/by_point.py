@@ -52,15 +52,15 @@ def with_point(track: Track, videos: Sequence[Path], edit: Edit, start_s: float)
         what = f"mend: the point at {edit.at_px} is seen beside the board in {len(known)} frames"
         raise TrackingError(f"{what}; at least {_FEWEST} are needed to locate it on the tip: widen its frames")
     place = np.column_stack((trace.x_m, trace.z_m, trace.phi_rad))
-    eye = _Eye(track, {k: point for k, point in points.items() if point is not None})
-    dated = {k: times_s[k - edit.first] + row_s * point.at_px[1] for k, point in eye.points.items()}
+    seen = _SeenPoint(track, {k: point for k, point in points.items() if point is not None})
+    dated = {k: times_s[k - edit.first] + row_s * point.at_px[1] for k, point in seen.points.items()}
     then = {k: _at(trace.time_s[trace.valid], place[trace.valid], dated[k]) for k in known}
-    arm, spread = eye.arm(known, then)
+    arm, spread = seen.arm(known, then)
     columns = {name: getattr(trace, name).copy() for name in (f.name for f in dataclasses.fields(trace))}
     said = track.said.copy()
     good = np.flatnonzero(trace.valid)
     for k in shown:
-        if trace.valid[k] or k not in eye.points or not good[0] < k < good[-1]:
+        if trace.valid[k] or k not in seen.points or not good[0] < k < good[-1]:
             continue
         before, after = good[good < k][-1], good[good > k][0]
         share = (dated[k] - trace.time_s[before]) / (trace.time_s[after] - trace.time_s[before])
@@ -69,7 +69,7 @@ def with_point(track: Track, videos: Sequence[Path], edit: Edit, start_s: float)
             max(trace.sigma_phi_rad[before], trace.sigma_phi_rad[after]),
             abs(trace.phi_rad[after] - trace.phi_rad[before]) / 2,
         )
-        found = eye.pose(k, (1 - share) * place[before] + share * place[after], phi, sigma_phi, arm, spread)
+        found = seen.pose(k, (1 - share) * place[before] + share * place[after], phi, sigma_phi, arm, spread)
         if found is None or not columns["time_s"][k - 1] < dated[k] < columns["time_s"][k + 1]:
             continue
         (x, z), (sigma_x, sigma_z) = found
@@ -81,7 +81,7 @@ def with_point(track: Track, videos: Sequence[Path], edit: Edit, start_s: float)
     return dataclasses.replace(track, trace=dataclasses.replace(trace, **columns), said=said)
 
 
-class _Eye:
+class _SeenPoint:
     """What the camera sees of a point that the tip carries."""
 
     def __init__(self, track: Track, points: dict[int, Point]) -> None:

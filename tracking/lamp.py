@@ -16,7 +16,7 @@ from straw.tracking.video import Frame
 Floats = NDArray[np.float64]
 
 BLOCK_PX = 24  # an LED is a few pixels wide, and its glow some more
-LIKENESS = 0.7  # correlation with the rhythm below which nothing is taken for the lamp; noise alone stays under 0.5
+LEAST_CORRELATION = 0.7  # with the rhythm; below it nothing is taken for the lamp; noise alone stays under 0.5
 SLOW_S = 0.3  # slower changes belong to the scene, not the lamp
 DRIFT = 1e-3  # camera clocks run apart by 50 parts in a million, bad ones by a few hundred
 
@@ -33,14 +33,14 @@ class Blocks:
 class Blinks:
     """Where a lamp was seen, and when it changed (s on the video's clock), one time for each change requested.
 
-    NaN where a change was not seen; ``sigma_s`` is a frame's own uncertainty; ``likeness`` the correlation found.
+    NaN where a change was not seen; ``sigma_s`` is a frame's own uncertainty; ``correlation`` is that with the rhythm.
     """
 
     row_px: int
     column_px: int
     time_s: Floats
     sigma_s: float
-    likeness: float
+    correlation: float
 
 
 def blocks_of(frames: Iterable[Frame]) -> Blocks:
@@ -76,9 +76,10 @@ def find_blinks(blocks: Blocks, bursts: Sequence[Sequence[float]]) -> Blinks:
             score, at, k = _best(_quick(series[:, some], 2 * margin + 1), grid_s, bursts, starts, frame_s)
             if score > best:
                 best, place, lag = score, int(some[at]), k
-    if best < LIKENESS:
+    if best < LEAST_CORRELATION:
         raise TrackingError(
-            f"no light in the picture follows the burst (best likeness {best:.2f} of {LIKENESS}); is the LED in view?"
+            "no light in the picture follows the burst "
+            f"(correlation {best:.2f} at most, {LEAST_CORRELATION} required); is the LED in view?"
         )
     light = _light(blocks, place // columns, place % columns)
     offset_s = grid_s[min(lag + margin, len(grid_s) - 1)] - starts[0]
@@ -89,21 +90,21 @@ def find_blinks(blocks: Blocks, bursts: Sequence[Sequence[float]]) -> Blinks:
         column_px=place % columns * BLOCK_PX + middle,
         time_s=np.concatenate(seen),
         sigma_s=frame_s / np.sqrt(12.0),
-        likeness=best,
+        correlation=best,
     )
 
 
 def _best(
     series: Floats, grid_s: Floats, bursts: Sequence[Sequence[float]], starts: Sequence[float], frame_s: float
 ) -> tuple[float, int, int]:
-    """Highest mean likeness over all bursts, the column it is in, and the frame at which the first burst starts."""
+    """Highest mean correlation over all bursts, the column it is in, and the frame at which the first burst starts."""
     total: Floats | None = None
     for burst, start_s in zip(bursts, starts, strict=True):
-        likeness = _likeness(series, _template(burst, frame_s, round(SLOW_S / 2 / frame_s)))
+        correlation = _correlation(series, _template(burst, frame_s, round(SLOW_S / 2 / frame_s)))
         away = round((start_s - starts[0]) / frame_s)
         slack = 2 + int(DRIFT * abs(away))
         padded = np.full((len(grid_s), series.shape[1]), -1.0)
-        padded[: len(likeness)] = likeness
+        padded[: len(correlation)] = correlation
         here = np.full_like(padded, -1.0)
         for shift in range(away - slack, away + slack + 1) if away else (0,):
             moved = padded[max(shift, 0) : len(grid_s) + min(shift, 0)]
@@ -131,7 +132,7 @@ def _quick(series: NDArray[Any], width: int) -> Floats:
     return np.asarray(values - uniform_filter1d(values, width, axis=0, mode="nearest"))
 
 
-def _likeness(series: Floats, template: Floats) -> Floats:
+def _correlation(series: Floats, template: Floats) -> Floats:
     """Correlation coefficient of each column with the template at every lag, (lags, columns)."""
     from scipy.signal import fftconvolve
 

@@ -74,7 +74,7 @@ def paint_video(
     """Paint and encode; return the frame times (n,) in seconds from 0, the middle of the first row's exposure.
 
     ``tip`` maps times (k,) to x_m, z_m, phi_rad, each (k,) or a scalar; ``noise_sigma`` is in grey levels. Row r is
-    exposed ``r * line_s`` after the first (rolling shutter). ``decoys``: boards that lie about, each with its
+    exposed ``r * line_s`` after the first (rolling shutter). ``decoys``: boards that lie around, each with its
     ``world_from_board`` (4x4). ``retouch(index, picture)`` may paint over a finished picture: fingers, glare. The
     camera needs ``world_from_camera`` and a fisheye lens. Modelled: lens, perspective, motion blur, rolling shutter,
     soft edges, uneven light, clutter, sensor noise, 8 bits, H.264 or HEVC. Not modelled: focus, sharpening, the straw.

@@ -25,7 +25,7 @@ def controllers() -> tuple[str, ...]:
 
 def controller(name: str, port: str, **settings: Any) -> GuardedController:
     """The pressure controller called ``name`` on a serial port or URL, held by a guardian that vents when this
-    program dies: ``with straw.controller("ob1-mk4", port) as c: c.set(-5e3); c.read()``.
+    program dies: ``with straw.controller("ob1-mk4", port) as c: c.set_pressure(1, -5e3)``.
 
     ``settings``: ``channels`` (1,), ``limits`` (PressureLimits, Pa), ``heartbeat_s``, and the driver's own. Leaving the
     block vents. Raises RigError for what cannot be opened.

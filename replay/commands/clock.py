@@ -46,7 +46,7 @@ def from_video(args: argparse.Namespace, recorded: Run) -> CameraClock:
 
         blocks = blocks_of(watched())
     blinks = find_blinks(blocks, bursts)
-    say(f"the LED is at column {blinks.column_px}, row {blinks.row_px}; likeness {blinks.likeness:.2f}")
+    say(f"the LED is at column {blinks.column_px}, row {blinks.row_px}; correlation {blinks.correlation:.2f}")
     return fit_led(recorded, blinks)
 
 

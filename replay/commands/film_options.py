@@ -11,8 +11,8 @@ from straw.replay.options import Parser, command, json_option, straw_options
 def calibrate_command(commands: argparse._SubParsersAction[Parser]) -> None:
     """Register straw calibrate."""
     p = command(commands, "calibrate", "calibrate a lens from videos or stills of a checkerboard")
-    p.add_argument("pictures", type=Path, nargs="+", metavar="VIDEO|IMAGE")
-    p.add_argument("-o", "--output", type=Path, required=True, metavar="CAMERA.json")
+    p.add_argument("pictures", type=Path, nargs="+", metavar="VIDEO|IMAGE", help="videos or stills of a checkerboard")
+    p.add_argument("-o", "--output", type=Path, required=True, metavar="CAMERA.json", help="the lens found")
     p.add_argument(
         "--board", metavar="CxR", help="squares along both sides (not inner corners); other grids are ignored"
     )
@@ -28,7 +28,7 @@ def track_command(commands: argparse._SubParsersAction[Parser]) -> None:
     p.add_argument(
         "--camera", type=Path, required=True, metavar="CAMERA.json", help="the lens, and its placement if known"
     )
-    p.add_argument("-o", "--output", type=Path, required=True, metavar="TIP.mcap")
+    p.add_argument("-o", "--output", type=Path, required=True, metavar="TIP.mcap", help="the track, as a recording")
     p.add_argument(
         "--run", type=Path, metavar="RUN.mcap", help="the run that was filmed: gives clock, names and rest pose"
     )

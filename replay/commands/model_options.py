@@ -13,7 +13,7 @@ def simulate_command(commands: argparse._SubParsersAction[Parser]) -> None:
     """Register straw simulate."""
     p = command(commands, "simulate", "predict what a straw does under a protocol")
     straw_options(p)
-    p.add_argument("--protocol", type=Path, required=True, metavar="P.toml")
+    p.add_argument("--protocol", type=Path, required=True, metavar="P.toml", help="the protocol")
     p.add_argument("-o", "--output", type=Path, required=True, metavar="OUT.mcap", help="the prediction")
     p.add_argument("--from", type=float, dest="start", metavar="S", help="start of the output, s after the run's zero")
     p.add_argument("--to", type=float, dest="end", metavar="S", help="end of the output, likewise")

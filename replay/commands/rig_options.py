@@ -32,11 +32,11 @@ def drive_options(commands: argparse._SubParsersAction[Parser]) -> None:
     straw_options(p, "the straw behind the emulator")
     json_option(p)
     p = command(rig_commands, "tell", "hold, resume, stop or vent a run in progress", module="rig_tell")
-    p.add_argument("order", choices=("hold", "resume", "stop", "vent", "state"))
+    p.add_argument("order", choices=("hold", "resume", "stop", "vent", "state"), help="the order, or state to ask")
     p.add_argument("run", nargs="?", type=Path, metavar="RUN.mcap", help="its recording (the one in progress in --dir)")
     p.add_argument("--dir", type=Path, default=Path(), metavar="DIR", help="where the recordings are (.)")
     p = command(rig_commands, "show", "draw a protocol and check it against its limits", module="rig_show")
-    p.add_argument("protocol", type=Path, metavar="P.toml")
+    p.add_argument("protocol", type=Path, metavar="P.toml", help="the protocol")
     p.add_argument("-o", "--output", type=Path, metavar="PICTURE", help="png, svg or pdf (the protocol's name, png)")
     json_option(p)
     p = command(rig_commands, "vent", "vent one controller, or all known ones", module="rig_ports")
@@ -58,7 +58,7 @@ def drive_options(commands: argparse._SubParsersAction[Parser]) -> None:
 def _run(rig_commands: argparse._SubParsersAction[Parser]) -> None:
     """Register straw rig run."""
     p = command(rig_commands, "run", "drive a protocol and record the run", module="rig_run")
-    p.add_argument("protocol", type=Path, metavar="P.toml")
+    p.add_argument("protocol", type=Path, metavar="P.toml", help="the protocol")
     rig_options(p)
     p.add_argument("-o", "--output", type=Path, required=True, metavar="RUN.mcap", help="the recording")
     p.add_argument("--rate", type=float, metavar="HZ", help="samples per second (100)")

@@ -132,17 +132,10 @@ def conclude(
         verdict = "ambiguous"
         best, improved, held = None, Model(campaign, found.null), held.of_base()
     missing, discovered = None, None
-    laws = (
-        system.missing(campaign, found.null, told) if found.whole and verdict == "unknown_physics" and not brief else ()
-    )
-    if laws:
-        missing = laws[-1]
-        helps = helpful(found.null, laws, located)
-        if helps:
-            missing, held = helps
-            improved = missing.model
-            places = (system.places(campaign, found.null, o) for o in campaign.observations)
-            discovered = missing.discovered(sorted({place for run in places for place in run}))
+    if found.whole and verdict == "unknown_physics" and not brief:
+        missing, discovered, better = _missing(found, located, told)
+        if better:
+            held, improved = better, missing.model
     if missing and missing.tells and not discovered:
         notes.append("the curve of what is missing does not make the runs held out better: located, not explained")
     within = tolerance is not None and _within(tolerance, campaign, found.null, held)
@@ -185,6 +178,19 @@ def conclude(
         missing=missing,
         discovered=discovered,
     )
+
+
+def _missing(found: Inquiry, located: Sequence[Located], told: Told) -> tuple[Any, dict[str, Any] | None, Held | None]:
+    """The curve of an unknown cause, None where there is none; where it makes held-out runs better, it in the
+    contract's words, and the errors there."""
+    campaign, system = found.campaign, found.campaign.system
+    laws = system.missing(campaign, found.null, told)
+    helps = helpful(found.null, laws, located) if laws else None
+    if not helps:
+        return (laws[-1] if laws else None), None, None
+    missing, held = helps
+    places = (system.places(campaign, found.null, o) for o in campaign.observations)
+    return missing, missing.discovered(sorted({place for run in places for place in run})), held
 
 
 def _experiment(found: Inquiry, best: Contestant | None, probability: Mapping[str, float]) -> Any:

@@ -112,7 +112,7 @@ def _runs(folding: Prediction, deployment: Prediction) -> Iterator[Number]:
     for r_ch_mm, share in ((0.43, 82.5), (0.315, 60.5)):
         # 0.52 mm stands for 0.515 to 0.525 mm, and the share is printed to half a percent
         rounding = 100 * r_ch_mm / 0.52 * 0.005 / 0.52 + 0.05
-        yield Number(f"{r_ch_mm} mm of the calibrated r_ch", "3.3", share, 100 * r_ch_mm / 0.52, "%", rounding, how)
+        yield Number(f"{r_ch_mm} mm over the calibrated r_ch", "3.3", share, 100 * r_ch_mm / 0.52, "%", rounding, how)
     for name, run, cells, sign in (("folding", folding, 0, -1), ("deployment", deployment, 9, 1)):
         how = f"simulated: the {name} with the constants of its figure"
         ended = int((run.zeta_m[-1, :, 1] > 0).sum())

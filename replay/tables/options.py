@@ -147,7 +147,7 @@ def _metadata(p: argparse.ArgumentParser) -> None:
 
 def export_options(p: argparse.ArgumentParser) -> None:
     """Options of straw export."""
-    p.add_argument("run", type=Path, metavar="RUN.mcap")
+    p.add_argument("run", type=Path, metavar="RUN.mcap", help="the recording")
     p.add_argument(
         "--csv", type=Path, metavar="T.csv", help="one row per message; T.csv.json beside it holds what a table cannot"
     )
