@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from straw.tracking.board import Board
+from straw.tracking.calibrate_views import as_decoded
 from straw.tracking.corners import Print, Sighting, find_boards, moved_by
 from straw.tracking.edges import measure_all
 from straw.tracking.kernels import locate_all
@@ -18,14 +19,6 @@ from straw.tracking.sharpen import FEWEST_CORNERS
 from straw.tracking.video import VideoReader
 
 FLAT = Lens("brown_conrady", 240, 240, 200.0, 200.0, 120.0, 120.0, (0.0, 0.0, 0.0, 0.0))
-
-
-def as_decoded(picture: np.ndarray) -> np.ndarray:
-    """Return the picture with rows padded as a decoder stores them: what is compiled for such rows serves here, too."""
-    height, width = picture.shape
-    rows = np.zeros((height, width + 16), np.uint8)
-    rows[:, :width] = picture
-    return rows[:, :width]
 
 
 def drawn(pitch: float = 20.3, turn: float = 0.2, smear: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
