@@ -30,6 +30,8 @@ WITHOUT_MODEL = {
     "test_function_system.py", "test_import_command.py", "test_metrics.py", "test_shell_pictures.py",
     "test_shell_table.py", "test_system.py",
 }  # fmt: skip
+#: Files of `rig` that simulate a straw; beside the one that compiles the model they would compile it once more.
+WITH_MODEL = {"test_plant_and_twin.py", "test_plugged.py", "test_rig_file.py"}
 #: They compile what other files need, too (of discovery alone 28 s); side by side, each of these would.
 FIRST = ("test_doubt.py", "test_discover_blind.py")
 #: Files that take longest, the longest first: the last of a run is then a short one, and no core waits for it.
@@ -46,7 +48,7 @@ def turn(item: pytest.Item) -> int:
     name = item.path.name
     if name == "test_concealed.py":
         return COMPILES
-    if name in ("test_plant_and_twin.py", "test_plugged.py"):
+    if name in WITH_MODEL:
         return OTHERS
     if item.path.parent.name in ("rig", "tracking") or name in WITHOUT_MODEL:
         return WAITS_FOR_NOTHING
