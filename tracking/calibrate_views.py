@@ -34,7 +34,7 @@ def pictures(paths: Sequence[str | os.PathLike[str]]) -> Iterator[tuple[str, Pic
             picture = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) if path.is_file() else None
             if picture is None:
                 raise TrackingError(f"{path}: not a readable picture; check the path and the file")
-            yield path.name, as_decoded(np.asarray(picture, dtype=np.uint8)), len(paths)
+            yield path.name, np.asarray(picture, dtype=np.uint8), len(paths)
             continue
         with VideoReader(path) as video:
             every, last = max(-(-video.expected // _LOOKED_AT), 1), None
@@ -44,14 +44,6 @@ def pictures(paths: Sequence[str | os.PathLike[str]]) -> Iterator[tuple[str, Pic
                     if last is None or np.abs(small - last).mean() > _ALIKE:
                         last = small
                         yield f"{path.name} at {frame.time_s:.2f} s", frame.luma, -(-video.expected // every)
-
-
-def as_decoded(picture: Picture) -> Picture:
-    """Return the picture with padded rows, as a decoder stores them: what is compiled for those serves stills, too."""
-    height, width = picture.shape
-    rows = np.zeros((height, width + 1), np.uint8)
-    rows[:, :width] = picture
-    return rows[:, :width]
 
 
 def views_in(name: str, picture: Picture, board: tuple[int, int] | None) -> list[View]:
