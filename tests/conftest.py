@@ -30,6 +30,8 @@ WITHOUT_MODEL = {
     "test_function_system.py", "test_import_command.py", "test_metrics.py", "test_shell_pictures.py",
     "test_shell_table.py", "test_system.py",
 }  # fmt: skip
+#: Files of `rig` that simulate a straw; beside the one that compiles the model they would compile it once more.
+WITH_MODEL = {"test_plant_and_twin.py", "test_plugged.py", "test_rig_file.py"}
 #: They compile what other files need, too (of discovery alone 28 s); side by side, each of these would.
 FIRST = ("test_doubt.py", "test_discover_blind.py")
 #: Files that take longest, the longest first: the last of a run is then a short one, and no core waits for it.
@@ -38,6 +40,8 @@ LONGEST = (
     "test_examples.py", "test_executor.py", "test_energy_balance.py", "test_shell_command.py",
 )  # fmt: skip
 COMPILES, WAITS_FOR_NOTHING, LONG, OTHERS = range(4)
+#: That this process may use.
+CORES = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set[int]()
 
 
 def turn(item: pytest.Item) -> int:
@@ -46,7 +50,7 @@ def turn(item: pytest.Item) -> int:
     name = item.path.name
     if name == "test_concealed.py":
         return COMPILES
-    if name in ("test_plant_and_twin.py", "test_plugged.py"):
+    if name in WITH_MODEL:
         return OTHERS
     if item.path.parent.name in ("rig", "tracking") or name in WITHOUT_MODEL:
         return WAITS_FOR_NOTHING
@@ -71,11 +75,20 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """In a run of all tests, wait before the first that needs the model until it is compiled."""
+    """In a run of all tests, wait before the first that needs the model until it is compiled; until then leave a core
+    to the worker that compiles: what waits for it is the longer part."""
     every = item.session.items
     parallel = "PYTEST_XDIST_WORKER" in os.environ and turn(every[0]) == COMPILES and turn(every[-1]) == OTHERS
-    if parallel and turn(item) != WAITS_FOR_NOTHING:
-        compile_once()
+    if parallel:
+        leave_a_core(turn(item) == WAITS_FOR_NOTHING)
+        if turn(item) != WAITS_FOR_NOTHING:
+            compile_once()
+
+
+def leave_a_core(leave: bool) -> None:
+    """Run on all cores but one, or on all; where the system has no such setting (macOS, Windows), do nothing."""
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, CORES - {max(CORES)} if leave and len(CORES) > 1 else CORES)
 
 
 @cache

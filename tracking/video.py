@@ -84,7 +84,7 @@ def frames_missing(before_s: float, now_s: float, period_s: float) -> int:
 class VideoReader:
     """Reads one video file front to back; use as a context manager, iterate ``frames()`` once, then ask ``report()``.
 
-    Luma is the decoder's plane 0 as stored (no colour conversion); it is a view that lives as long as its frame.
+    Luma is the decoder's plane 0 as stored (no colour conversion), contiguous; it lives as long as its frame.
     Times are the container's PTS from the stream's start. Display rotation is not applied: the lens belongs to the
     sensor. Raises TrackingError when the file cannot be opened or holds no pictures.
     """
@@ -206,8 +206,9 @@ class VideoReader:
         name, plane = picture.format.name, picture.planes[0]
         if (picture.width, picture.height) != (self.width, self.height):
             raise TrackingError(f"{self.path}: the picture size changes in mid-video; split the file where it does")
-        if name in _LUMA_8:  # rows are padded to line_size: cut the padding off
-            return np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)[: self.height, : self.width]
+        if name in _LUMA_8:  # rows may be padded to line_size; with the gaps numba would compile the tracker once more
+            rows = np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)
+            return np.ascontiguousarray(rows[: self.height, : self.width])
         if name in _LUMA_10:
             words = np.frombuffer(plane, "<u2").reshape(-1, plane.line_size // 2)[: self.height, : self.width]
             return (words >> _SHIFT_10.get(name, 2)).astype(np.uint8)

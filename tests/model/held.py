@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.model.compiled import compiled
+from straw.model.compiled import called, compiled
 from straw.model.drive import summed
 from straw.model.errors import ModelError
 from straw.model.integrate import FIRST_STEPS, at_rest, fill_inside, fill_start
@@ -27,6 +27,12 @@ Floats = NDArray[np.float64]
 LOOSE_M, CLOSE = 1e-8, 1e-7
 
 
+@called
+def step_of(c, state, table, sums, limits, s, w, counts):
+    """One step, compiled once for both of what follow."""
+    return take_step(c, state, table, sums, limits, s, w, counts)
+
+
 @compiled
 def times_of(c, state, table, end_s, tolerance_m, max_step_s):
     """Ends of the steps that a run takes, from its start."""
@@ -36,7 +42,7 @@ def times_of(c, state, table, end_s, tolerance_m, max_step_s):
     ends = [state.clock[0]]
     while state.clock[0] < end_s:
         remaining = end_s - state.clock[0]
-        status, h = take_step(c, state, table, sums, limits, s, w, counts)
+        status, h = step_of(c, state, table, sums, limits, s, w, counts)
         assert status == DONE
         arrive(state, s, end_s if h == remaining else state.clock[0] + h)
         ends.append(state.clock[0])
@@ -52,7 +58,7 @@ def along(c, state, table, ends, output_s, out_q, out_v, out_pa):
     for i in range(1, len(ends)):
         limits = Limits(ends[i], 1.0, LOOSE_M, CLOSE, np.inf, c.remembers, 1_000_000)
         state.clock[1] = 1.0
-        status, h = take_step(c, state, table, sums, limits, s, w, counts)
+        status, h = step_of(c, state, table, sums, limits, s, w, counts)
         assert status == DONE
         filled = fill_inside(state, s, h, ends[i], output_s, filled, out_q, out_v, out_pa)
         arrive(state, s, ends[i])

@@ -81,7 +81,7 @@ def test_a_dask_cluster_gives_the_same_numbers(alone: list[Prediction | ModelErr
     distributed = pytest.importorskip("distributed", reason="needs Dask: pip install 'straw[dask]'")
     with (
         distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, dashboard_address=None, local_directory=str(tmp_path)
+            n_workers=2, threads_per_worker=1, dashboard_address=":0", local_directory=str(tmp_path)
         ) as cluster,
         distributed.Client(cluster) as client,
         client.get_executor() as executor,

@@ -49,7 +49,7 @@ def test_a_run_simulated_in_another_process_has_the_same_residual() -> None:
 def test_a_dask_cluster_of_processes_finds_what_threads_find() -> None:
     distributed = pytest.importorskip("distributed", reason="dask's workers are not installed")
     records, found = stiffening(5e9), []
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster:
         for dask in (None, cluster.scheduler_address):
             with threads(2, dask) as pool:
                 searched = inquire(records, OscillatorSystem(), library=SOME, executor=pool)

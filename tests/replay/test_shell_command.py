@@ -68,7 +68,7 @@ def test_a_dask_cluster_finds_the_same_designs(tmp_path: Path) -> None:
     wish = tmp_path / "wish.toml"
     wish.write_text("[wanted]\ndeploy_kpa = 30.0\n[vary]\nh_mm = [0.35, 0.7]\n")
     found = []
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0") as cluster:
         for where in (["--jobs", "1"], ["--dask", cluster.scheduler_address]):
             told = tmp_path / "designs.json"
             options = ["--count", "64", "--keep", "1", "--check", "1", "--out", str(tmp_path), "--json", str(told)]

@@ -11,7 +11,7 @@ import pytest
 from tests.benchmarks.tracking_painted import end_on, errors, side_on, tracked
 from tests.painting.film import RATE, encode, film
 from tests.painting.motions import snaps
-from tests.painting.scene import Camera, Scene
+from tests.painting.scene import Camera
 
 HIDDEN = range(40, 49)  # frames in which it is hidden entirely, while it keeps moving
 SOON = 10
@@ -25,16 +25,17 @@ COVERS = {
 
 @pytest.fixture(scope="module", params=["end-on", "side view"])
 def moving(request: pytest.FixtureRequest):
-    """A board that snaps, in a small picture, and its pictures."""
+    """The camera before a board that snaps, in a small picture, and its pictures."""
     scene = end_on(7, 25, 0, 0.0) if request.param == "end-on" else side_on(7, 0.0)
     small = dataclasses.replace(scene, width=560, height=480, centre=(279.3, 238.8), f=620.0, exposure_s=1 / 960)
     small = dataclasses.replace(small, motion=snaps(7, size=0.8))
-    return small, list(film(small, 0.42))
+    return Camera(small), list(film(small, 0.42))
 
 
-def covered(scene: Scene, picture: np.ndarray, index: int, low, high) -> np.ndarray:
+def covered(camera: Camera, picture: np.ndarray, index: int, low, high) -> np.ndarray:
     """Paint a grey patch over a rectangle of the board."""
-    H = Camera(scene)._boards(np.array([index / float(RATE) + scene.row_s * scene.height / 2]))[0]
+    scene = camera.scene
+    H = camera._boards(np.array([index / float(RATE) + scene.row_s * scene.height / 2]))[0]
     half = scene.side_m / 2
     ends = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
     p = np.array([(half * x, half * y, 1.0) for x, y in ends]) @ H.T
@@ -44,9 +45,10 @@ def covered(scene: Scene, picture: np.ndarray, index: int, low, high) -> np.ndar
 
 @pytest.mark.parametrize("cover", COVERS)
 def test_a_board_that_stays_40_percent_covered_is_reacquired_within_ten_frames(moving, tmp_path, cover):
-    scene, pictures = moving
-    hidden = [covered(scene, pictures[k], k, (-1.5, -1.5), (1.5, 1.5)) for k in HIDDEN]
-    later = [covered(scene, pictures[k], k, *COVERS[cover]) for k in range(HIDDEN.stop, len(pictures))]
+    camera, pictures = moving
+    scene = camera.scene
+    hidden = [covered(camera, pictures[k], k, (-1.5, -1.5), (1.5, 1.5)) for k in HIDDEN]
+    later = [covered(camera, pictures[k], k, *COVERS[cover]) for k in range(HIDDEN.stop, len(pictures))]
     found = tracked(encode(tmp_path / "v.mp4", [*pictures[: HIDDEN.start], *hidden, *later], bitrate=12e6), scene)
     assert not found.trace.valid[HIDDEN].any()
     # the first picture, coded by half more coarsely than later ones, is refused on some machines beside "across"
