@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from straw.replay import compare as compared
 from straw.replay.api.given import GivenRuns, GivenStraw, the_runs, the_straw
 from straw.replay.api.shown import Rows, Shown, remade
 from straw.replay.commands.replay import as_data, table
+from straw.replay.compare import comparison as compared
 from straw.replay.output import finite, write_text
 
 if TYPE_CHECKING:

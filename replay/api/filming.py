@@ -12,9 +12,9 @@ from straw.replay.api.given import GivenStraw, Named, the_straw
 from straw.replay.api.recordings import TIP
 from straw.replay.api.shown import Rows, Shown, motion_figure, remade
 from straw.replay.commands.track import rest_of, summary
+from straw.replay.compare.gather import read_whole
 from straw.replay.errors import ReplayError
-from straw.replay.gather import read_whole
-from straw.replay.track_file import by_hand, track_to_file
+from straw.replay.film.track import by_hand, track_to_file
 from straw.rig.run import Run
 from straw.tracking import task
 from straw.tracking.board import Board

@@ -9,8 +9,8 @@ from typing import TypeAlias
 from straw.model.parameters import StrawParameters
 from straw.model.straw_file import load_straw
 from straw.replay.api.recordings import load_protocol
+from straw.replay.compare.gather import check_run, gather
 from straw.replay.errors import ReplayError
-from straw.replay.gather import check_run, gather
 from straw.rig.protocol import PressureProtocol
 from straw.rig.run import Run
 

@@ -17,10 +17,10 @@ from straw.model.parameters import StrawParameters
 from straw.model.stretches import LongPrediction as _Long
 from straw.replay.api.given import GivenStraw, the_protocol, the_straw
 from straw.replay.api.shown import Rows, Shown, motion_figure, remade
-from straw.replay.compare import setting
+from straw.replay.compare.comparison import setting
+from straw.replay.compare.gather import check_run
 from straw.replay.errors import ReplayError
-from straw.replay.gather import check_run
-from straw.replay.protocol_prediction import RATE_HZ, predict_protocol
+from straw.replay.protocol.prediction import RATE_HZ, predict_protocol
 from straw.rig.outlet import Outlet
 from straw.rig.protocol import PressureProtocol
 from straw.rig.run import Run

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from straw.replay.api.shown import Rows, Shown, motion_figure, remade
+from straw.replay.compare.gather import joined, read_whole
 from straw.replay.errors import ReplayError
-from straw.replay.gather import joined, read_whole
 from straw.replay.output import check_new
-from straw.replay.protocol_figure import protocol_figure
+from straw.replay.protocol.figure import protocol_figure
 from straw.rig import protocol_toml
 from straw.rig.protocol import PressureProtocol
 from straw.rig.run import CELLS, Event, PressureLog, Run

@@ -7,9 +7,9 @@ import dataclasses
 from collections.abc import Iterator
 
 from straw.model.straw_file import load_straw
-from straw.replay.clock_motion import clock_from_motion
+from straw.replay.compare.gather import read_whole
 from straw.replay.errors import ReplayError
-from straw.replay.gather import read_whole
+from straw.replay.film.clock_motion import clock_from_motion
 from straw.replay.output import check_new, write_json
 from straw.replay.progress import prepare, progress_bar, say
 from straw.rig.camera_clock import CameraClock, bursts_of, clock_data, fit_led

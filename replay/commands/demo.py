@@ -11,7 +11,8 @@ from pathlib import Path
 from straw.model.parameters import StrawParameters
 from straw.replay.commands import replay
 from straw.replay.commands.track import summary
-from straw.replay.compare import CHANNELS, compare
+from straw.replay.compare.comparison import CHANNELS, compare
+from straw.replay.compare.gather import gather
 from straw.replay.demo.campaign import PLANS, Filmed, record
 from straw.replay.demo.conceal import Seal, draw, opened, story
 from straw.replay.demo.film import lens_alone
@@ -22,7 +23,6 @@ from straw.replay.diagnose.page.report import report
 from straw.replay.diagnose.systems.straw.observation import observe
 from straw.replay.diagnose.systems.straw.system import StrawSystem
 from straw.replay.errors import ReplayError
-from straw.replay.gather import gather
 from straw.replay.output import write_json, write_text
 from straw.replay.progress import compiling_meanwhile, prepare, progress_bar, say, stage_bar
 from straw.replay.report.page import page

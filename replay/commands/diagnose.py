@@ -7,6 +7,8 @@ from collections.abc import Sequence
 
 from straw.model.straw_file import load_straw
 from straw.replay.commands.searching import searching
+from straw.replay.compare.gather import gather
+from straw.replay.compare.plausible import check_plausible
 from straw.replay.diagnose import figures
 from straw.replay.diagnose.diagnosis import inquire
 from straw.replay.diagnose.findings import Findings, conclude
@@ -16,9 +18,7 @@ from straw.replay.diagnose.systems.straw.observation import observe
 from straw.replay.diagnose.systems.straw.system import StrawSystem
 from straw.replay.diagnose.tolerance import parse_tolerance
 from straw.replay.errors import ReplayError
-from straw.replay.gather import gather
 from straw.replay.output import check_new, check_places, write_json, write_text
-from straw.replay.plausible import check_plausible
 from straw.replay.progress import prepare, say
 from straw.rig.run import Run
 

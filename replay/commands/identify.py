@@ -77,8 +77,8 @@ def _geometry(args: argparse.Namespace, known: StrawParameters) -> tuple[StrawPa
 
 
 def _runs(args: argparse.Namespace, known: StrawParameters) -> tuple[StrawParameters, dict[str, Any]]:
-    from straw.replay.fit import fit
-    from straw.replay.gather import gather
+    from straw.replay.compare.gather import gather
+    from straw.replay.identify.fit import fit
 
     runs = gather(args.runs)
     prepare()

@@ -9,19 +9,19 @@ from pathlib import Path
 from typing import Any
 
 from straw.model.straw_file import load_straw
-from straw.replay.compare import Comparison, compare
+from straw.replay.compare.comparison import Comparison, compare
+from straw.replay.compare.gather import gather
+from straw.replay.compare.roles import roles_of
 from straw.replay.errors import ReplayError
-from straw.replay.gather import gather
 from straw.replay.metrics.validation import RESOLVED, UNKNOWN
 from straw.replay.output import check_new, write_json, write_text
 from straw.replay.progress import prepare, progress_bar, say
-from straw.replay.protocol_prediction import trace_of
+from straw.replay.protocol.prediction import trace_of
+from straw.replay.protocol.three_ways import protocol_of, three_ways
 from straw.replay.report.page import page
 from straw.replay.report.proxy import film
 from straw.replay.report.three_ways import differences_data, differences_table, three_ways_data
 from straw.replay.report.words import order
-from straw.replay.roles import roles_of
-from straw.replay.three_ways import protocol_of, three_ways
 from straw.rig.run_derived import write_prediction
 
 

@@ -8,8 +8,8 @@ from collections import Counter
 
 from straw.model.straw_file import load_straw
 from straw.replay.commands.rig_run import emulation
+from straw.replay.commands.rig_settings import settings_of
 from straw.replay.errors import ReplayError
-from straw.replay.settings import settings_of
 from straw.rig.faults import SeededFaults
 from straw.rig.interrupts import Interrupts
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from straw.replay.commands.rig_settings import settings_of as given_settings
 from straw.replay.errors import ReplayError
-from straw.replay.settings import settings_of as given_settings
 from straw.rig.rig_file import RigFile, load_rig
 
 CONTROLLER, RATE_HZ = "ob1-mk4", 100.0

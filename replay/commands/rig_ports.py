@@ -9,9 +9,9 @@ from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
+from straw.replay.commands.rig_settings import settings_of
 from straw.replay.errors import ReplayError
 from straw.replay.output import write_json
-from straw.replay.settings import settings_of
 from straw.rig.drivers import controller_names, make_controller
 from straw.rig.errors import RigError
 from straw.rig.line_controller import LineController

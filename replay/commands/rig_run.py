@@ -18,7 +18,7 @@ from straw.model.straw_file import load_straw
 from straw.replay.about_run import about_run, note_run
 from straw.replay.commands.rig_of import settings_of, take_rig
 from straw.replay.errors import ReplayError
-from straw.replay.filming import Filming
+from straw.replay.film.filming import Filming
 from straw.replay.live.feed import Live
 from straw.replay.output import check_new, write_json
 from straw.replay.progress import prepare, progress_bar, say

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.output import write_json, write_picture
-from straw.replay.protocol_figure import UNITS_S, protocol_figure
+from straw.replay.protocol.figure import UNITS_S, protocol_figure
 from straw.rig.protocol import PressureProtocol
 from straw.rig.protocol_toml import load_protocol
 

@@ -6,10 +6,10 @@ import argparse
 from dataclasses import asdict
 from pathlib import Path
 
+from straw.replay.compare.gather import read_whole
+from straw.replay.compare.series import Series, differ, tip_series
 from straw.replay.errors import ReplayError
-from straw.replay.gather import read_whole
 from straw.replay.output import write_json
-from straw.replay.series import Series, differ, tip_series
 from straw.rig.catalogue import family, find
 from straw.rig.run import Run
 from straw.rig.run_read import read_run

@@ -10,7 +10,7 @@ from straw.model.stretches import LongPrediction
 from straw.replay.errors import ReplayError
 from straw.replay.output import check_new, write_json
 from straw.replay.progress import prepare, progress_bar
-from straw.replay.protocol_prediction import predict_protocol, write_predicted
+from straw.replay.protocol.prediction import predict_protocol, write_predicted
 from straw.rig.protocol import PressureProtocol
 from straw.rig.protocol_toml import load_protocol
 

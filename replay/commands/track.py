@@ -14,13 +14,13 @@ from straw.model.kinematics import tip_pose
 from straw.model.parameters import StrawParameters
 from straw.model.rest import rest_state
 from straw.model.straw_file import load_straw
+from straw.replay.compare.gather import read_whole
 from straw.replay.errors import ReplayError
-from straw.replay.gather import read_whole
+from straw.replay.film.expected import against_model
+from straw.replay.film.steps import frames_to_show, steps_page, stretch_of
+from straw.replay.film.track import as_csv, track_to_file
 from straw.replay.output import write_json, write_text
 from straw.replay.progress import prepare, progress_bar, say
-from straw.replay.track_expected import against_model
-from straw.replay.track_file import as_csv, track_to_file
-from straw.replay.track_steps import frames_to_show, steps_page, stretch_of
 from straw.rig.camera_clock import load_clock
 from straw.rig.run import Run
 from straw.tracking.board import Board
@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
         if args.save_camera:
             save_camera(args.save_camera, tracked.camera)
         if args.report:
-            from straw.replay.track_report import page  # matplotlib is slow to import
+            from straw.replay.film.report import page  # matplotlib is slow to import
 
             write_text(args.report, page(tracked, [path.name for path in in_order(args.videos)]))
         if args.step:

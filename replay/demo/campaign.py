@@ -15,7 +15,7 @@ from straw.replay.commands.track import model_rest
 from straw.replay.demo.conceal import Concealed
 from straw.replay.demo.film import Error, Motion, errors_of, film, lens_alone
 from straw.replay.diagnose.systems.straw.instrument import Instrument
-from straw.replay.track_file import track_to_file
+from straw.replay.film.track import track_to_file
 from straw.rig.clock import SteppedClock
 from straw.rig.drivers import make_controller
 from straw.rig.plant import PressurePlant

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from straw.replay.compare import CHANNELS
+from straw.replay.compare.comparison import CHANNELS
 from straw.replay.diagnose.systems.straw.instrument import Instrument
 from straw.replay.progress import progress_bar
 from straw.rig.twin import TwinHistory

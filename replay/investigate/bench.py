@@ -10,6 +10,7 @@ from pathlib import Path
 
 from straw.model.parameters import StrawParameters
 from straw.replay.commands.diagnose import check_campaign, chosen
+from straw.replay.compare.gather import gather
 from straw.replay.diagnose.diagnosis import inquire
 from straw.replay.diagnose.findings import Findings, conclude
 from straw.replay.diagnose.inquiry import Inquiry, Told, silent
@@ -19,7 +20,6 @@ from straw.replay.diagnose.systems.straw.snaps import crossings, levels_of
 from straw.replay.diagnose.systems.straw.system import StrawSystem
 from straw.replay.diagnose.tolerance import Tolerance, parse_tolerance
 from straw.replay.errors import USER_ERRORS, ReplayError
-from straw.replay.gather import gather
 from straw.replay.investigate.ask import Ask
 from straw.replay.investigate.campaign import Folder
 from straw.replay.investigate.dry_run import planned

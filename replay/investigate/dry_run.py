@@ -11,7 +11,7 @@ from straw.model.parameters import StrawParameters
 from straw.model.simulate import Prediction
 from straw.replay.diagnose.systems.straw.snaps import crossings, levels_of
 from straw.replay.investigate.steps import Plan
-from straw.replay.protocol_prediction import predict_protocol
+from straw.replay.protocol.prediction import predict_protocol
 from straw.rig.limits import PressureLimits
 from straw.rig.protocol import PressureProtocol
 

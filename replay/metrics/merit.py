@@ -16,7 +16,7 @@ from straw.replay.errors import ReplayError
 from straw.rig import parts
 
 if TYPE_CHECKING:
-    from straw.replay.judge import Motion
+    from straw.replay.compare.judge import Motion
 
 Floats = NDArray[np.float64]
 

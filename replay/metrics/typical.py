@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from straw.replay.judge import Motion
+    from straw.replay.compare.judge import Motion
 
 
 def typical_motions() -> dict[str, Motion]:
     """By name, at 240 frames/s; the fold turns the tip by 0.35 rad for 0.12 s, comes back and rings at 14 Hz."""
-    from straw.replay.judge import measured_motion
+    from straw.replay.compare.judge import measured_motion
     from straw.tracking.trace import TipTrace
 
     time_s = np.arange(480) / 240

@@ -13,7 +13,7 @@ from straw.model.frustum import Frustum
 from straw.model.frustum_table import TableFrustum, frustum_of
 from straw.model.parameters import StrawParameters
 from straw.model.simulate import Prediction
-from straw.replay.compare import Comparison
+from straw.replay.compare.comparison import Comparison
 from straw.replay.metrics.snaps import Snap
 from straw.replay.metrics.validation import Quantity
 from straw.replay.report.words import order

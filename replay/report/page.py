@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
-from straw.replay.compare import Comparison
+from straw.replay.compare.comparison import Comparison
 from straw.replay.output import finite
 from straw.replay.report.data import data_of
 from straw.replay.report.words import sentence

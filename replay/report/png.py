@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from straw.replay.compare import Comparison
+from straw.replay.compare.comparison import Comparison
 from straw.replay.errors import ReplayError
 from straw.replay.paper.style import figure
 from straw.replay.report.data import SHOWN

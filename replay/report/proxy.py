@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.replay.compare import Comparison
+from straw.replay.compare.comparison import Comparison
 from straw.replay.errors import ReplayError
 from straw.replay.report.data import packed
 from straw.tracking.camera import Camera, load_camera

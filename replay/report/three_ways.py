@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from straw.replay.three_ways import ThreeWays
+from straw.replay.protocol.three_ways import ThreeWays
 
 SHOWN = {"Pa": (1e-3, "kPa"), "m": (1e3, "mm"), "rad": (180 / np.pi, "deg")}
 #: Points of a curve in the page's small pictures.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from straw.replay.compare import CHANNELS, Comparison
+from straw.replay.compare.comparison import CHANNELS, Comparison
 
 
 def sentence(comparisons: list[Comparison]) -> str:

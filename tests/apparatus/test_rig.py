@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from straw.replay.gather import gather
+from straw.replay.compare.gather import gather
 from straw.replay.investigate.campaign import Folder
 from straw.rig.errors import RigError
 from straw.rig.protocol_toml import protocol_from_toml

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from straw.model.parameters import StrawParameters
-from straw.replay.compare import CHANNELS
+from straw.replay.compare.comparison import CHANNELS
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Fit
 from straw.replay.diagnose.systems.straw.constants import applied

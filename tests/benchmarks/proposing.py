@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from straw.replay.compare.gather import gather
 from straw.replay.diagnose.propose.dataset import Number, numbers
 from straw.replay.diagnose.propose.learned import Learned, load, shipped
 from straw.replay.diagnose.propose.network import LOG_SD
@@ -28,7 +29,6 @@ from straw.replay.diagnose.propose.proposal import Proposal, propose
 from straw.replay.diagnose.propose.train import HELD_OUT, gathered
 from straw.replay.diagnose.propose.train import asked as asked_of
 from straw.replay.diagnose.systems.straw.observation import observe
-from straw.replay.gather import gather
 from straw.replay.progress import progress_bar
 from straw.rig.run import Run
 from tests.apparatus.campaign import make

@@ -16,8 +16,8 @@ import numpy as np
 
 from straw.model.parameters import StrawParameters
 from straw.model.simulate import simulate
-from straw.replay.compare import compare
-from straw.replay.protocol_prediction import trace_of
+from straw.replay.compare.comparison import compare
+from straw.replay.protocol.prediction import trace_of
 from straw.replay.report.page import page
 from straw.rig.run_derived import tip_columns
 from straw.rig.run_file import RunFile

@@ -16,7 +16,7 @@ from pathlib import Path
 import av
 import numpy as np
 
-from straw.replay.track_file import track_to_file
+from straw.replay.film.track import track_to_file
 from straw.tracking.video import VideoReader, ahead
 from tests.benchmarks.figures import missed, publish, write_option
 from tests.benchmarks.tracking_clips import REST, SETUPS, blind, painted, snaps

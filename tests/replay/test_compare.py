@@ -10,8 +10,8 @@ import pytest
 
 from straw.model.parameters import StrawParameters
 from straw.model.simulate import simulate
-from straw.replay.compare import compare
-from straw.replay.driving import driving_pressure
+from straw.replay.compare.comparison import compare
+from straw.replay.compare.driving import driving_pressure
 from straw.replay.errors import ReplayError
 from straw.rig.run import PressureLog, Run
 from straw.tracking.trace import TipTrace

@@ -16,7 +16,7 @@ from straw.model.simulate import simulate
 from straw.replay.cli import main
 from straw.replay.commands import diagnose_system
 from straw.replay.commands.demo import figures
-from straw.replay.compare import CHANNELS
+from straw.replay.compare.comparison import CHANNELS
 from straw.replay.demo.campaign import PLANS, FaultyGauge, protocol_of
 from straw.replay.demo.conceal import CABLE, DRAWER, NOTHING, Concealed, Seal, draw, named, opened, story
 from straw.replay.diagnose.systems.straw.instrument import Instrument

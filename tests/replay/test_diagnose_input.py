@@ -10,9 +10,9 @@ import pytest
 
 from straw.replay import workers
 from straw.replay.cli import main
+from straw.replay.compare.gather import check_run
+from straw.replay.compare.plausible import check_plausible
 from straw.replay.errors import ReplayError
-from straw.replay.gather import check_run
-from straw.replay.plausible import check_plausible
 from straw.rig.run import PressureLog, Run
 from straw.tracking.trace import TipTrace
 

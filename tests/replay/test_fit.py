@@ -11,8 +11,8 @@ import pytest
 from straw.model.parameters import StrawParameters
 from straw.model.simulate import simulate
 from straw.replay.errors import ReplayError
-from straw.replay.fit import fit, most_different
-from straw.replay.fit_difference import with_values
+from straw.replay.identify.difference import with_values
+from straw.replay.identify.fit import fit, most_different
 from straw.rig.run import PressureLog, Run
 from straw.tracking.trace import TipTrace
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from straw.replay.compare.gather import gather
 from straw.replay.errors import ReplayError
-from straw.replay.gather import gather
 from straw.rig.run_derived import write_tip
 from straw.rig.run_read import read_run
 from straw.tracking.trace import TipTrace

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from straw.model.parameters import StrawParameters
-from straw.replay.compare import Comparison, compare
+from straw.replay.compare.comparison import Comparison, compare
 from straw.replay.metrics.noise import independent
 from straw.replay.metrics.validation import RESOLVED, UNKNOWN, UNRESOLVED
 from straw.rig.run import Run

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from straw.model.parameters import StrawParameters
-from straw.replay.compare import Comparison, compare
+from straw.replay.compare.comparison import Comparison, compare
 from straw.replay.report.page import page
 from tests.replay.browser import asked
 from tests.replay.test_compare import recorded

@@ -12,8 +12,8 @@ import pytest
 from straw.model.errors import ModelError
 from straw.model.plugged import files_named_in
 from straw.replay.cli import main
+from straw.replay.compare.judge import Motion, quantities
 from straw.replay.errors import ReplayError
-from straw.replay.judge import Motion, quantities
 from straw.replay.metrics.merit import FIGURES, add_figures
 from straw.replay.metrics.typical import typical_motions
 from straw.replay.metrics.validation import Quantity

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from straw.model.parameters import StrawParameters
+from straw.replay.compare.gather import gather
 from straw.replay.diagnose.propose import network
 from straw.replay.diagnose.propose.dataset import Examples
 from straw.replay.diagnose.propose.learned import SHIPPED, load, shipped
@@ -18,7 +19,6 @@ from straw.replay.diagnose.propose.train import scales_of
 from straw.replay.diagnose.systems.straw.library import causes
 from straw.replay.diagnose.systems.straw.observation import Observation, observe
 from straw.replay.errors import ReplayError
-from straw.replay.gather import gather
 
 BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)
 

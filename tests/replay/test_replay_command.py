@@ -17,8 +17,8 @@ from mcap.reader import make_reader
 
 from straw.model.parameters import StrawParameters
 from straw.replay.cli import main
-from straw.replay.compare import compare
-from straw.replay.gather import gather
+from straw.replay.compare.comparison import compare
+from straw.replay.compare.gather import gather
 from straw.replay.report.proxy import film
 from straw.rig.run_read import read_run
 from straw.tracking.camera import Camera, save_camera

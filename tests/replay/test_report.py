@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from straw.model.parameters import StrawParameters
-from straw.replay.compare import Comparison, compare
+from straw.replay.compare.comparison import Comparison, compare
 from straw.replay.report.page import page
 from tests.replay.test_compare import recorded
 

@@ -10,7 +10,7 @@ import pytest
 
 from straw.model.parameters import StrawParameters
 from straw.model.simulate import simulate
-from straw.replay.track_expected import against_model
+from straw.replay.film.expected import against_model
 from straw.rig.run import PressureLog, Run
 from straw.tracking.camera import Camera
 from straw.tracking.lens import Lens

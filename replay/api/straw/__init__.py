@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from straw.replay.api.recordings import Protocol, Recording, load_protocol, read_recording, write_recording
     from straw.replay.api.systems import SystemDiagnosis, diagnose_system
     from straw.replay.api.tables import Import, export_table, import_tables
+    from straw.replay.compare.judge import Motion
     from straw.replay.errors import USER_ERRORS, ReplayError
-    from straw.replay.judge import Motion
     from straw.replay.metrics.merit import FigureOfMerit, add_figures
     from straw.rig.controller import Controller
     from straw.rig.errors import RigError
@@ -99,7 +99,7 @@ _PLACES = {
     "Import": "straw.replay.api.tables",
     "export_table": "straw.replay.api.tables",
     "import_tables": "straw.replay.api.tables",
-    "Motion": "straw.replay.judge",
+    "Motion": "straw.replay.compare.judge",
     "FigureOfMerit": "straw.replay.metrics.merit",
     "add_figures": "straw.replay.metrics.merit",
     "Reader": "straw.rig.tables.reader",

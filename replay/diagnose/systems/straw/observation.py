@@ -15,15 +15,15 @@ from straw.model.errors import ModelError
 from straw.model.parameters import StrawParameters
 from straw.model.rest import rest_state
 from straw.model.simulate import sampled
-from straw.replay.compare import CHANNELS
+from straw.replay.compare.comparison import CHANNELS
+from straw.replay.compare.driving import driving_pressure
 from straw.replay.diagnose.system import Stretch
 from straw.replay.diagnose.systems.straw.envelope import Envelope, envelope_of
 from straw.replay.diagnose.systems.straw.gauge import quieted
 from straw.replay.diagnose.systems.straw.snaps import Levels, crossings, levels_of, stretches
 from straw.replay.diagnose.systems.straw.vented import vented
-from straw.replay.driving import driving_pressure
 from straw.replay.errors import ReplayError
-from straw.replay.fit_difference import UNSTATED
+from straw.replay.identify.difference import UNSTATED
 from straw.rig.run import Run
 
 Floats = NDArray[np.float64]

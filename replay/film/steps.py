@@ -67,7 +67,7 @@ def steps_page(track: Track, videos: Sequence[Path], shown: Sequence[int]) -> st
                 cards.append(_card(track, frame.index, picture, middle))
     name = html.escape(", ".join(path.name for path in videos))
     filled = {"title": f"Frames of {name}", "data": json.dumps(finite({"frames": cards})).replace("<", "\\u003c")}
-    template = files("straw.replay.report").joinpath("steps.html").read_text(encoding="utf-8")
+    template = files("straw.replay.film").joinpath("steps.html").read_text(encoding="utf-8")
     return re.sub(r"\{\{(\w+)\}\}", lambda place: filled[place[1]], template)
 
 

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from straw.model.parameters import StrawParameters
-from straw.replay.compare import CHANNELS
+from straw.replay.compare.comparison import CHANNELS
 from straw.replay.errors import ReplayError
-from straw.replay.fit_difference import GAUGE_DRAWS, sigmas, with_values
-from straw.replay.fit_problem import Problem, pool_of, samples
+from straw.replay.identify.difference import GAUGE_DRAWS, sigmas, with_values
+from straw.replay.identify.problem import Problem, pool_of, samples
 from straw.rig.run import Run
 
 Floats = NDArray[np.float64]

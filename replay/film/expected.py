@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from straw.model.parameters import StrawParameters
 from straw.model.simulate import simulate
-from straw.replay.driving import driving_pressure
+from straw.replay.compare.driving import driving_pressure
 from straw.replay.errors import USER_ERRORS
 from straw.rig.run import Run
 from straw.tracking.camera import Camera

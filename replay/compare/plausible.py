@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.replay.compare import CHANNELS
+from straw.replay.compare.comparison import CHANNELS
 from straw.replay.errors import ReplayError
 from straw.rig.run import PressureLog, Run
 from straw.rig.tables.units import PLAUSIBLE, UNITS, largest, looks_like

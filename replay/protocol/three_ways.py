@@ -12,10 +12,10 @@ import numpy as np
 from straw.model.parameters import StrawParameters
 from straw.model.simulate import simulate
 from straw.replay.commands.rig_run import drive, emulation, write_true_tip
+from straw.replay.compare.series import Series, differ, tip_series
 from straw.replay.errors import ReplayError
 from straw.replay.metrics import Metrics
-from straw.replay.protocol_prediction import RATE_HZ, trace_of
-from straw.replay.series import Series, differ, tip_series
+from straw.replay.protocol.prediction import RATE_HZ, trace_of
 from straw.rig.clock import SteppedClock
 from straw.rig.drivers import make_controller
 from straw.rig.outlet import Outlet

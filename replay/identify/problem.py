@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from straw.model.parameters import StrawParameters
-from straw.replay.compare import CHANNELS
-from straw.replay.fit_difference import Difference
+from straw.replay.compare.comparison import CHANNELS
+from straw.replay.identify.difference import Difference
 from straw.rig.run import Run
 
 Floats = NDArray[np.float64]

@@ -11,9 +11,17 @@ from numpy.typing import NDArray
 
 from straw.model.parameters import StrawParameters
 from straw.model.simulate import TOLERANCE_M, Prediction, simulate
-from straw.replay.driving import driving_pressure
+from straw.replay.compare.driving import driving_pressure
+from straw.replay.compare.judge import (
+    Motion,
+    limit_of,
+    measured_motion,
+    moved_inputs,
+    pairs_of,
+    predicted_motion,
+    quantities,
+)
 from straw.replay.errors import ReplayError
-from straw.replay.judge import Motion, limit_of, measured_motion, moved_inputs, pairs_of, predicted_motion, quantities
 from straw.replay.metrics import Metrics, metrics_of
 from straw.replay.metrics.snaps import Pair
 from straw.replay.metrics.validation import Quantity, signal_verdict

@@ -13,8 +13,8 @@ from straw.model.direction import Direction
 from straw.model.errors import ModelError
 from straw.model.parameters import StrawParameters
 from straw.model.simulate import Prediction
-from straw.replay.compare import CHANNELS, predict, setting
-from straw.replay.driving import driving_pressure
+from straw.replay.compare.comparison import CHANNELS, predict, setting
+from straw.replay.compare.driving import driving_pressure
 from straw.rig.run import PressureLog, Run
 
 Floats = NDArray[np.float64]

@@ -12,7 +12,7 @@ from scipy.optimize import minimize_scalar
 
 from straw.model.parameters import StrawParameters
 from straw.model.simulate import simulate
-from straw.replay.driving import driving_pressure
+from straw.replay.compare.driving import driving_pressure
 from straw.replay.errors import ReplayError
 from straw.rig.camera_clock import CameraClock
 from straw.rig.run import Run

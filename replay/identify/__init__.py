@@ -1,0 +1,1 @@
+"""Constants of a straw from recordings, as `straw identify runs` fits them."""
