@@ -138,7 +138,7 @@ def missing_force(
     """What is missing as one curve, with band and formula, and before it as two together where the second explains most
     of what the first leaves; empty where the search was stopped.
 
-    For six runs 66 to 262 s of CPU, up to 853 s where two curves do not suffice (`tests.benchmarks.missing_force`).
+    For six runs 65 to 366 s of CPU, up to 717 s where a second curve is sought (`tests.benchmarks.missing_force`).
     """
     campaign = _dated(campaign)
     found = curves(campaign, null, told, states)
