@@ -67,11 +67,16 @@ def _with_run(text: str, group: str) -> str:
     head, rule, *rows = held["text"].strip().splitlines()
     rows = [row for row in rows if not row.startswith(f"| {group} |")]
     words = [word for word in sys.argv[1:] if word != "--write"]
-    command = " ".join(["python -m", f"tests.benchmarks.{Path(sys.argv[0]).stem}", *words])
+    command = " ".join(["python -m", f"tests.benchmarks.{_name(Path(sys.argv[0]))}", *words])
     today = datetime.now(UTC).date().isoformat()
     rows.append(f"| {group} | `{command}` | {today} | {_version()} | {_machine()} |")
     table_text = "\n".join([head, rule, *sorted(rows)])
     return f"{text[: held.start('text')]}\n{table_text}\n{text[held.end('text') :]}"
+
+
+def _name(path: Path) -> str:
+    """Of a benchmark, which is a file or a folder."""
+    return path.parent.name if path.stem == "__main__" else path.stem
 
 
 def _version() -> str:

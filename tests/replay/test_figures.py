@@ -60,5 +60,5 @@ def test_every_place_in_the_readme_belongs_to_a_benchmark_that_publishes_its_gro
     text = README.read_text(encoding="utf-8")
     groups = {match["group"] for match in MARKED.finditer(text)} - {"runs"}
     assert text.count("<!-- / -->") == len(list(MARKED.finditer(text)))
-    sources = "".join(path.read_text(encoding="utf-8") for path in README.parent.glob("*.py"))
+    sources = "".join(path.read_text(encoding="utf-8") for path in README.parent.rglob("*.py"))
     assert groups == set(re.findall(r'publish\(\s*"([a-z0-9_]+)"', sources))

@@ -1,13 +1,12 @@
 """Laws missing from base models of measured systems, found from recordings alone and compared with the literature.
 
     python -m tests.benchmarks.measured [NAME ...] [--rows FILE.jsonl] [--report FOLDER] [--json FILE] [--jobs N]
-    python -m tests.benchmarks.measured --rows FILE.jsonl --markdown
 
 Data are read from ../shared/realdata; systems without data are skipped, with a message. A base model contains nothing
 of what is missing. Figures are RMS on held-out readings, on which nothing was fitted and no law chosen; "quick fit" is
 that of a hand-written model that contains the answer.
-Each row is appended to --rows when it is done, and a system that has one is not run again. --markdown prints the
-existing rows as the table of README.md, misses in bold, and runs nothing.
+Each row is appended to --rows when it is done, and a system that has one is not run again. In the table of README.md
+misses are bold.
 """
 
 from __future__ import annotations
@@ -15,6 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import re
+import sys
 import tempfile
 import time
 from collections.abc import Sequence
@@ -35,6 +35,7 @@ from straw.replay.diagnose.systems.function.shapes import SHAPES, TABLE
 from straw.replay.diagnose.systems.function.system import FunctionSystem
 from straw.replay.output import write_json, write_text
 from straw.rig.provenance import software
+from tests.benchmarks.figures import missed, publish, table, write_option
 from tests.benchmarks.measured.cases import CASES, SHARED, Case, Effect
 
 #: How a finding compares with the literature: verdict, places and formulas agree; only the first effect agrees; its
@@ -154,28 +155,29 @@ def kept(path: Path | None) -> dict[str, Row]:
     return out
 
 
-def marked(rows: Sequence[Row]) -> str:
-    """Rows as a table in Markdown: bold where worse than the quick fit by 5 %, or different from the literature."""
-    lines = ["| recording | base | with what was found | quick fit | verdict | as the literature says | laws | s |"]
-    lines.append("|---|---|---|---|---|---|---|---|")
+def figures(rows: Sequence[Row]) -> dict[str, str]:
+    """The rows as a table, bold where worse than the quick fit by 5 %, or different from the literature; their sum; and
+    the commits that made them."""
+    head = ("recording", "base", "with what was found", "quick fit", "verdict", "as the literature says", "laws", "s")
+    lines = []
     for row in rows:
         scale, unit = (1e3, "mV") if row.unit == "V" and row.quick < 0.01 else (1.0, row.unit)
-        after = f"{scale * row.after:.3g}"
-        worse = row.after > WORSE * row.quick
-        said = row.agrees if row.agrees == "yes" else f"**{row.agrees}**"
-        kept = "; ".join(x.split(":")[0] for x in row.found.split("; "))
-        kept = kept if row.after != row.base or not row.refused else ""  # where all are refused, the located places
-        laws = "; ".join(filter(None, (kept, row.refused and f"refused: {row.refused}")))
-        cells = [
-            row.name,
-            f"{scale * row.base:.3g}",
-            f"**{after}**" if worse else after,
-            f"{scale * row.quick:.3g} {unit}",
-        ]
-        cells += [row.verdict.replace("_", " "), said, laws, f"{row.seconds:.0f}"]
-        lines.append(f"| {' | '.join(cells)} |")
-    commits = sorted({f"{row.commit} ({row.date})" for row in rows})
-    return "\n".join([*lines, "", f"Rows of commit {', '.join(commits)}.", summary(rows)])
+        laws = "; ".join(x.split(":")[0] for x in row.found.split("; "))
+        laws = laws if row.after != row.base or not row.refused else ""  # where all are refused, the located places
+        lines.append(
+            (
+                row.name,
+                f"{scale * row.base:.3g}",
+                missed(f"{scale * row.after:.3g}", row.after <= WORSE * row.quick),
+                f"{scale * row.quick:.3g} {unit}",
+                row.verdict.replace("_", " "),
+                missed(row.agrees, row.agrees == "yes"),
+                "; ".join(filter(None, (laws, row.refused and f"refused: {row.refused}"))),
+                f"{row.seconds:.0f}",
+            )
+        )
+    commits = ", ".join(sorted({f"{row.commit} ({row.date})" for row in rows}))
+    return {"table": table(head, lines), "sum": summary(rows), "commits": commits}
 
 
 def summary(rows: Sequence[Row]) -> str:
@@ -199,12 +201,10 @@ def main() -> None:
     parser.add_argument("--json", type=Path, metavar="FILE")
     parser.add_argument("--data", type=Path, default=SHARED, metavar="FOLDER", help=f"where the data are ({SHARED})")
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--markdown", action="store_true", help="print the rows that are there as a table")
+    write_option(parser)
     args = parser.parse_args()
-    if args.markdown:
-        done = kept(args.rows)
-        print(marked([done[case.name] for case in CASES if case.name in done]))
-        return
+    if args.write and args.names:
+        sys.exit("--write states the figures of all systems: leave out their names")
     head = f"{'system':<24} {'base':>8} {'after':>8} {'q. base':>8} {'q. fit':>8} {'unit':<4} {'verdict':<18} "
     print(f"{head}{'literature':<11} time   found")
     done, rows = kept(args.rows), []
@@ -233,6 +233,7 @@ def main() -> None:
             print(line(rows[-1]), flush=True)
     if rows:
         print(summary(rows))
+        publish("measured", figures(rows), args.write)
     if args.json:
         write_json(args.json, [asdict(row) for row in rows])
 

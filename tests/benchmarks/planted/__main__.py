@@ -1,6 +1,6 @@
 """Laws planted in simulated systems, and none in some, as the search for missing physics finds them.
 
-    python -m tests.benchmarks.planted [NAME ...] [--seeds N] [--rows FILE.jsonl]
+    python -m tests.benchmarks.planted [NAME ...] [--seeds N] [--rows FILE.jsonl] [--write]
 
 The systems are others than the measured ones (`tests.benchmarks.measured`): what changes the search is judged here as
 well, so that it is not fitted to those. Findings are scored as there; from a system of which nothing is missing, any
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 import tempfile
 import time
 import zlib
@@ -27,6 +28,7 @@ from straw.replay.diagnose.discover.findings import SystemFindings
 from straw.replay.diagnose.systems.function.model import load_model
 from straw.replay.diagnose.systems.function.read_recordings import recordings_of
 from straw.replay.diagnose.systems.function.system import FunctionSystem
+from tests.benchmarks.figures import publish, write_option
 from tests.benchmarks.measured.__main__ import AGREES, agrees
 from tests.benchmarks.planted.cases import CASES
 from tests.benchmarks.planted.systems import Planted
@@ -57,7 +59,10 @@ def main() -> None:
     parser.add_argument("names", nargs="*", help="systems whose name holds one of these words (all)")
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--rows", type=Path, metavar="FILE", help="JSON lines, written over")
+    write_option(parser)
     args = parser.parse_args()
+    if args.write and args.names:
+        sys.exit("--write states the figures of all systems: leave out their names")
     rows = []
     with tempfile.TemporaryDirectory() as scratch:
         for case in CASES:
@@ -80,6 +85,8 @@ def main() -> None:
     print(f"{len(rows)} systems: {', '.join(f'{word} {count[word]}' for word in AGREES)}; error where nothing was "
           f"fitted within 1.3 of the noise {int(np.sum(ratio < 1.3))} (geometric mean {mean:.2f}); "
           f"{sum(row['seconds'] for row in rows):.0f} s")  # fmt: skip
+    counts = {word.replace("(", "").replace(")", "").replace(" ", "-"): str(count[word]) for word in AGREES}
+    publish("planted", {"all": str(len(rows)), **counts, "error": f"{mean:.2f}"}, args.write)
     if args.rows:
         args.rows.write_text("".join(json.dumps(row) + "\n" for row in rows))
 
