@@ -66,7 +66,7 @@ def _started(job: Job, executor: Executor | None) -> Future[Prediction | ModelEr
         here.set_result(error)
         return here
     # The first job of a process runs here, so that workers find compiled code, forked or on disk.
-    if executor and integrate.signatures:
+    if executor and getattr(integrate, "signatures", None):  # a compiled function's, one for each that is compiled
         return executor.submit(_outcome, *ready)
     here.set_result(_outcome(*ready))
     return here

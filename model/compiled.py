@@ -5,13 +5,16 @@ from __future__ import annotations
 import hashlib
 import os
 import sys
-from collections.abc import Iterable
+import uuid
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numba
 
 from straw.model import plugged
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
 def cache_folder(sources: Iterable[Path]) -> Path:
@@ -27,6 +30,25 @@ def cache_folder(sources: Iterable[Path]) -> Path:
     return Path(parent) / "straw" / f"numba-{digest.hexdigest()[:16]}"
 
 
+def own_files(dispatcher: _Function) -> _Function:
+    """A cached function that gives each signature's machine code a file name of its own.
+
+    Numba numbers these files. Two processes that compile different signatures at the same time take the same number,
+    and whoever comes later loads the other's machine code, without an error.
+    """
+    kept = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)  # none where numba only interprets
+    if kept is not None:
+        stem = kept._index_name.removesuffix(".nbi")
+        kept._data_name = lambda number: f"{stem}.{uuid.uuid4().hex[:16]}.nbc"
+    return dispatcher
+
+
+def _kept(**how: Any) -> Callable[[_Function], _Function]:
+    """A decorator that compiles as these options of numba say and keeps the result on disk."""
+    compile_ = numba.njit(cache=True, **how)
+    return lambda function: own_files(compile_(function))
+
+
 #: Of the model's source, and of laws from outside.
 _CACHE = cache_folder([*sorted(Path(__file__).parent.rglob("*.py")), *plugged.sources()])
 #: Whether this machine has compiled this model already; the first time takes about half a minute.
@@ -37,7 +59,7 @@ if "NUMBA_OPT" not in os.environ:
     setattr(numba.config, "OPT", type(getattr(numba.config, "OPT"))(1))  # noqa: B009, B010
 
 #: Compile a function of the model: ``@compiled`` instead of ``@njit``. Division by zero gives inf as in NumPy.
-compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
+compiled = _kept(nogil=True, error_model="numpy")
 
 if TYPE_CHECKING:  # numba's types do not know ``_nrt``
     allocates_nothing = fused = called = composed = inlined = compiled
@@ -47,13 +69,13 @@ else:
     # counts; with it steps take 1.4 times as long. Without it numba refuses to compile a function that makes an array.
     _within = {"nogil": True, "error_model": "numpy", "forceinline": True, "_nrt": False}
     #: The same for a function that makes no arrays.
-    allocates_nothing = numba.njit(cache=True, **_within)
+    allocates_nothing = _kept(**_within)
     #: The same for one that has one caller and few loops of its own, joined to it before either is compiled: compiling
     #: takes less. Loops of a large function are worse compiled so: all inlined, derivatives took 1.2 times as long.
-    inlined = numba.njit(cache=True, inline="always", **_within)
+    inlined = _kept(inline="always", **_within)
     #: The same where products may be added without rounding in between: long polynomials take 0.7 of the time.
-    fused = numba.njit(cache=True, fastmath={"contract"}, **_within)
+    fused = _kept(fastmath={"contract"}, **_within)
     #: The same for a large one that is called, not inlined: its callers share its machine code.
-    called = numba.njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
+    called = _kept(nogil=True, error_model="numpy", _nrt=False)
     #: The same for one made of others at import, which cannot be cached by itself: its callers' caches hold it.
     composed = numba.njit(**_within)

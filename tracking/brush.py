@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from straw.tracking.compiled import compiled
 
 Floats = NDArray[np.float64]
 
@@ -100,7 +100,6 @@ def _paint(
 
 
 # Assigned rather than decorated: numba has no types, and this keeps the functions above checked.
-_compile: Any = numba.njit(nogil=True, cache=True, fastmath=False, error_model="numpy")
-_side = _compile(_side)
-rays_of_box = _compile(_rays_of_box)
-paint = _compile(_paint)
+_side = compiled(_side)
+rays_of_box = compiled(_rays_of_box)
+paint = compiled(_paint)

@@ -10,7 +10,7 @@ from typing import Any, TypeVar, cast
 import numba
 from numba import types
 
-from straw.model.compiled import cache_folder
+from straw.model.compiled import cache_folder, own_files
 from straw.replay.diagnose import settings
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
@@ -35,7 +35,10 @@ _KINDS = {
 }
 
 
-_SOURCES = [Path(__file__).with_name(f"{name}.py") for name in ("compiled", "kernel", "shapes", "shots")]
+_SOURCES = [
+    Path(__file__).with_name(f"{name}.py")
+    for name in ("clocks", "codes", "compiled", "kernel", "shapes", "shots", "varied")
+]
 _FOLDER = cache_folder([*_SOURCES, Path(settings.__file__)])
 
 
@@ -53,7 +56,7 @@ def _kept_here() -> Iterator[None]:
 def compiled(function: _Function) -> _Function:
     """A function of the same signature, kept on disk."""
     with _kept_here():
-        return cast(_Function, numba.njit(cache=True, **_HOW)(function))
+        return cast(_Function, own_files(numba.njit(cache=True, **_HOW)(function)))
 
 
 def users(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -70,4 +73,7 @@ def of_any_system(function: _Function, given: str) -> _Function:
     """A function of arguments of these kinds compiled, kept on disk; systems are passed to it as `writes`."""
     signature = tuple(_KINDS[one] for one in given.split())
     with _kept_here():
-        return cast(_Function, numba.njit(signature, cache=True, **_HOW)(function))
+        dispatcher = own_files(numba.njit(cache=True, **_HOW)(function))
+        dispatcher.compile(signature)
+        dispatcher.disable_compile()
+        return cast(_Function, dispatcher)
