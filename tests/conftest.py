@@ -40,8 +40,6 @@ LONGEST = (
     "test_examples.py", "test_executor.py", "test_energy_balance.py", "test_shell_command.py",
 )  # fmt: skip
 COMPILES, WAITS_FOR_NOTHING, LONG, OTHERS = range(4)
-#: That this process may use.
-CORES = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set[int]()
 
 
 def turn(item: pytest.Item) -> int:
@@ -75,20 +73,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """In a run of all tests, wait before the first that needs the model until it is compiled; until then leave a core
-    to the worker that compiles: what waits for it is the longer part."""
+    """In a run of all tests, wait before the first that needs the model until it is compiled."""
     every = item.session.items
     parallel = "PYTEST_XDIST_WORKER" in os.environ and turn(every[0]) == COMPILES and turn(every[-1]) == OTHERS
-    if parallel:
-        leave_a_core(turn(item) == WAITS_FOR_NOTHING)
-        if turn(item) != WAITS_FOR_NOTHING:
-            compile_once()
-
-
-def leave_a_core(leave: bool) -> None:
-    """Run on all cores but one, or on all; where the system has no such setting (macOS, Windows), do nothing."""
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, CORES - {max(CORES)} if leave and len(CORES) > 1 else CORES)
+    if parallel and turn(item) != WAITS_FOR_NOTHING:
+        compile_once()
 
 
 @cache
