@@ -35,7 +35,8 @@ def own_files(dispatcher: Any) -> Any:
     """A cached function that gives each signature's machine code a file name of its own.
 
     Numba numbers these files. Two processes that compile different signatures at the same time take the same number,
-    and whoever comes later loads the other's machine code, without an error.
+    and whoever comes later loads the other's machine code, without an error. The model has the same function, as the
+    two rooms do not import each other.
     """
     kept = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)  # none where numba only interprets
     if kept is not None:

@@ -73,8 +73,7 @@ def beside(
     known = evaluated(wide, first.fit.unknowns, first.fit.u, first.smooth)
     others = [state for state in states if state.name != first.state.name]
     steps, values, runs = len(others) + 2 * FITTED, len(first.at), campaign.observations
-    report: Callable[[str, int], None] = lambda name, k: told(name, k, steps)  # noqa: E731
-    starts = promising(wide, known, first.smooth, values, runs, report, others, FINISHED)
+    starts = promising(wide, known, first.smooth, values, runs, lambda name, k: told(name, k, steps), others, FINISHED)
     if campaign.stop() or not starts:
         return None
     tried = _first_fits(starts, runs, lambda name, k: None)

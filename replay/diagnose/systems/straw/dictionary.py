@@ -14,6 +14,10 @@ from straw.replay.diagnose.systems.straw.tables import APART
 
 Floats = NDArray[np.float64]
 
+#: Distance from a point, m, within which a force that fades levels off: where its fit starts, between a tenth of it and
+#: ten times as much. Chosen, not derived or varied.
+NEAR_M = 3e-3
+
 
 def atoms(state: State, at: Floats) -> tuple[Atom, ...]:
     """The dictionary for a curve over a state with points at (n,), SI."""
@@ -61,22 +65,16 @@ def _powers(x: str, most: int) -> tuple[Atom, ...]:
 
 def _fading_powers(x: str) -> tuple[Atom, ...]:
     """Forces that fade with the distance, as those of charges and magnets do."""
-    return tuple(
-        atom
-        for n in (1, 2, 4)
-        for atom in (
-            Atom(f"(10 mm/{x})^{n}", 0, lambda v, _, n=n: (0.01 / v) ** n, code_words=f"(0.01 / x)**{n}"),  # type: ignore[misc]
-            fading_softly(n, 3e-3, x),
-        )
-    )
+    powers = (1, 2, 4)
+    plain = (Atom(f"(10 mm/{x})^{n}", 0, lambda v, _, n=n: (0.01 / v) ** n) for n in powers)  # type: ignore[misc]
+    return (*plain, *(fading_softly(n, x) for n in powers))
 
 
-def fading_softly(power: int, near_m: float, x: str = "r") -> Atom:
-    """A force that fades with a power of the distance, but hardly within a distance, as bodies are no points."""
+def fading_softly(power: int, x: str = "r") -> Atom:
+    """A force that fades with a power of the distance, but levels off near the point, as bodies are no points."""
     return Atom(
         f"((10 mm)^2/({x}^2 + {{}}^2))^{power / 2:g}", 0, lambda v, near: (1e-4 / (v**2 + near**2)) ** (power / 2), 2,
-        f"(1e-4 / (x**2 + {{}}**2))**{power / 2:g}",
-        Shape(near_m, 1.0, near_m / 10, 10 * near_m, "mm", 1e3, ratio=True),
+        shape=Shape(NEAR_M, 1.0, NEAR_M / 10, 10 * NEAR_M, "mm", 1e3, ratio=True),
     )  # fmt: skip
 
 
