@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.model.compiled import allocates_nothing, compiled
+from straw.model.compiled import allocates_nothing, compiled, exposed
 from straw.model.constants import Constants
 from straw.model.table import POINTS, empty, table, table_moved
 from straw.model.terms import COLUMNS
@@ -66,7 +66,7 @@ def channel_of(c: Constants) -> Channel:
     return Channel(loss, k[RESISTANCE], k[INERTANCE], k[LAG], line, k[GAS], k[EXPONENT], k[MISSING:CYCLES], leaks)
 
 
-@allocates_nothing
+@exposed
 def lost(w: Channel, flow: float) -> tuple[float, float]:
     """Pressure (Pa) lost to what is quadratic in the flow or in a table, and its slope by the flow."""
     pressure, slope = w.loss * flow * abs(flow), 2 * w.loss * abs(flow)
@@ -77,7 +77,7 @@ def lost(w: Channel, flow: float) -> tuple[float, float]:
     return pressure, slope
 
 
-@allocates_nothing
+@exposed
 def lost_to_table_moved(w: Channel, flow: float, by: Floats) -> float:
     """Derivative of the pressure (Pa) lost to the table where it moves as ``by``, amount first."""
     if w.more[0] == 0 and by[0] == 0:
@@ -85,7 +85,7 @@ def lost_to_table_moved(w: Channel, flow: float, by: Floats) -> float:
     return float(by[0] * table(flow, w.more, 1) + w.more[0] * table_moved(flow, w.more, 1, by))
 
 
-@allocates_nothing
+@exposed
 def leaked(w: Channel, inside_pa: float) -> tuple[float, float]:
     """Flow out through the wall (m^3/s), and its slope by the pressure inside."""
     if not w.leaks:
@@ -94,7 +94,7 @@ def leaked(w: Channel, inside_pa: float) -> tuple[float, float]:
     return w.more[0] * table(inside_pa, w.more, LEAK), w.more[0] * (up - down) / (2 * NEARBY_PA)
 
 
-@allocates_nothing
+@exposed
 def leaked_moved(w: Channel, inside_pa: float, by: Floats) -> float:
     """Derivative of the flow out through the wall where its table moves as ``by``, amount first."""
     if w.more[0] == 0 and by[0] == 0:
@@ -154,7 +154,7 @@ def channel_at_rest(c: Constants, external_pa: float) -> tuple[Floats, float]:
     return np.array([external_pa - w.lag_s * w.line_pa_per_m3 * flow, flow, gas]), inside
 
 
-@allocates_nothing
+@exposed
 def inside_pressure(
     w: Channel, known: Floats, step_s: float, external_pa: float, rate_m3_per_s: float, now: Floats
 ) -> tuple[float, float]:
@@ -214,7 +214,7 @@ class InletSlopes(NamedTuple):
     gas_by_exponent: float
 
 
-@allocates_nothing
+@exposed
 def inlet_slopes(w: Channel, step_s: float, inside_pa: float, flow: float) -> InletSlopes:
     """Linear response of the inlet; also valid in the limit of zero lag, gas or inertia."""
     time_s = w.lag_s + step_s

@@ -62,23 +62,6 @@ def _linearised(c: Constants, given: Given, s: Stages, stage: int, hg: float, b:
         at_base[x] = 0.0
 
 
-@allocates_nothing
-def _answered(c: Constants, given: Given, s: Stages, stage: int, hg: float, b: Bench, rows: Rows) -> None:
-    """Accelerations of all columns at the pressure of the stage, and behind them those per pascal inside."""
-    block, n, P = b.sweeps.block, c.cells, given.scalars.shape[1]
-    add_given(c, given, s, stage, hg, b, rows)
-    add_pushed(c, given, b, rows)
-    for i in range(n):
-        for x in range(c.active):
-            block[i, rows.force + x, P] = c.C3
-    if not c.plain:
-        add_per_pascal(c, s, stage, hg, b, rows, P)
-    end = math.pi * c.r_i**2
-    block[n - 1, rows.beyond, P] = end * b.links.axis[n, 0]
-    block[n - 1, rows.beyond + 1, P] = end * b.links.axis[n, 1]
-    solve(c, b.links, b.sweeps, b.found)
-
-
 @inlined
 def _recalled(c: Constants, b: Bench, rows: Rows) -> None:
     """The columns of the memories without motion, and their force."""
@@ -90,6 +73,26 @@ def _recalled(c: Constants, b: Bench, rows: Rows) -> None:
                     for p in range(len(now)):
                         now[p] = by[4] * known[0, p] + by[5] * known[1, p]
                     add(-1.0, now, b.sweeps.block[i, rows.force + j - 2 + c.active + y * c.active])
+
+
+@allocates_nothing
+def _answered(c: Constants, given: Given, s: Stages, stage: int, hg: float, b: Bench, rows: Rows) -> None:
+    """Accelerations of all columns at a stage's solution and pressure, and behind them those per pascal inside."""
+    block, n, P = b.sweeps.block, c.cells, given.scalars.shape[1]
+    _linearised(c, given, s, stage, hg, b, rows)
+    if given.remembers:
+        _recalled(c, b, rows)
+    add_given(c, given, s, stage, hg, b, rows)
+    add_pushed(c, given, b, rows)
+    for i in range(n):
+        for x in range(c.active):
+            block[i, rows.force + x, P] = c.C3
+    if not c.plain:
+        add_per_pascal(c, s, stage, hg, b, rows, P)
+    end = math.pi * c.r_i**2
+    block[n - 1, rows.beyond, P] = end * b.links.axis[n, 0]
+    block[n - 1, rows.beyond + 1, P] = end * b.links.axis[n, 1]
+    solve(c, b.links, b.sweeps, b.found)
 
 
 @inlined
@@ -174,10 +177,7 @@ def _solve_stage(
     P, hg, rows = len(d.inside_pa), h * GAMMA, rows_of(c, b.links)
     time_s = state.clock[0] + TIMES[stage] * h
     b.motion.time_s[0] = c.start_s + time_s
-    _linearised(c, given, s, stage, hg, b, rows)
     _known(state, stage, h, d, given, b, rows)
-    if given.remembers:
-        _recalled(c, b, rows)
     _answered(c, given, s, stage, hg, b, rows)
     for at in range(len(given.driven)):
         drive = Table(table.start_s, table.step_s, given.drive[at])
@@ -226,7 +226,6 @@ def rest_columns(c: Constants, given: Given, q: Floats, first_pa: float, by_firs
     s.q[0], s.inside_pa[0] = q, first_pa
     rows = rows_of(c, b.links)
     first: int = np.int64(0)  # type: ignore[assignment]  # numba would compile all of it once more for a literal 0
-    _linearised(c, given, s, first, hg, b, rows)
     _answered(c, given, s, first, hg, b, rows)
     out = np.empty((c.cells, 2 * c.active, P))
     for i in range(c.cells):

@@ -8,9 +8,10 @@ import sys
 import uuid
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import numba
+from numba.core.registry import CPUDispatcher
 
 from straw.model import plugged
 
@@ -43,6 +44,30 @@ def own_files(dispatcher: _Function) -> _Function:
     return dispatcher
 
 
+class _OnlyInside(CPUDispatcher):
+    """A compiled function that only compiled functions may call: it has no entry point for Python."""
+
+    def __call__(self, *_: Any, **__: Any) -> NoReturn:
+        name = self.py_func.__qualname__
+        raise TypeError(f"{name}: only compiled code may call it; to call it from Python, declare it as @exposed")
+
+
+#: Options of numba for a function that Python does not call.
+_NO_ENTRY = {"no_cpython_wrapper": True}
+
+
+def _inside(**how: Any) -> Callable[[_Function], _Function]:
+    """`_kept` without an entry point for Python: unpacking the model's tuples takes long to compile."""
+
+    def declare(function: Any) -> Any:
+        dispatcher = _kept(**how, **_NO_ENTRY)(function)
+        if isinstance(dispatcher, CPUDispatcher):  # not where numba only interprets
+            dispatcher.__class__ = _OnlyInside
+        return dispatcher
+
+    return declare
+
+
 def _kept(**how: Any) -> Callable[[_Function], _Function]:
     """A decorator that compiles as these options of numba say and keeps the result on disk."""
     compile_ = numba.njit(cache=True, **how)
@@ -51,31 +76,36 @@ def _kept(**how: Any) -> Callable[[_Function], _Function]:
 
 #: Of the model's source, and of laws from outside.
 _CACHE = cache_folder([*sorted(Path(__file__).parent.rglob("*.py")), *plugged.sources()])
-#: Whether this machine has compiled this model already; the first time takes about half a minute.
+#: Whether this machine has compiled this model already; simulating takes half a minute, derivatives two.
 COMPILED_BEFORE = _CACHE.exists()  # asked here, as numba makes the folder when the first function is declared
 setattr(numba.config, "CACHE_DIR", str(_CACHE))  # noqa: B010  (numba makes its settings at run time)
 # LLVM's first level of optimisation: runs are as fast as with numba's third, and compiling takes 0.7 of the time
 if "NUMBA_OPT" not in os.environ:
     setattr(numba.config, "OPT", type(getattr(numba.config, "OPT"))(1))  # noqa: B009, B010
 
+#: Numba passes `fastmath` and `forceinline` on from a caller to what it calls, unless they are set: how a function is
+#: compiled, and how it rounds, would depend on which of its callers is compiled first.
+_ALWAYS = {"nogil": True, "error_model": "numpy", "fastmath": False, "forceinline": False, "no_cfunc_wrapper": True}
 #: Compile a function of the model: ``@compiled`` instead of ``@njit``. Division by zero gives inf as in NumPy.
-compiled = _kept(nogil=True, error_model="numpy")
+compiled = _kept(**_ALWAYS)
 
 if TYPE_CHECKING:  # numba's types do not know ``_nrt``
-    allocates_nothing = fused = called = composed = inlined = compiled
+    allocates_nothing = fused = called = composed = exposed = inlined = compiled
 else:
     # Inlined into their callers, without counting references to arrays: passing and counting all fields of the
     # tuples the model is made of took longer than the arithmetic. ``_nrt`` is numba's switch for its run-time, which
     # counts; with it steps take 1.4 times as long. Without it numba refuses to compile a function that makes an array.
-    _within = {"nogil": True, "error_model": "numpy", "forceinline": True, "_nrt": False}
-    #: The same for a function that makes no arrays.
-    allocates_nothing = _kept(**_within)
+    _within = {**_ALWAYS, "forceinline": True, "_nrt": False}
+    #: The same for a function that makes no arrays and is called by compiled ones only.
+    allocates_nothing = _inside(**_within)
+    #: The same for one that Python calls, too.
+    exposed = _kept(**_within)
     #: The same for one that has one caller and few loops of its own, joined to it before either is compiled: compiling
     #: takes less. Loops of a large function are worse compiled so: all inlined, derivatives took 1.2 times as long.
-    inlined = _kept(inline="always", **_within)
+    inlined = _inside(inline="always", **_within)
     #: The same where products may be added without rounding in between: long polynomials take 0.7 of the time.
-    fused = _kept(fastmath={"contract"}, **_within)
+    fused = _inside(**{**_within, "fastmath": {"contract"}})
     #: The same for a large one that is called, not inlined: its callers share its machine code.
-    called = _kept(nogil=True, error_model="numpy", _nrt=False)
+    called = _inside(**{**_within, "forceinline": False})
     #: The same for one made of others at import, which cannot be cached by itself: its callers' caches hold it.
-    composed = numba.njit(**_within)
+    composed = numba.njit(**_within, **_NO_ENTRY)

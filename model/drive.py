@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.model.compiled import allocates_nothing, compiled
+from straw.model.compiled import allocates_nothing, compiled, exposed
 from straw.model.scheme import COEFFICIENTS, STAGES, TIMES
 
 Floats = NDArray[np.float64]
@@ -48,7 +48,7 @@ def summed(table: Table) -> Floats:
     return sums
 
 
-@allocates_nothing
+@exposed
 def summed_to(table: Table, sums: Floats, time_s: float) -> float:
     """Integral of the pressure from the table's start to a time, Pa s."""
     i = min(max(int((time_s - table.start_s) / table.step_s), 0), len(sums) - 1)
@@ -56,7 +56,7 @@ def summed_to(table: Table, sums: Floats, time_s: float) -> float:
     return float(sums[i] + (time_s - at_s) * (table.pressure_pa[i] + pressure_in(table, time_s)) / 2)
 
 
-@allocates_nothing
+@exposed
 def seen(table: Table, sums: Floats, time_s: float, step_s: float, within_pa: float) -> float:
     """The longest step (s) from a time, ``step_s`` or shorter, whose stages resolve the pressure: their weighted mean
     is that of the pressure itself. What falls between the stages would escape the step's error estimate as well."""

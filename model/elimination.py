@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.model.compiled import called, fused
+from straw.model.compiled import allocates_nothing, fused
 from straw.model.constants import Constants
 from straw.model.links import (
     ANGLE,
@@ -125,7 +125,7 @@ def _beyond(A: Floats, there: Floats, column: int, dims: int, r: int) -> tuple[f
     return fx, fz, moment
 
 
-@called
+@allocates_nothing
 def eliminate(
     c: Constants, s: Links, law: Floats, pushed: Floats, inside_pa: float, hg: float, work: Floats, e: Sweeps
 ) -> None:

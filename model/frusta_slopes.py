@@ -140,7 +140,7 @@ def by_wall(c: Constants, m: Motion, i: int, j: int, way: Floats, e: float, row:
     return force, moment
 
 
-@called
+@allocates_nothing
 def beyond_base(
     c: Constants, m: Motion, i: int, j: int, number: int, more: float, known: Floats, now: Floats, step_s: float
 ) -> tuple[float, float]:
@@ -158,7 +158,7 @@ def beyond_base(
     return beyond_base_law(_with_constant(f, number, more), c.terms[i, j], known, now, step_s)
 
 
-@called
+@allocates_nothing
 def frusta_slopes(
     c: Constants, m: Motion, known: Floats, scratch: Floats, step_s: float, by: Floats, memory_by: Floats
 ) -> None:

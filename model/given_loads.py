@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.model.bench import Bench, add
-from straw.model.compiled import allocates_nothing, called
+from straw.model.compiled import allocates_nothing
 from straw.model.constants import Constants
 from straw.model.frusta import MEMORIES, frustum_at
 from straw.model.frusta_slopes import (
@@ -61,7 +61,7 @@ def _moved(c: Constants, number: int, more: float) -> Constants:
     )
 
 
-@called
+@allocates_nothing
 def add_given(c: Constants, given: Given, s: Stages, stage: int, hg: float, b: Bench, rows: Rows) -> None:
     """Add to the block the derivatives of the loads along the directions at fixed motion, constant by constant."""
     _of_bodies(c, given, b, rows)
@@ -123,7 +123,7 @@ def _of_all_frusta(c: Constants, given: Given, s: Stages, stage: int, hg: float,
                                 add(b.remembering[2, at, y], row, b.now_memory[i, j, at, y])
 
 
-@called
+@allocates_nothing
 def add_per_pascal(c: Constants, s: Stages, stage: int, hg: float, b: Bench, rows: Rows, P: int) -> None:
     """Add to the block, in column P behind all others, what a pascal inside changes of the frusta's laws."""
     block, e, up, down = b.sweeps.block, PRESSURE_STEP_PA, b.remembering[0], b.remembering[1]

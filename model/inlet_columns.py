@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from straw.model.bench import Bench, Columns, add
 from straw.model.channel import Channel, inlet_slopes, leaked, leaked_moved, lost_to_table_moved
-from straw.model.compiled import called
+from straw.model.compiled import allocates_nothing
 from straw.model.constants import Constants
 from straw.model.given import AREA, Given
 from straw.model.stages import Stages
@@ -18,7 +18,7 @@ from straw.model.vectors import plus
 Floats = NDArray[np.float64]
 
 
-@called
+@allocates_nothing
 def advance_inlet(
     c: Constants, given: Given, w: Channel, s: Stages, stage: int, hg: float, d: Columns, b: Bench, rows: Rows
 ) -> None:

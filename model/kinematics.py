@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.model.compiled import allocates_nothing, compiled
+from straw.model.compiled import allocates_nothing, compiled, exposed
 from straw.model.constants import Constants
 
 Floats = NDArray[np.float64]
@@ -238,7 +238,7 @@ def place(c: Constants, m: Motion, s: Chain) -> None:
     s.mass[n], s.inertia[n] = c.m_tip, c.I_tip
 
 
-@allocates_nothing
+@exposed
 def tip_pose(c: Constants, q: Floats) -> tuple[float, float, float]:
     """Tip X (m), Z (m) and Phi (rad): the face of the last cell."""
     n, k = c.cells, c.active

@@ -8,7 +8,7 @@ from types import ModuleType
 from typing import Any
 
 from straw.model import plugged
-from straw.model.compiled import allocates_nothing, compiled
+from straw.model.compiled import compiled, exposed
 from straw.model.errors import ModelError
 from straw.model.law_contract import check_law, plain
 from straw.model.term import Law
@@ -70,7 +70,7 @@ def laws_of_module(module: ModuleType, where: str) -> list[Law]:
 
 def ready(law: Law) -> Law:
     """A law with its functions compiled, where they are plain Python."""
-    how = allocates_nothing if law.kind == "body" else compiled
+    how = exposed if law.kind == "body" else compiled
     made: dict[str, Any] = {
         name: how(function)
         for name in ("force", "energy")

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.model.body import I0, I1, L0, L1, L2, MASS, T0, T1, T2, X0, X1, X2, Body, second, shape_of
-from straw.model.compiled import called, fused
+from straw.model.compiled import allocates_nothing, fused
 from straw.model.constants import Constants
 from straw.model.kinematics import Motion
 from straw.model.links import (
@@ -169,7 +169,7 @@ def _turn_base(base: Floats, dims: int, slots: int, matrix: Floats) -> None:
         r[a] += r[D_SPIN]
 
 
-@called
+@allocates_nothing
 def linearise(c: Constants, m: Motion, frusta: Floats, law: Floats, pushed: Floats, s: Links) -> None:
     """Fill the links for a motion.
 

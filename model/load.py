@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.model.compiled import allocates_nothing, compiled
+from straw.model.compiled import allocates_nothing, compiled, exposed
 from straw.model.constants import Constants
 from straw.model.kinematics import Chain
 
@@ -36,7 +36,7 @@ def unload(load: Load) -> None:
     load.torque[:] = 0.0
 
 
-@allocates_nothing
+@exposed
 def project(c: Constants, s: Chain, load: Load, out: Floats) -> None:
     """Generalised force that does the same virtual work as the load, into out (coordinates,).
 

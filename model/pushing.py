@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.model.bench import Bench
-from straw.model.compiled import allocates_nothing, called
+from straw.model.compiled import allocates_nothing
 from straw.model.constants import Constants
 from straw.model.given import AREA, R_I, R_O, RHO, Given
 from straw.model.kinematics import Chain
@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 BODY_STEPS = (1e-7, 1e-7, 1e-6, 1e-6, 1e-8, 1e-5, 1e-6)
 
 
-@called
+@allocates_nothing
 def body_slopes(c: Constants, b: Bench) -> None:
     """Forces of bodies' laws and their derivatives by each body's own motion, by central differences of the laws."""
     k, s = c.terms[0, 0], b.chain
@@ -60,7 +60,7 @@ def _push(c: Constants, k: Floats, b: Bench, out: Floats, keep: float, share: fl
         out[i, 2] = keep * out[i, 2] + share * b.load.torque[i]
 
 
-@called
+@allocates_nothing
 def add_pushed(c: Constants, given: Given, b: Bench, rows: Rows) -> None:
     """Add to the block what directions change of the bodies' laws, column by column."""
     n, links, block, ends = c.cells, b.links, b.sweeps.block, b.ends

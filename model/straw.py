@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.model.channel import channel_of, still_pressure
-from straw.model.compiled import allocates_nothing, called, compiled, composed
+from straw.model.compiled import allocates_nothing, called, compiled, composed, exposed
 from straw.model.constants import Constants
 from straw.model.frusta import MEMORIES, add_frusta, frusta_energy
 from straw.model.inertia import add_inertia, mass_matrix
@@ -87,7 +87,7 @@ def volume_rate(c: Constants, v: Floats) -> float:
     return c.S * total
 
 
-@allocates_nothing
+@exposed
 def forces_left(
     c: Constants,
     q: Floats,

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.model.compiled import allocates_nothing, called, compiled
+from straw.model.compiled import allocates_nothing, compiled, exposed
 from straw.model.constants import Constants
 from straw.model.links import Links
 from straw.model.vectors import WIDTH, product4, product8
@@ -47,7 +47,7 @@ def rows_of(c: Constants, s: Links) -> Rows:
     return Rows(3, 3 + k, 6 + k, 6 + 2 * k, 6 + 3 * k, 6 + 2 * k + r, 6 + 3 * k + r, 6 + 3 * k + r + dims)
 
 
-@allocates_nothing
+@exposed
 def wide(columns: int) -> int:
     """Columns with those that make them a multiple of `WIDTH`."""
     return (columns + WIDTH - 1) // WIDTH * WIDTH
@@ -67,7 +67,7 @@ def sweeps_for(c: Constants, s: Links, columns: int) -> Sweeps:
     )
 
 
-@called
+@allocates_nothing
 def solve(c: Constants, s: Links, e: Sweeps, accelerations: Floats) -> None:
     """Solve for the block's right-hand sides from the tip to the base and back: accelerations (cells, moving, wide).
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from straw.model.compiled import allocates_nothing, compiled
+from straw.model.compiled import allocates_nothing, compiled, exposed
 from straw.model.constants import Constants
 from straw.model.term import Frustum
 from straw.model.terms.shell_energy import SHARE, shell_energy, shell_force, shell_stiffness
@@ -44,7 +44,7 @@ def walls_force_at(zeta: float, phi: float, f: Frustum) -> tuple[float, float]:
     return share * force + (1 - share) * other, share * moment + (1 - share) * turning
 
 
-@allocates_nothing
+@exposed
 def walls_force(f: Frustum) -> tuple[float, float]:
     """-F on zeta and -M on phi of a frustum's walls where it is."""
     return walls_force_at(f.zeta, f.phi, f)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from straw.model.compiled import allocates_nothing
+from straw.model.compiled import exposed
 from straw.model.constants import Constants
 from straw.model.kinematics import Chain
 from straw.model.load import Load
@@ -16,7 +16,7 @@ from straw.model.table import AMOUNT, empty, names, odd_table, points, table
 from straw.model.term import Constant, Floats, Term
 
 
-@allocates_nothing
+@exposed
 def _force(c: Constants, k: Floats, s: Chain, load: Load) -> None:
     if k[0] == 0:
         return

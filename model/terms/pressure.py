@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.model.compiled import allocates_nothing
+from straw.model.compiled import allocates_nothing, exposed
 from straw.model.constants import Constants
 from straw.model.kinematics import Chain
 from straw.model.load import Load
@@ -25,7 +25,7 @@ def add_pressure(c: Constants, s: Chain, inside_pa: float, load: Load) -> None:
     load.force[c.cells, 1] += math.pi * c.r_i**2 * inside_pa * s.tip_axis[1]
 
 
-@allocates_nothing
+@exposed
 def pressure_per_pa(c: Constants, s: Chain, out: Floats) -> None:
     """Generalised force of one pascal inside, into out (coordinates,)."""
     n, k = c.cells, c.active

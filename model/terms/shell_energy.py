@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.model.compiled import allocates_nothing, called, compiled, fused
+from straw.model.compiled import allocates_nothing, compiled, exposed, fused
 
 Floats = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ def _ended(u: float, row: Floats) -> tuple[float, float, float, float]:
     return sign * (row[0] + row[1] * t), 1 - t * t, row[2] * beyond**3, sign * 3 * row[2] * beyond**2
 
 
-@called
+@exposed
 def shell_force(zeta: float, phi: float, r_i: float, row: Floats) -> tuple[float, float]:
     """-F on zeta (N) and -M on phi (N m)."""
     L, w = row[0], r_i * phi

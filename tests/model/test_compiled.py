@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from straw.model.compiled import allocates_nothing, exposed, fused
 from straw.model.compiled import compiled as of_model
 from straw.tracking.compiled import compiled as of_tracking
 
@@ -37,3 +38,39 @@ def test_two_processes_that_compile_different_signatures_at_the_same_time_keep_b
     assert first(3) == 6
     assert third(2.5) == 5.0
     assert sum(third.stats.cache_hits.values()) == 1
+
+
+def test_how_a_function_rounds_does_not_depend_on_which_of_its_callers_is_compiled_first() -> None:
+    @allocates_nothing
+    def product_and_sum(a: float, b: float, c: float) -> float:
+        return a * b + c
+
+    @exposed
+    def rounded(a: float, b: float, c: float) -> float:
+        return product_and_sum(a, b, c)
+
+    @fused
+    def in_one(a: float, b: float, c: float) -> float:
+        return product_and_sum(a, b, c)
+
+    @exposed
+    def first(a: float, b: float, c: float) -> float:
+        return in_one(a, b, c)
+
+    less = 1 - 2.0**-30
+    first(less, 2 - less, -1.0)
+    assert rounded(less, 2 - less, -1.0) == 0.0  # the exact product is 1 - 2**-60, which rounds to 1
+
+
+def test_a_function_that_only_compiled_code_may_call_says_so() -> None:
+    @allocates_nothing
+    def twice(a: float) -> float:
+        return 2 * a
+
+    @exposed
+    def four_times(a: float) -> float:
+        return twice(twice(a))
+
+    assert four_times(1.5) == 6.0
+    with pytest.raises(TypeError, match="twice: only compiled code may call it"):
+        twice(1.5)
