@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.model.compiled import called, compiled
+from straw.model.compiled import compiled
 from straw.model.drive import summed
 from straw.model.errors import ModelError
 from straw.model.integrate import FIRST_STEPS, at_rest, fill_inside, fill_start
@@ -27,42 +27,26 @@ Floats = NDArray[np.float64]
 LOOSE_M, CLOSE = 1e-8, 1e-7
 
 
-@called
-def step_of(c, state, table, sums, limits, s, w, counts):
-    """One step, compiled once for both of what follow."""
-    return take_step(c, state, table, sums, limits, s, w, counts)
-
-
 @compiled
-def times_of(c, state, table, end_s, tolerance_m, max_step_s):
-    """Ends of the steps that a run takes, from its start."""
-    sums, counts = summed(table), np.zeros(4, np.int64)
-    limits = limits_for(c, end_s, max_step_s, tolerance_m, FIRST_STEPS + 100_000)
-    s, w = stages_for(c, len(state.q)), work_for(c, len(state.q))
-    ends = [state.clock[0]]
-    while state.clock[0] < end_s:
-        remaining = end_s - state.clock[0]
-        status, h = step_of(c, state, table, sums, limits, s, w, counts)
-        assert status == DONE
-        arrive(state, s, end_s if h == remaining else state.clock[0] + h)
-        ends.append(state.clock[0])
-    return np.array(ends)
-
-
-@compiled
-def along(c, state, table, ends, output_s, out_q, out_v, out_pa):
-    """Take exactly these steps."""
+def march(c, state, table, ends, limits, output_s, out_q, out_v, out_pa):
+    """Take the steps that end at ``ends``, or where it is empty those that a run takes; their ends, how many were
+    refused. One function for both, as a step takes long to compile into each."""
     sums, counts = summed(table), np.zeros(4, np.int64)
     s, w = stages_for(c, len(state.q)), work_for(c, len(state.q))
     filled = fill_start(state, output_s, out_q, out_v, out_pa)
-    for i in range(1, len(ends)):
-        limits = Limits(ends[i], 1.0, LOOSE_M, CLOSE, np.inf, c.remembers, 1_000_000)
-        state.clock[1] = 1.0
-        status, h = step_of(c, state, table, sums, limits, s, w, counts)
+    end_s, taken = limits.end_s, [state.clock[0]]
+    while state.clock[0] < end_s:
+        if len(ends):
+            limits = Limits(ends[len(taken)], 1.0, LOOSE_M, CLOSE, np.inf, c.remembers, 1_000_000)
+            state.clock[1] = 1.0
+        remaining = limits.end_s - state.clock[0]
+        status, h = take_step(c, state, table, sums, limits, s, w, counts)
         assert status == DONE
-        filled = fill_inside(state, s, h, ends[i], output_s, filled, out_q, out_v, out_pa)
-        arrive(state, s, ends[i])
-    return counts[1]
+        new_s = limits.end_s if len(ends) or h == remaining else state.clock[0] + h
+        filled = fill_inside(state, s, h, new_s, output_s, filled, out_q, out_v, out_pa)
+        arrive(state, s, new_s)
+        taken.append(new_s)
+    return np.array(taken), counts[1]
 
 
 @dataclass(frozen=True)
@@ -79,7 +63,9 @@ class Held:
         table, first_pa = sampled(pressure, time_s), float(np.asarray(pressure(time_s[:1])).ravel()[0])
         c, q = straw.constants(), rest_state(straw, deployed, first_pa)
         state = at_rest(c, q, float(time_s[0]), first_pa, FIRST_STEP_S)
-        ends = times_of(c, state, table, float(time_s[-1]), tolerance_m, MAX_STEP_S)
+        limits = limits_for(c, float(time_s[-1]), MAX_STEP_S, tolerance_m, FIRST_STEPS + 100_000)
+        none, nowhere = np.empty(0), np.empty((0, straw.coordinates))
+        ends, _ = march(c, state, table, none, limits, none, nowhere, nowhere, none)
         return cls(time_s, deployed, ends, q)
 
     def play(self, straw: StrawParameters, pressure, start: Floats | float = 0.0) -> Prediction:
@@ -89,7 +75,8 @@ class Held:
         q = rest_state(straw, self.deployed, first_pa, near=self.rest) + start
         state = at_rest(c, q, float(self.time_s[0]), first_pa, FIRST_STEP_S)
         out = np.empty((len(self.time_s), n)), np.empty((len(self.time_s), n)), np.empty(len(self.time_s))
-        rejected = along(c, state, table, self.ends, self.time_s, *out)
+        limits = limits_for(c, float(self.ends[-1]), MAX_STEP_S, LOOSE_M, FIRST_STEPS)
+        _, rejected = march(c, state, table, self.ends, limits, self.time_s, *out)
         if rejected:
             raise ModelError("held: a step that the run takes is refused with these constants")
         return prediction(straw, table, self.time_s, out[0], out[2], len(self.ends), q)
