@@ -21,6 +21,10 @@ Floats = NDArray[np.float64]
 
 #: Tolerance of simulations while searching; the tip's error is below a camera's noise.
 SEARCH_TOLERANCE_M = 2e-6
+#: Tolerance of the derivatives that intervals are made of, m. A step at the search's tolerance may be as long as an
+#: unstable mode takes to grow; its tangent then amplifies the gauge's noise, which is not in balance with the straw as
+#: a constant pressure is: to 160 sigmas where 0.6 are right.
+INTERVAL_TOLERANCE_M = 3e-8
 #: Draws of the gauge's noise.
 GAUGE_DRAWS = 12
 #: Noise where a recording does not state it: m, m, rad.
@@ -48,14 +52,14 @@ class Difference:
         measured = np.array([getattr(run.tip, channel)[valid] for channel in CHANNELS])
         return np.asarray((_of_tip(run, seen) - measured) / sigmas(run))
 
-    def slope(self, run: Run, log_values: Floats) -> Floats | None:
+    def slope(self, run: Run, log_values: Floats, tolerance_m: float = SEARCH_TOLERANCE_M) -> Floats | None:
         """Derivatives of `at` by the logarithms, (channels, n, constants); None where the model cannot follow."""
         try:
             straw, pressure, time_s, deployed = setting(run, self._straw(log_values))
             along = [
                 float(np.exp(x)) * Direction.of(straw, name) for x, name in zip(log_values, self.names, strict=True)
             ]
-            by = differentiate(straw, pressure, time_s, deployed, along, tolerance_m=SEARCH_TOLERANCE_M)
+            by = differentiate(straw, pressure, time_s, deployed, along, tolerance_m=tolerance_m)
         except ModelError:
             return None
         return np.asarray(_of_tip(run, by) / sigmas(run)[..., np.newaxis])
@@ -69,7 +73,7 @@ class Difference:
             for seed in range(GAUGE_DRAWS):
                 noisy = driving_pressure(_reread(run.pressure, seed), run.command)
                 along.append(Direction.driven(straw, noisy) + -1.0 * Direction.driven(straw, pressure))
-            by = differentiate(straw, pressure, time_s, deployed, along, tolerance_m=SEARCH_TOLERANCE_M)
+            by = differentiate(straw, pressure, time_s, deployed, along, tolerance_m=INTERVAL_TOLERANCE_M)
         except ModelError:
             return None
         return np.asarray(_of_tip(run, by) / sigmas(run)[..., np.newaxis])

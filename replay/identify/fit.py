@@ -18,7 +18,7 @@ from scipy.optimize import least_squares
 from straw.model.parameters import StrawParameters
 from straw.replay.compare.comparison import CHANNELS
 from straw.replay.errors import ReplayError
-from straw.replay.identify.difference import GAUGE_DRAWS, sigmas, with_values
+from straw.replay.identify.difference import GAUGE_DRAWS, INTERVAL_TOLERANCE_M, sigmas, with_values
 from straw.replay.identify.problem import Problem, pool_of, samples
 from straw.rig.run import Run
 
@@ -150,7 +150,7 @@ def fit(
             best = _descend(problem, best, blur_s)
         tell()
         left = problem.many([best])[0]
-        final = problem.slopes(best, FINISH[-1])
+        final = problem.slopes(best, FINISH[-1], INTERVAL_TOLERANCE_M)
         covariance = _covariance(problem, left, final) + _from_gauge(problem, best, final)
         tell()
     values = np.exp(best)

@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from straw.model.parameters import StrawParameters
 from straw.replay.compare.comparison import CHANNELS
-from straw.replay.identify.difference import Difference
+from straw.replay.identify.difference import SEARCH_TOLERANCE_M, Difference
 from straw.rig.run import Run
 
 Floats = NDArray[np.float64]
@@ -43,9 +43,9 @@ class Problem:
             )
         return out
 
-    def slopes(self, at: Floats, blur_s: float) -> Floats:
+    def slopes(self, at: Floats, blur_s: float, tolerance_m: float = SEARCH_TOLERANCE_M) -> Floats:
         """Derivatives of the blurred differences by the logarithms, (all samples, constants)."""
-        jobs = [self.pool.submit(self.difference.slope, run, at) for run in self.runs]
+        jobs = [self.pool.submit(self.difference.slope, run, at, tolerance_m) for run in self.runs]
         found = [job.result() for job in jobs]
         self.failures += sum(one is None for one in found)
         rows = [

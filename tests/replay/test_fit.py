@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from straw.model.parameters import StrawParameters
 from straw.model.simulate import simulate
+from straw.replay.api.given import the_runs
 from straw.replay.errors import ReplayError
-from straw.replay.identify.difference import with_values
+from straw.replay.identify.difference import Difference, _reread, with_values
 from straw.replay.identify.fit import fit, most_different
 from straw.rig.run import PressureLog, Run
 from straw.tracking.trace import TipTrace
@@ -55,6 +57,18 @@ def test_damping_and_channel_are_recovered_from_distant_starts_within_their_inte
     assert found.reduced_chi2 == pytest.approx(1.0, abs=0.25)
     assert found.failures == 0
     np.testing.assert_allclose(found.straw.r_ch_m, found.value[2])
+
+
+def test_the_gauges_noise_changes_a_slow_snap_as_much_as_when_the_run_is_simulated_again(shared: Path) -> None:
+    """At these constants a step at the search's tolerance takes an unstable mode as long as it takes to grow."""
+    (run,) = the_runs(shared / "recordings" / "open-a" / "fold-20kPa-2-5.mcap")
+    at = np.log([19.42991222256893, 0.0020134428045833785, 0.0004000027537086787])
+    difference = Difference(StrawParameters(), NAMES)
+    changes = difference.gauge(run, at)
+    again = [difference.at(dataclasses.replace(run, pressure=_reread(run.pressure, seed)), at) for seed in range(6)]
+    simulated = np.stack(again, axis=-1) - difference.at(run, at)[..., np.newaxis]
+    # of 6 and 12 draws the ratio of two standard deviations is within a factor of 3 (F of 6 and 12, 99.9 %: 8.4)
+    assert 1 / 3 < np.sqrt(np.mean(changes**2) / np.mean(simulated**2)) < 3
 
 
 def test_runs_that_differ_most_are_searched_first() -> None:
