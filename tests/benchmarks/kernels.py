@@ -43,6 +43,7 @@ def main() -> None:
         "--kernels", nargs="+", default=KERNELS, metavar="NAME", help="the first is compared with the others"
     )
     ask.add_argument("--rows", type=Path, default=Path("kernels.jsonl"), metavar="FILE", help="kernels.jsonl")
+    ask.add_argument("--score", action="store_true", help="diagnose nothing more")
     ask.add_argument("--row", metavar="NAME", help=argparse.SUPPRESS)
     workers_options(ask, "processes")
     write_option(ask)
@@ -55,16 +56,16 @@ def main() -> None:
         print(f"{kernel}: this processor cannot run it", flush=True)
     campaigns = [*(path.name for path in sorted(RECORDINGS.glob("open-*"))), *CASES]
     told = {(one["kernel"], one["name"]): one for one in kept(args.rows)}
-    todo = {
-        f"{name} by {kernel}": (kernel, name) for name in campaigns for kernel in kernels if (kernel, name) not in told
-    }
+    asks = [(kernel, name) for name in campaigns for kernel in kernels if (kernel, name) not in told]
+    todo = {} if args.score else {f"{name} by {kernel}": (kernel, name) for kernel, name in asks}
     for one in worked_out(todo, asked, args.rows, args.jobs, args.dask):
         told[one["kernel"], one["name"]] = one
         print(f"{one['name']} by {one['kernel']}: {one['verdict']}", flush=True)
-    lines = [compared([told[kernel, name] for kernel in kernels if (kernel, name) in told]) for name in campaigns]
+    rows = [[told[kernel, name] for kernel in kernels if (kernel, name) in told] for name in campaigns]
+    lines = [compared(of_one) for of_one in rows if len(of_one) > 1]
     text = table(HEAD, lines)
     print(text)
-    publish("kernels", {"table": text, "run": ", ".join(kernels)}, args.write)
+    publish("kernels", {"table": text, "run": " and ".join(kernels)}, args.write)
 
 
 def runs(kernel: str) -> bool:
