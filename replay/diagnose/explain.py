@@ -3,8 +3,7 @@
 The causes that the proposal puts first are fitted from their own starts, by successive halving
 (`straw.replay.diagnose.tournament`), in a coarse comparison of the most informative runs; the survivors are fitted to
 all samples of all runs. Where these leave more than noise, single causes and pairs are selected by fits of all causes
-at once (`straw.replay.diagnose.at_once`), and then every other cause is fitted from its own starts. Where a pair or a
-cause with many constants explains the runs, the simpler causes are tried, too.
+at once (`straw.replay.diagnose.at_once`), and then every other cause is fitted from its own starts.
 """
 
 from __future__ import annotations
@@ -25,8 +24,8 @@ from straw.replay.diagnose.pairs import find_pairs, seconds, telling
 from straw.replay.diagnose.propose.proposal import Proposal
 from straw.replay.diagnose.refine import explains, finish, refine
 from straw.replay.diagnose.rivals import absent, as_before, from_each_other
-from straw.replay.diagnose.screen import Start, screen
-from straw.replay.diagnose.settings import FAR, FIRST_ROUNDS, MOST_COUNTED, ROUNDS, SHORTLIST
+from straw.replay.diagnose.screen import screen
+from straw.replay.diagnose.settings import FAR, FIRST_ROUNDS, ROUNDS, SHORTLIST
 from straw.replay.diagnose.starts import check_simulated, fit_from_priors
 from straw.replay.diagnose.tournament import fitted_contestant, tournament
 
@@ -77,10 +76,6 @@ def explain(
             if not campaign.stop() and (left or start.gain > CALIBRATION.scale):
                 found.keep(fitted_contestant(campaign, start, FIRST_ROUNDS))
         finish(found)
-        if found.goes_on:  # what the base has made up for is not seen to first order
-            for start in _proposed_first(found.null, campaign, proposal):
-                found.keep(fitted_contestant(campaign, start, FIRST_ROUNDS))
-            finish(found)
     if not far and found.goes_on:
         tried = _large(found, hypotheses, wide_known, proposal, steps)
     if found.goes_on:
@@ -92,9 +87,6 @@ def explain(
             if found.goes_on and found.ranked_singles[:1] != first:
                 find_pairs(found, names)
     elif not campaign.stop():
-        if found.contestants and _flexible(found.contestants[0].hypothesis):
-            simple = [h for h in hypotheses if h.name not in tried and not _flexible(h)]
-            _from_own_starts(found, simple, wide_known, proposal, steps)
         steps("second causes that are small", found)
         seconds(found, names)
     steps("rivals from each other's constants", found)
@@ -115,13 +107,15 @@ def _large(
     known = evaluated(wide, base.unknowns, base.u)
     if explains(known):
         return set()
+    tried: set[str] = set()
     first, *others = _in_turn(hypotheses, proposal)
     if others:  # a single cause that the proposal puts first costs less than all at once
         _from_own_starts(found, first, base, proposal, steps)
-        if found.contestants and not found.goes_on and not _flexible(found.contestants[0].hypothesis):
-            return {h.name for h in first}
+        tried = {h.name for h in first}
+        if not found.goes_on:
+            return tried
     steps("all causes at once", found)
-    tried = at_once(found, wide, known, hypotheses, proposal) | {h.name for h in (first if others else ())}
+    tried |= at_once(found, wide, known, hypotheses, proposal)
     if unexplained(found.campaign, found.best) <= FAR:
         return tried
     _from_own_starts(found, [h for h in hypotheses if h.name not in tried], base, proposal, steps)
@@ -149,11 +143,6 @@ def _from_own_starts(
             return
 
 
-def _flexible(hypothesis: Hypothesis) -> bool:
-    """Whether a hypothesis may explain what a simpler one does, too: two causes, or a constant for each cell."""
-    return len(hypothesis.causes) > 1 or len(hypothesis.unknowns) > MOST_COUNTED
-
-
 class _Steps:
     """Reports the activity, the leading hypothesis, and the longest time left."""
 
@@ -173,12 +162,6 @@ class _Steps:
 
 def _base_start(proposal: Proposal | None) -> list[Floats]:
     return [] if proposal is None else [np.array([s.u for s in proposal.base])]
-
-
-def _proposed_first(null: Fit, campaign: Campaign, proposal: Proposal | None) -> list[Start]:
-    """Starts of the causes that the proposal puts first, at its constants."""
-    first = list(proposal.scores)[:SHORTLIST] if proposal else []
-    return [start for name in first for start in proposed(null, campaign.hypothesis([name]), proposal)]
 
 
 def _in_turn(hypotheses: Sequence[Hypothesis], proposal: Proposal | None) -> list[list[Hypothesis]]:

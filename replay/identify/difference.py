@@ -21,9 +21,8 @@ Floats = NDArray[np.float64]
 
 #: Tolerance of simulations while searching; the tip's error is below a camera's noise.
 SEARCH_TOLERANCE_M = 2e-6
-#: Tolerance of the derivatives that intervals are made of, m. A step at the search's tolerance may be as long as an
-#: unstable mode takes to grow; its tangent then amplifies the gauge's noise, which is not in balance with the straw as
-#: a constant pressure is: to 160 sigmas where 0.6 are right.
+#: Tolerance of the derivatives that intervals are made of, m. At the search's tolerance tangents may amplify a gauge's
+#: noise, to 160 sigmas where 0.6 are right, most likely where a step is as long as an unstable mode takes to grow.
 INTERVAL_TOLERANCE_M = 3e-8
 #: Draws of the gauge's noise.
 GAUGE_DRAWS = 12

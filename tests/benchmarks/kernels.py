@@ -29,7 +29,7 @@ KERNELS = ("Haswell", "Prescott", "SkylakeX", "Zen")
 RECORDINGS = Path(__file__).resolve().parents[3] / "shared" / "recordings"
 DECK_SEED = 20261129
 CASES = tuple(f"final-{number:03d}" for number in range(0, 40, 4))
-#: Sigmas by which a constant may differ between kernels (issue of the derivatives).
+#: Sigmas by which a constant may differ between kernels: too little to change what anyone concludes from it.
 MAY_DIFFER = 0.1
 #: Value, sigma, and unit of each constant of each cause.
 Constants = Mapping[str, Mapping[str, Mapping[str, Any]]]

@@ -1,4 +1,4 @@
-"""Compiled code on disk: what one process keeps is never loaded for another signature."""
+"""Compiled code: each signature loads its own from disk, and no function is compiled as its callers happen to be."""
 
 from __future__ import annotations
 

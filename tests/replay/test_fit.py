@@ -60,7 +60,7 @@ def test_damping_and_channel_are_recovered_from_distant_starts_within_their_inte
 
 
 def test_the_gauges_noise_changes_a_slow_snap_as_much_as_when_the_run_is_simulated_again(shared: Path) -> None:
-    """At these constants a step at the search's tolerance takes an unstable mode as long as it takes to grow."""
+    """At these constants derivatives at the search's tolerance amplify the noise by hundreds."""
     (run,) = the_runs(shared / "recordings" / "open-a" / "fold-20kPa-2-5.mcap")
     at = np.log([19.42991222256893, 0.0020134428045833785, 0.0004000027537086787])
     difference = Difference(StrawParameters(), NAMES)
