@@ -105,8 +105,6 @@ def _large(
     starts. Returns the names of those that were."""
     wide = telling(found)
     known = evaluated(wide, base.unknowns, base.u)
-    if explains(known):
-        return set()
     tried: set[str] = set()
     first, *others = _in_turn(hypotheses, proposal)
     if others:  # a single cause that the proposal puts first costs less than all at once
@@ -114,6 +112,8 @@ def _large(
         tried = {h.name for h in first}
         if not found.goes_on:
             return tried
+    if explains(known):  # what is left is too small for all causes to be told from each other at once
+        return tried
     steps("all causes at once", found)
     tried |= at_once(found, wide, known, hypotheses, proposal)
     if unexplained(found.campaign, found.best) <= FAR:
@@ -125,14 +125,9 @@ def _large(
 def _from_own_starts(
     found: Inquiry, hypotheses: Sequence[Hypothesis], base: Fit, proposal: Proposal | None, steps: _Steps
 ) -> None:
-    """Each cause from its own starts, the proposal's first ones before the others, until one explains the runs.
-
-    Where the base explains the coarse comparison to noise, no cause can show there.
-    """
+    """Each cause from its own starts, the proposal's first ones before the others, until one explains the runs."""
     wide = telling(found)
     known = evaluated(wide, base.unknowns, base.u)
-    if explains(known):
-        return
     causes = [found.campaign.hypothesis([name]) for name in proposal.scores] if proposal else []
     given = [start for cause in causes for start in proposed(known, cause, proposal)]
     for group in _in_turn(hypotheses, proposal):

@@ -1,19 +1,18 @@
-"""Robust least squares over a campaign: SciPy's trust-region Gauss-Newton on exact Jacobians, priors and bounds."""
+"""Robust least squares over a campaign: Gauss-Newton on exact Jacobians, with priors and bounds."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
-from straw.replay.diagnose.robust import robust_cost, weights
-from straw.replay.diagnose.settings import ROBUST_SIGMAS
+from straw.replay.diagnose.robust import curvature, robust_cost, weights
+from straw.replay.diagnose.settings import FIRST_STEP
+from straw.replay.diagnose.trust_region import POOR, bounded_step, promised, resized
 
 Floats = NDArray[np.float64]
 
@@ -52,10 +51,6 @@ class Contestant:
         return self.fit.cost
 
 
-class StoppedError(Exception):
-    """The user stopped the search: the best point so far is the result."""
-
-
 def prior_cost(unknowns: Sequence[Unknown], u: Floats) -> float:
     """The priors' part of the cost."""
     return float(sum(((x - k.mean) / k.sd) ** 2 for k, x in zip(unknowns, u, strict=True)))
@@ -67,10 +62,14 @@ def cost_at(unknowns: Sequence[Unknown], u: Floats, residual: Floats, smooth: Fl
     return robust_cost(residual) + prior_cost(unknowns, u) + rough
 
 
-def normal_equations(unknowns: Sequence[Unknown], u: Floats, residual: Floats, slopes: Floats) -> tuple[Floats, Floats]:
+def normal_equations(
+    unknowns: Sequence[Unknown], u: Floats, residual: Floats, slopes: Floats, smooth: Floats | None = None
+) -> tuple[Floats, Floats]:
     """Gauss-Newton Hessian (n, n) and gradient (n,) of half the cost at u, with residual (m,) and Jacobian (m, n)."""
-    w, sd, mean = weights(residual), np.array([k.sd for k in unknowns]), np.array([k.mean for k in unknowns])
-    return (slopes * w[:, None]).T @ slopes + np.diag(1 / sd**2), slopes.T @ (w * residual) + (u - mean) / sd**2
+    sd, mean = (np.array([getattr(k, name) for k in unknowns]) for name in ("sd", "mean"))
+    H = (slopes * curvature(residual)[:, None]).T @ slopes + np.diag(1 / sd**2)
+    g = slopes.T @ (weights(residual) * residual) + (u - mean) / sd**2
+    return (H, g) if smooth is None else (H + smooth.T @ smooth, g + smooth.T @ (smooth @ u))
 
 
 def clipped(unknowns: Sequence[Unknown], u: Floats) -> Floats:
@@ -85,6 +84,19 @@ def evaluated(campaign: Campaign, unknowns: Sequence[Unknown], u: Floats, smooth
     return Fit(tuple(unknowns), u, residual, jacobian, cost_at(unknowns, u, residual, smooth))
 
 
+def moved(unknowns: Sequence[Unknown], u: Floats, step: Floats) -> Floats:
+    """u after a step, within its bounds. A strength moves by its value: what it does, and what the base's constants may
+    do instead, is nearly linear in it, so that a step in u would leave a valley that is straight in the values."""
+    return clipped(
+        unknowns, np.array([k.at(k.units(x) + k.units_per_u(x) * d) for k, x, d in zip(unknowns, u, step, strict=True)])
+    )
+
+
+def way(unknowns: Sequence[Unknown], u: Floats, to: Floats) -> Floats:
+    """The step that moves u there (`moved`)."""
+    return np.array([(k.units(y) - k.units(x)) / k.units_per_u(x) for k, x, y in zip(unknowns, u, to, strict=True)])
+
+
 def fitted(
     campaign: Campaign,
     unknowns: Sequence[Unknown],
@@ -94,72 +106,29 @@ def fitted(
     share: float = 1e-4,
     smooth: Floats | None = None,
 ) -> Fit:
-    """The fit found from u in at most so many evaluations; it ends when a step gains less than ``share`` of the cost.
+    """The fit found from u in at most so many evaluations; it ends where a step gains, or promises, less than ``share``
+    of the cost.
 
     Minimises the sum of rho(r_i) + ((u_k - mean_k) / sd_k)^2 with rho the soft-L1 loss
     (`straw.replay.diagnose.robust`), and |smooth u|^2 for ``smooth`` (k, unknowns), the roughness penalty of a
     table's values.
     """
-    problem = _Problem(campaign, tuple(unknowns), smooth)
+    at, radius = evaluated(campaign, unknowns, u, smooth), FIRST_STEP
     low, high = (np.array([getattr(k, name) for k in unknowns]) for name in ("low", "high"))
-    start = clipped(unknowns, np.asarray(u, dtype=np.float64))
-    if rounds > 0 and len(unknowns) and not campaign.stop():
-        # a step that overflows is not finite, and is refused as one that costs more
-        with suppress(StoppedError), np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-            least_squares(
-                problem.rows,
-                np.clip(start, low + 1e-10, high - 1e-10),
-                problem.jacobian,
-                bounds=(low, high),
-                loss=problem.loss,  # type: ignore[arg-type]
-                max_nfev=rounds,
-                ftol=max(share, 1e-12),
-                xtol=1e-6,
-                gtol=1e-10,
-            )
-    return problem.result(start)
-
-
-class _Problem:
-    """Functions for SciPy: rows of residuals and of priors, their Jacobian, their loss; the best point is kept."""
-
-    def __init__(self, campaign: Campaign, unknowns: tuple[Unknown, ...], smooth: Floats | None) -> None:
-        self.campaign, self.unknowns, self.smooth = campaign, unknowns, smooth
-        mean, sd = (np.array([getattr(k, name) for k in unknowns]) for name in ("mean", "sd"))
-        self.priors = np.vstack([np.diag(1 / sd), *([] if smooth is None else [smooth])])
-        self.wanted = np.pad(mean / sd, (0, len(self.priors) - len(mean)))
-        self.best: tuple[float, Floats, Floats] | None = None
-        self.known: tuple[Floats, Floats, Floats] | None = None  # u, residual, Jacobian where it was linearised last
-
-    def rows(self, u: Floats) -> Floats:
-        if self.campaign.stop() and self.best is not None:
-            raise StoppedError
-        if self.best is None:
-            residual = self._linearised(u)[0]
-        else:
-            (residual,) = self.campaign.residuals(self.unknowns, [u])
-        cost = cost_at(self.unknowns, u, residual, self.smooth)
-        if self.best is None or cost < self.best[0]:
-            self.best = cost, u.copy(), residual
-        return np.concatenate([residual, self.priors @ u - self.wanted])
-
-    def jacobian(self, u: Floats) -> Floats:
-        return np.vstack([self._linearised(u)[1], self.priors])
-
-    def loss(self, z: Floats) -> Floats:
-        """Value and two derivatives of the loss of squared rows; the last rows, the priors, are not robust."""
-        data = np.arange(len(z)) < len(z) - len(self.priors)
-        c2 = ROBUST_SIGMAS**2
-        root = np.sqrt(1 + z / c2)
-        return np.where(data, [2 * c2 * (root - 1), 1 / root, -0.5 / (c2 * root**3)], [z, np.ones_like(z), 0 * z])
-
-    def result(self, start: Floats) -> Fit:
-        u = self.best[1] if self.best else start
-        residual, jacobian = self._linearised(u)
-        return Fit(self.unknowns, u, residual, jacobian, cost_at(self.unknowns, u, residual, self.smooth))
-
-    def _linearised(self, u: Floats) -> tuple[Floats, Floats]:
-        if self.known is None or not np.array_equal(self.known[0], u):
-            ((residual, jacobian),) = self.campaign.linearised(self.unknowns, [u])
-            self.known = u.copy(), residual, jacobian
-        return self.known[1], self.known[2]
+    for _ in range(1, rounds if len(unknowns) else 0):
+        if campaign.stop():
+            break
+        H, g = normal_equations(unknowns, at.u, at.residual, at.slopes, smooth)
+        step = bounded_step(H, g, way(unknowns, at.u, low), way(unknowns, at.u, high), radius)
+        expected = promised(H, g, step)
+        if expected < share * at.cost:
+            break
+        u = moved(unknowns, at.u, step)
+        (residual,) = campaign.residuals(unknowns, [u])
+        gained = at.cost - cost_at(unknowns, u, residual, smooth)
+        radius = resized(radius, step, gained, expected)
+        if gained > 0:
+            at = min(at, evaluated(campaign, unknowns, u, smooth), key=lambda fit: fit.cost)
+            if POOR * expected < gained < share * at.cost:
+                break
+    return at

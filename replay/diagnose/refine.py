@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.fit import Contestant, Fit, clipped, cost_at, fitted
+from straw.replay.diagnose.fit import Contestant, Fit, cost_at, fitted, moved
 from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.judge import CALIBRATION, run_by_run, unexplained
 from straw.replay.diagnose.robust import weights
@@ -112,7 +112,7 @@ def drawn(fit: Fit, known: int, smooth: Floats | None = None) -> list[Floats]:
     covariance = np.linalg.inv(information)
     own = covariance[:known, :known]
     follow = np.linalg.solve(own, covariance[:known]).T  # (unknowns, known), the identity first
-    return [clipped(fit.unknowns, fit.u + follow @ step) for step in normal(known) @ np.linalg.cholesky(own).T]
+    return [moved(fit.unknowns, fit.u, follow @ step) for step in normal(known) @ np.linalg.cholesky(own).T]
 
 
 def refine(found: Inquiry, coarse: Sequence[Contestant]) -> None:

@@ -19,3 +19,11 @@ def robust_cost(residual: Floats) -> float:
 def weights(residual: Floats) -> Floats:
     """Weights of squares equivalent to the robust cost."""
     return np.asarray(1 / np.sqrt(1 + (residual / ROBUST_SIGMAS) ** 2))
+
+
+def curvature(residual: Floats) -> Floats:
+    """Weights of a Gauss-Newton Hessian of half the robust cost, taken as the sum of squares of the roots of its terms:
+    (w + w^2) / 2 with w the `weights`. These alone are twice as much where differences are large, and steps half as
+    long."""
+    w = weights(residual)
+    return np.asarray((w + w**2) / 2)

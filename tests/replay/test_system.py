@@ -106,7 +106,7 @@ def only_in_a_pair(campaign: Campaign) -> tuple[Inquiry, float]:
     found = Inquiry(campaign, null)
     found.keep(absent(null, alone))  # as a search that stayed at zero strength leaves it
     unknowns = (*base, *alone.unknowns, *other.unknowns)
-    u = np.concatenate([null.u, alone.starts[-1], np.zeros(len(other.unknowns))])
+    u = np.concatenate([null.u, alone.starts[2], np.zeros(len(other.unknowns))])
     both = fitted(campaign, unknowns, u, rounds=40)
     found.keep(Contestant(other.beside(alone), both))
     return found, both.cost

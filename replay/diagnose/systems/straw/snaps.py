@@ -105,7 +105,7 @@ def cell_snaps(time_s: Floats, zeta_m: Floats, crossed_s: Floats) -> Floats:
 
     For a prediction whose frusta snap straight through, so that Phi hardly shows it: ``zeta_m`` (n, cells) of the even
     frusta at times (n,). A snap that Phi shows too (``crossed_s`` as from `crossings`) keeps those times, for another
-    both are when zeta changes its sign.
+    both are when zeta changes its sign, on a straight line between samples.
     """
     snaps: list[float] = []
     for zeta in zeta_m.T:
@@ -114,7 +114,9 @@ def cell_snaps(time_s: Floats, zeta_m: Floats, crossed_s: Floats) -> Floats:
         passed = deep[np.diff(side[deep], prepend=side[0]) != 0]
         changes = np.flatnonzero(np.diff(side))
         last = np.searchsorted(changes, passed) - 1
-        snaps += np.where(last >= 0, time_s[changes[last]], time_s[passed]).tolist() if len(changes) else []
+        before, after = zeta[changes], zeta[changes + 1]
+        crossed = time_s[changes] + before / (before - after) * np.diff(time_s)[changes]
+        snaps += np.where(last >= 0, crossed[last], time_s[passed]).tolist() if len(changes) else []
     begins, ends = crossed_s[::2], crossed_s[1::2]
     out: list[float] = []
     for at in sorted(snaps):
