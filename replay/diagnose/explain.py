@@ -1,9 +1,10 @@
 """Explains a campaign: the base model, every cause of the library, the best in pairs; proposed, then fitted exactly.
 
 The causes that the proposal puts first are fitted from their own starts, by successive halving
-(`straw.replay.diagnose.tournament`), in a coarse comparison of the most informative runs; the survivors are fitted to
-all samples of all runs. Where these leave more than noise, single causes and pairs are selected by fits of all causes
-at once (`straw.replay.diagnose.at_once`), and then every other cause is fitted from its own starts.
+(`straw.replay.diagnose.tournament`), in a coarse comparison of the most informative runs; where one of them explains
+it, the survivors are fitted to all samples of all runs. Where these leave more than noise, single causes and pairs are
+selected by fits of all causes at once (`straw.replay.diagnose.at_once`), and then every other cause is fitted from its
+own starts.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.at_once import at_once, proposed
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.fit import Fit, evaluated, fitted
+from straw.replay.diagnose.fit import Contestant, Fit, evaluated, fitted
 from straw.replay.diagnose.hypothesis import Hypothesis
 from straw.replay.diagnose.inquiry import Inquiry, Told
 from straw.replay.diagnose.judge import CALIBRATION, unexplained
@@ -24,7 +25,7 @@ from straw.replay.diagnose.pairs import find_pairs, seconds, telling
 from straw.replay.diagnose.propose.proposal import Proposal
 from straw.replay.diagnose.refine import explains, finish, refine
 from straw.replay.diagnose.rivals import absent, as_before, from_each_other
-from straw.replay.diagnose.screen import screen
+from straw.replay.diagnose.screen import Start, screen
 from straw.replay.diagnose.settings import FAR, FIRST_ROUNDS, ROUNDS, SHORTLIST
 from straw.replay.diagnose.starts import check_simulated, fit_from_priors
 from straw.replay.diagnose.tournament import fitted_contestant, tournament
@@ -101,24 +102,33 @@ def explain(
 def _large(
     found: Inquiry, hypotheses: Sequence[Hypothesis], base: Fit, proposal: Proposal | None, steps: _Steps
 ) -> set[str]:
-    """All causes at once, then the best single causes and pairs by themselves; if much is left, each cause from its own
-    starts. Returns the names of those that were."""
+    """The causes that the proposal puts first by themselves; where none of them explains the coarse comparison, all
+    causes at once, and from there single causes and pairs; if much is left, each cause from its own starts. Returns the
+    names of those that were fitted from them."""
     wide = telling(found)
     known = evaluated(wide, base.unknowns, base.u)
-    tried: set[str] = set()
     first, *others = _in_turn(hypotheses, proposal)
-    if others:  # a single cause that the proposal puts first costs less than all at once
-        _from_own_starts(found, first, base, proposal, steps)
-        tried = {h.name for h in first}
-        if not found.goes_on:
-            return tried
-    if explains(known):  # what is left is too small for all causes to be told from each other at once
+    ranked: list[Contestant] = []
+    if others:  # costs less than all at once
+        steps("causes that are large", found)
+        ranked = tournament(wide, known, first, _proposed(found, known, proposal))
+        if any(explains(one.fit) for one in ranked):
+            refine(found, ranked)
+            finish(found)
+            ranked = []
+    tried = {h.name for h in first} if others and not ranked else set()
+    if not found.goes_on or explains(known):  # if it does, all causes cannot be told from each other at once
         return tried
     steps("all causes at once", found)
     tried |= at_once(found, wide, known, hypotheses, proposal)
     if unexplained(found.campaign, found.best) <= FAR:
         return tried
-    _from_own_starts(found, [h for h in hypotheses if h.name not in tried], base, proposal, steps)
+    if ranked:
+        refine(found, ranked)
+        finish(found)
+        tried |= {h.name for h in first}
+    if found.goes_on:
+        _from_own_starts(found, [h for h in hypotheses if h.name not in tried], base, proposal, steps)
     return {h.name for h in hypotheses}
 
 
@@ -128,14 +138,18 @@ def _from_own_starts(
     """Each cause from its own starts, the proposal's first ones before the others, until one explains the runs."""
     wide = telling(found)
     known = evaluated(wide, base.unknowns, base.u)
-    causes = [found.campaign.hypothesis([name]) for name in proposal.scores] if proposal else []
-    given = [start for cause in causes for start in proposed(known, cause, proposal)]
     for group in _in_turn(hypotheses, proposal):
         steps("causes that are large", found)
-        refine(found, tournament(wide, known, group, given))
+        refine(found, tournament(wide, known, group, _proposed(found, known, proposal)))
         finish(found)
         if not found.goes_on:
             return
+
+
+def _proposed(found: Inquiry, known: Fit, proposal: Proposal | None) -> list[Start]:
+    """The proposal's starts of single causes."""
+    causes = [found.campaign.hypothesis([name]) for name in proposal.scores] if proposal else []
+    return [start for cause in causes for start in proposed(known, cause, proposal)]
 
 
 class _Steps:

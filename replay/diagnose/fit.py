@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
 from straw.replay.diagnose.robust import curvature, robust_cost, weights
-from straw.replay.diagnose.settings import FIRST_STEP
-from straw.replay.diagnose.trust_region import POOR, bounded_step, promised, resized
+from straw.replay.diagnose.trust_region import FIRST_RADIUS, POOR, bounded_step, promised, resized
 
 Floats = NDArray[np.float64]
 
@@ -113,7 +112,7 @@ def fitted(
     (`straw.replay.diagnose.robust`), and |smooth u|^2 for ``smooth`` (k, unknowns), the roughness penalty of a
     table's values.
     """
-    at, radius = evaluated(campaign, unknowns, u, smooth), FIRST_STEP
+    at, radius = evaluated(campaign, unknowns, u, smooth), FIRST_RADIUS
     low, high = (np.array([getattr(k, name) for k in unknowns]) for name in ("low", "high"))
     for _ in range(1, rounds if len(unknowns) else 0):
         if campaign.stop():

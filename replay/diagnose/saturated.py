@@ -19,7 +19,7 @@ from straw.replay.diagnose.fit import Fit, clipped, cost_at, fitted, moved, norm
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
 from straw.replay.diagnose.refine import explains
 from straw.replay.diagnose.screen import Start
-from straw.replay.diagnose.settings import FAINT, FIRST_ROUNDS, LONGEST_STEP, ROUNDS
+from straw.replay.diagnose.settings import FAINT, FIRST_ROUNDS, LONGEST_STEP
 
 Floats = NDArray[np.float64]
 
@@ -77,8 +77,8 @@ def subsets(
 ) -> list[list[Start]]:
     """Starts for every single cause and every pair, the most promising first, from each fit of all at once.
 
-    One fit starts with the ``likely`` causes, one from ``known`` with nothing of any. The nearer one is fitted to its
-    end, the other, where that does not explain the comparison, only as far as the ranks need.
+    One fit starts with the ``likely`` causes, one from ``known`` with nothing of any. They go only as far as the ranks
+    need; the other one is left out where the nearer explains the comparison.
     """
     model = saturated(known, hypotheses)
     if not model.causes:
@@ -89,7 +89,7 @@ def subsets(
     rankings: list[list[Start]] = []
     for k in np.argsort(costs, kind="stable"):
         # in two opened pairs (20261129-093, -097) the true one was first or second after six evaluations
-        fit = fitted(campaign, model.unknowns, points[k], rounds=2 * FIRST_ROUNDS if rankings else ROUNDS)
+        fit = fitted(campaign, model.unknowns, points[k], rounds=2 * FIRST_ROUNDS)
         rankings.append(_ranked(model, fit, known.cost))
         if explains(fit) or campaign.stop():
             break

@@ -46,9 +46,6 @@ ROBUST_SIGMAS = 5.0
 
 # -- search ----------------------------------------------------------------------------------------------------------
 
-#: Longest first step of a fit in u, from which a trust region goes on. Fits of a gauge's offset of 15 units from
-#: six starts all reached it with 0.5 and with 1, with 3 one of them.
-FIRST_STEP = 1.0
 #: Evaluations of a first and of a last fit: Gauss-Newton on exact derivatives converges in 4 to 8 where it does.
 FIRST_ROUNDS, ROUNDS = 5, 20
 #: Evaluations in each round of the coarse tournament, after each of which the better half is kept.

@@ -7,6 +7,9 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
+#: Longest first step, in units in which a constant is well seen or changes by a factor e. Fits of a gauge's offset of
+#: 15 units from six starts all reached it with 0.5 and with 1, with 3 one of them.
+FIRST_RADIUS = 1.0
 #: Ratio of the cost's decrease to that of its quadratic expansion below which the region shrinks to a quarter of the
 #: step, and above which it doubles where the step reached its edge (Nocedal and Wright, algorithm 4.1).
 POOR, GOOD = 0.25, 0.75

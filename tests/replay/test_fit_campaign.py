@@ -7,6 +7,7 @@ import pytest
 
 from straw.replay.diagnose.fit import cost_at, fitted
 from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.robust import curvature, robust_cost
 from straw.replay.diagnose.settings import ROBUST_SIGMAS
 
 OFFSET, LENGTH = (Unknown(name, 1.0, sd=10.0, low=-8.0, high=8.0) for name in ("offset", "length"))
@@ -43,6 +44,21 @@ def test_two_nearly_cancelling_strengths_are_followed_to_their_large_values():
     # 2,025 at the start; what is left is the priors' cost of u = 3.0 and 2.9 at a deviation of 10
     assert fit.cost < 0.2
     np.testing.assert_allclose([k.value(x) for k, x in zip(fit.unknowns, fit.u, strict=True)], [10, 9], rtol=0.01)
+
+
+def test_a_strength_that_a_constant_compensates_is_followed_along_their_straight_valley():
+    toy = Toy(lambda v: np.array([300 * (v[0] - v[1]), 0.5 * (v[0] - 30)]))
+    fit = fitted(toy, (OFFSET, FIRST), np.array([np.arcsinh(0.5), 0.5]), rounds=100)
+    # the valley is linear in the values, so steps double in length from 1: 1 + 2 + 4 + 8 + 16 > 30
+    assert toy.asked <= 2 * 8
+    assert OFFSET.value(fit.u[0]) == pytest.approx(30, rel=0.1)
+
+
+@pytest.mark.parametrize("sigmas", [0.1, 3.0, 40.0, 1e4])
+def test_the_curvature_of_the_loss_is_that_of_the_square_of_its_root(sigmas):
+    h = 1e-5 * sigmas
+    high, low = (np.sqrt(robust_cost(np.array([sigmas + d]))) for d in (h, -h))
+    assert curvature(np.array([sigmas]))[0] == pytest.approx(((high - low) / (2 * h)) ** 2, rel=1e-6)
 
 
 def test_an_outlier_counts_linearly_and_not_squared():

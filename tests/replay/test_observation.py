@@ -7,7 +7,7 @@ import pytest
 
 from straw.replay.diagnose.systems.straw.instrument import Instrument
 from straw.replay.diagnose.systems.straw.misfit import bend_basis, whitened
-from straw.replay.diagnose.systems.straw.snaps import crossings, levels_of
+from straw.replay.diagnose.systems.straw.snaps import cell_snaps, crossings, levels_of
 
 
 def test_faults_of_clock_camera_and_gauge_are_cancelled_by_their_opposites():
@@ -50,6 +50,13 @@ def test_snaps_are_found_where_phi_leaves_its_rest_value_and_returns_and_ringing
     found = crossings(t, phi, levels_of(phi))
     assert len(found) == 2
     np.testing.assert_allclose(found, [1.0, 1.2], atol=1 / 240)
+
+
+def test_a_cell_that_snaps_straight_through_is_timed_between_the_samples_of_its_passage():
+    time_s = np.arange(0.0, 1.0, 2e-3)
+    for passes_s in (0.4, 0.4005, 0.4013):
+        zeta = 2e-3 * np.tanh((time_s - passes_s) / 0.02)[:, None]
+        np.testing.assert_allclose(cell_snaps(time_s, zeta, np.empty(0)), [passes_s, passes_s], atol=1e-6)
 
 
 def test_a_tip_at_rest_has_no_snap():

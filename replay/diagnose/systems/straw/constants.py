@@ -64,6 +64,9 @@ REPEATS = {"straw.E_pa": 1.5e-3, "straw.c_zeta_n_s_per_m": 0.03, "straw.c_phi_n_
 #: The same of the mounting's angle, rad.
 REPEATS_MOUNT = Unknown("straw.mount_rad", 2e-4, kind="linear")
 
+#: Terms of differences between cells: what all cells have in common is the base's elasticity, which has a prior.
+SPREADS = ("frustum_spread",)
+
 
 def repeat_steps(unknowns: Sequence[Unknown]) -> dict[int, float]:
     """One standard deviation between repeats as a step in u, by the index of each unknown that varies."""
@@ -109,6 +112,9 @@ def applied(straw: StrawParameters, unknowns: Sequence[Unknown], at: Floats) -> 
             changes[name] = np.asarray(changes.get(name, getattr(straw, name))) * np.array(which)
         else:
             changes[name] = value
+    for constants in (terms[one] for one in SPREADS if one in terms):
+        for constant, values in constants.items():
+            constants[constant] = values - np.mean(values)
     if terms:
         changes["terms"] = {**straw.terms, **{t: {**straw.terms.get(t, {}), **more} for t, more in terms.items()}}
     return straw.replace(**changes) if changes else straw, Instrument.of(instrument)
