@@ -91,7 +91,7 @@ def moved(unknowns: Sequence[Unknown], u: Floats, step: Floats) -> Floats:
     )
 
 
-def way(unknowns: Sequence[Unknown], u: Floats, to: Floats) -> Floats:
+def step_to(unknowns: Sequence[Unknown], u: Floats, to: Floats) -> Floats:
     """The step that moves u there (`moved`)."""
     return np.array([(k.units(y) - k.units(x)) / k.units_per_u(x) for k, x, y in zip(unknowns, u, to, strict=True)])
 
@@ -118,7 +118,7 @@ def fitted(
         if campaign.stop():
             break
         H, g = normal_equations(unknowns, at.u, at.residual, at.slopes, smooth)
-        step = bounded_step(H, g, way(unknowns, at.u, low), way(unknowns, at.u, high), radius)
+        step = bounded_step(H, g, step_to(unknowns, at.u, low), step_to(unknowns, at.u, high), radius)
         expected = promised(H, g, step)
         if expected < share * at.cost:
             break

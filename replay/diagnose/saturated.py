@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.fit import Fit, clipped, cost_at, fitted, moved, normal_equations, way
+from straw.replay.diagnose.fit import Fit, clipped, cost_at, fitted, moved, normal_equations, step_to
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
 from straw.replay.diagnose.refine import explains
 from straw.replay.diagnose.screen import Start
@@ -111,7 +111,7 @@ def _without_others(model: Saturated, u: Floats, H: Floats, g: Floats, some: tup
     free = [*range(model.base), *(k for cause in some for k in model.own[cause])]
     held = np.setdiff1d(np.arange(len(u)), free)
     step = np.zeros(len(u))
-    step[held] = way(model.unknowns, u, model.absent)[held]
+    step[held] = step_to(model.unknowns, u, model.absent)[held]
     step[free] = -np.linalg.solve(H[np.ix_(free, free)], g[free] + H[np.ix_(free, held)] @ step[held])
     first, *others = (model.causes[k] for k in some)
     hypothesis = others[0].beside(first) if others else first

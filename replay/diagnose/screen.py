@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.fit import Fit, evaluated, moved, normal_equations, way
+from straw.replay.diagnose.fit import Fit, evaluated, moved, normal_equations, step_to
 from straw.replay.diagnose.hypothesis import Hypothesis
 from straw.replay.diagnose.settings import FAINT, LONGEST_STEP
 
@@ -87,6 +87,6 @@ def _added(known: Fit, h: Hypothesis, shape: Floats, columns: Floats) -> tuple[F
     own = free[:n]
     alone = -np.linalg.solve(H[np.ix_(own, own)], g[own])
     gain = float(-g @ step - step @ H @ step / 2 - (-g[own] @ alone - alone @ H[np.ix_(own, own)] @ alone / 2))
-    room = np.abs(way(unknowns, at, at + LONGEST_STEP * np.sign(step)))
+    room = np.abs(step_to(unknowns, at, at + LONGEST_STEP * np.sign(step)))
     step *= min(1.0, float(np.min(room / np.maximum(np.abs(step), 1e-12), where=step != 0, initial=1.0)))
     return moved(unknowns, at, step), 2 * gain

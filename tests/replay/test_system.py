@@ -106,8 +106,9 @@ def only_in_a_pair(campaign: Campaign) -> tuple[Inquiry, float]:
     found = Inquiry(campaign, null)
     found.keep(absent(null, alone))  # as a search that stayed at zero strength leaves it
     unknowns = (*base, *alone.unknowns, *other.unknowns)
-    u = np.concatenate([null.u, alone.starts[2], np.zeros(len(other.unknowns))])
-    both = fitted(campaign, unknowns, u, rounds=40)
+    planted = np.array([np.log(10.0 / 20.0), 0.0, np.arcsinh(5e9 / 3e9), 0.0])
+    both = fitted(campaign, unknowns, planted, rounds=40)
+    assert both.cost < null.cost / 100  # else the single one would be best as it is
     found.keep(Contestant(other.beside(alone), both))
     return found, both.cost
 

@@ -1,7 +1,7 @@
 """Robust least squares on normal equations: Levenberg and Marquardt's steps within bounds (Nielsen 1999).
 
-A recording has thousands of samples and a law a dozen constants, where the singular value decomposition of the engine's
-trust region (`straw.replay.diagnose.fit`) costs far more than the simulations.
+Steps are damped relative to the curvature's diagonal, whatever the scales of the unknowns; those of
+`straw.replay.diagnose.fit` have a length in u.
 """
 
 from __future__ import annotations
