@@ -18,7 +18,7 @@ from straw.model.compiled import allocates_nothing, compiled, inlined
 from straw.model.constants import Constants
 from straw.model.drive import Table, pressure_in
 from straw.model.elimination import eliminate
-from straw.model.frusta import MEMORIES
+from straw.model.frusta import MEMORIES, MEMORY_PLACES
 from straw.model.frusta_slopes import frusta_slopes
 from straw.model.given import Given
 from straw.model.given_loads import add_given, add_per_pascal
@@ -68,6 +68,8 @@ def _recalled(c: Constants, b: Bench, rows: Rows) -> None:
     for i in range(c.cells):
         for j in range(2 - c.active, 2):
             for at in range(MEMORIES):
+                if not c.acts[MEMORY_PLACES[at]]:
+                    continue
                 for y in range(2):
                     now, by, known = b.now_memory[i, j, at, y], b.memory_by[i, j, at, y], b.known_memory[i, j, at]
                     for p in range(len(now)):
@@ -103,6 +105,8 @@ def _remembered(c: Constants, stage: int, hg: float, b: Bench, rows: Rows) -> No
         for j in range(2 - c.active, 2):
             z, f = j - 2 + c.active, j - 2 + 2 * c.active
             for at in range(MEMORIES):
+                if not c.acts[MEMORY_PLACES[at]]:
+                    continue
                 for y in range(2):
                     now, by = b.now_memory[i, j, at, y], b.memory_by[i, j, at, y]
                     rate, known = b.memory[stage, i, j, at, y], b.known_memory[i, j, at, y]
@@ -115,7 +119,7 @@ def _remembered(c: Constants, stage: int, hg: float, b: Bench, rows: Rows) -> No
 
 
 @allocates_nothing
-def _known(state: State, i: int, h: float, d: Columns, given: Given, b: Bench, rows: Rows) -> None:
+def _known(c: Constants, state: State, i: int, h: float, d: Columns, given: Given, b: Bench, rows: Rows) -> None:
     """Initial columns of stage i, into the block, and displacements that follow from the known rates."""
     P, W, hg = np.uint64(len(d.inside_pa)), b.sweeps.block.shape[2], h * GAMMA
     many = d.qv.shape[1]
@@ -136,6 +140,8 @@ def _known(state: State, i: int, h: float, d: Columns, given: Given, b: Bench, r
         for cell in range(d.qv.shape[0]):
             for f in range(2):
                 for at in range(MEMORIES):
+                    if not c.acts[MEMORY_PLACES[at]]:
+                        continue
                     for y in range(2):
                         known = b.known_memory[cell, f, at, y]
                         for p in range(P):
@@ -177,7 +183,7 @@ def _solve_stage(
     P, hg, rows = len(d.inside_pa), h * GAMMA, rows_of(c, b.links)
     time_s = state.clock[0] + TIMES[stage] * h
     b.motion.time_s[0] = c.start_s + time_s
-    _known(state, stage, h, d, given, b, rows)
+    _known(c, state, stage, h, d, given, b, rows)
     _answered(c, given, s, stage, hg, b, rows)
     for at in range(len(given.driven)):
         drive = Table(table.start_s, table.step_s, given.drive[at])

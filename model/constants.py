@@ -37,5 +37,6 @@ class Constants(NamedTuple):
     cycle: float  # how often the specimen was cycled before the run
     start_s: float  # when the run starts, in the time that laws may depend on
     plain: bool  # no frustum term beyond the base model
+    acts: NDArray[np.bool_]  # (straw.model.terms.TERMS,) which of the frusta's terms beyond the base model act
     remembers: bool  # a term with memory among them
     terms: Floats  # (cells, 2, straw.model.terms.WIDTH) constants of the terms the base model lacks

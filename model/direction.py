@@ -213,7 +213,7 @@ def moved(c: Constants, direction: Direction, step: float) -> Constants:
     for name, array in frusta.items():  # one that may be written to is another type, for which all is compiled again
         array.setflags(write=getattr(c, name).flags.writeable)
     scalars = {name: getattr(c, name) + step * by for name, by in zip(SCALARS, direction.scalars.tolist(), strict=True)}
-    return c._replace(**scalars, **frusta, terms=terms, plain=False)
+    return c._replace(**scalars, **frusta, terms=terms, plain=False, acts=np.ones_like(c.acts))
 
 
 def small(c: Constants, direction: Direction) -> float:

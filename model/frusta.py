@@ -18,30 +18,36 @@ from straw.model.terms.damping import damping_force
 from straw.model.terms.elasticity import walls_energy, walls_force
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 #: Terms whose force is a state: a straw remembers (cells, 2, MEMORIES, 2) forces on zeta and phi.
 MEMORY_TERMS = [name for name, term in TERMS.items() if term.kind == "memory"]
 MEMORIES = len(MEMORY_TERMS)
+#: Their places among all terms, as `Constants.acts` has them.
+MEMORY_PLACES = np.array([list(TERMS).index(name) for name in MEMORY_TERMS])
 
 
 def _sum_of(kind: str) -> Any:
-    """One compiled function (f, k) -> (force, moment) adding all memoryless terms of a kind."""
+    """One compiled function (acts, f, k) -> (force, moment) adding the memoryless terms of a kind that act."""
 
     @composed
-    def total(f: Frustum, k: Floats) -> tuple[float, float]:
+    def total(acts: Bools, f: Frustum, k: Floats) -> tuple[float, float]:
         return 0.0, 0.0
 
-    def plus(first: Callable[..., Any], force: Callable[..., Any], start: int, end: int) -> Any:
+    def plus(first: Callable[..., Any], force: Callable[..., Any], place: int, start: int, end: int) -> Any:
         @composed
-        def both(f: Frustum, k: Floats) -> tuple[float, float]:
-            one, other = first(f, k), force(f, k[start:end])
-            return one[0] + other[0], one[1] + other[1]
+        def both(acts: Bools, f: Frustum, k: Floats) -> tuple[float, float]:
+            one = first(acts, f, k)
+            if not acts[place]:
+                return float(one[0]), float(one[1])
+            other = force(f, k[start:end])
+            return float(one[0] + other[0]), float(one[1] + other[1])
 
         return both
 
-    for name, term in TERMS.items():
+    for place, (name, term) in enumerate(TERMS.items()):
         if term.kind == kind:
-            total = plus(total, term.force, *COLUMNS[name])
+            total = plus(total, term.force, place, *COLUMNS[name])
     return total
 
 
@@ -66,17 +72,17 @@ def _energy_of(kind: str) -> Any:
 
 
 def _memory_of() -> Any:
-    """One compiled function summing the terms with memory; ``now`` gets what each remembers after the step."""
+    """One compiled function summing the terms with memory that act; ``now`` gets what each remembers after the step."""
 
     @composed
-    def total(f: Frustum, k: Floats, known: Floats, now: Floats, step_s: float) -> tuple[float, float]:
+    def total(acts: Bools, f: Frustum, k: Floats, known: Floats, now: Floats, step_s: float) -> tuple[float, float]:
         return 0.0, 0.0
 
-    def plus(first: Callable[..., Any], force: Callable[..., Any], start: int, end: int, at: int) -> Any:
+    def plus(first: Callable[..., Any], force: Callable[..., Any], start: int, end: int, at: int, place: int) -> Any:
         @composed
-        def both(f: Frustum, k: Floats, known: Floats, now: Floats, step_s: float) -> tuple[float, float]:
-            one = first(f, k, known, now, step_s)
-            if k[start] == 0:
+        def both(acts: Bools, f: Frustum, k: Floats, known: Floats, now: Floats, step_s: float) -> tuple[float, float]:
+            one = first(acts, f, k, known, now, step_s)
+            if not acts[place] or k[start] == 0:
                 return float(one[0]), float(one[1])
             now[at, 0], now[at, 1] = force(f, k[start:end], known[at, 0], known[at, 1], step_s)
             return float(one[0] - now[at, 0]), float(one[1] - now[at, 1])
@@ -84,7 +90,7 @@ def _memory_of() -> Any:
         return both
 
     for at, name in enumerate(MEMORY_TERMS):
-        total = plus(total, TERMS[name].force, *COLUMNS[name], at)
+        total = plus(total, TERMS[name].force, *COLUMNS[name], at, int(MEMORY_PLACES[at]))
     return total
 
 
@@ -118,24 +124,28 @@ def frustum_at(
 
 
 @called
-def beyond_base_law(f: Frustum, k: Floats, known: Floats, now: Floats, step_s: float) -> tuple[float, float]:
+def beyond_base_law(
+    acts: Bools, f: Frustum, k: Floats, known: Floats, now: Floats, step_s: float
+) -> tuple[float, float]:
     """What the terms beyond the base model add; a call, so that all laws are compiled in one place only."""
-    more, memory = _memoryless(f, k), _with_memory(f, k, known, now, step_s)
+    more, memory = _memoryless(acts, f, k), _with_memory(acts, f, k, known, now, step_s)
     return more[0] + memory[0], more[1] + memory[1]
 
 
 @allocates_nothing
-def _beside_walls(plain: bool, f: Frustum, k: Floats, known: Floats, now: Floats, step_s: float) -> tuple[float, float]:
+def _beside_walls(
+    c: Constants, f: Frustum, k: Floats, known: Floats, now: Floats, step_s: float
+) -> tuple[float, float]:
     damping = damping_force(f)
-    if plain:
+    if c.plain:
         return damping
-    more = beyond_base_law(f, k, known, now, step_s)
+    more = beyond_base_law(c.acts, f, k, known, now, step_s)
     return damping[0] + more[0], damping[1] + more[1]
 
 
 @allocates_nothing
-def _force(plain: bool, f: Frustum, k: Floats, known: Floats, now: Floats, step_s: float) -> tuple[float, float]:
-    elastic, more = walls_force(f), _beside_walls(plain, f, k, known, now, step_s)
+def _force(c: Constants, f: Frustum, k: Floats, known: Floats, now: Floats, step_s: float) -> tuple[float, float]:
+    elastic, more = walls_force(f), _beside_walls(c, f, k, known, now, step_s)
     return elastic[0] + more[0], elastic[1] + more[1]
 
 
@@ -144,7 +154,7 @@ def add_frusta(c: Constants, m: Motion, known: Floats, now: Floats, step_s: floa
     """Add all frustum terms after an implicit step (see `straw.model.term`); a step of zero leaves memories alone."""
     for i in range(c.cells):
         for j in range(2 - c.active, 2):
-            force, moment = _force(c.plain, frustum_at(c, m, i, j), c.terms[i, j], known[i, j], now[i, j], step_s)
+            force, moment = _force(c, frustum_at(c, m, i, j), c.terms[i, j], known[i, j], now[i, j], step_s)
             load.cell[i, j] += force
             load.cell[i, 2 + j] += moment
 
@@ -154,7 +164,7 @@ def remember(c: Constants, m: Motion, known: Floats, now: Floats, step_s: float)
     """What the frusta remember after an implicit step, into ``now``."""
     for i in range(c.cells):
         for j in range(2 - c.active, 2):
-            _force(False, frustum_at(c, m, i, j), c.terms[i, j], known[i, j], now[i, j], step_s)
+            beyond_base_law(c.acts, frustum_at(c, m, i, j), c.terms[i, j], known[i, j], now[i, j], step_s)
 
 
 # not `compiled`: a row of c.wall that code without reference counts has taken must not be counted down here
@@ -189,7 +199,7 @@ def tangent(c: Constants, m: Motion, known: Floats, now: Floats, step_s: float, 
                     up, turn = walls_force(f)
                 if moved == 0:
                     wall, turned = up, turn
-                more = _beside_walls(c.plain, f, row, past, scratch, step_s)
+                more = _beside_walls(c, f, row, past, scratch, step_s)
                 up, turn = up + more[0], turn + more[1]
                 step = dz if moved == 1 or moved == 3 else df
                 if moved == 0:

@@ -155,7 +155,7 @@ def beyond_base(
         more if number == 2 else 0.0,
         more if number == 3 else 0.0,
     )
-    return beyond_base_law(_with_constant(f, number, more), c.terms[i, j], known, now, step_s)
+    return beyond_base_law(c.acts, _with_constant(f, number, more), c.terms[i, j], known, now, step_s)
 
 
 @allocates_nothing

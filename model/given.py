@@ -194,14 +194,18 @@ def linearised(straw: StrawParameters, directions: Sequence[Direction]) -> Const
     """The constants to linearise at, a copy that may be moved: memories and walls on which a
     direction acts are included, with a negligible strength."""
     c = straw.constants()
-    alive, wall, touched = c.terms.copy(), _walls(straw, directions), False
-    for name, (start, end) in COLUMNS.items():
+    alive, wall, acts = c.terms.copy(), _walls(straw, directions), c.acts.copy()
+    for place, (name, (start, end)) in enumerate(COLUMNS.items()):
         if TERMS[name].kind == "memory":
             for d in directions:
                 of = (d.where[:, 2] >= start) & (d.where[:, 2] < end)
                 at = (d.where[of, 0], d.where[of, 1], np.full(int(of.sum()), start))
-                touched |= bool(of.any())
+                acts[place] |= of.any()
                 alive[at] = np.where(alive[at] == 0, BARELY, alive[at])
     return c._replace(
-        terms=alive, wall=np.ascontiguousarray(wall), plain=c.plain and not touched, remembers=c.remembers or touched
+        terms=alive,
+        wall=np.ascontiguousarray(wall),
+        plain=not acts.any(),
+        acts=acts,
+        remembers=c.remembers or bool(np.any(acts != c.acts)),
     )

@@ -56,6 +56,7 @@ def _moved(c: Constants, number: int, more: float) -> Constants:
         c.cycle,
         c.start_s,
         c.plain,
+        c.acts,
         c.remembers,
         c.terms,
     )

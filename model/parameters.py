@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from straw.model.constants import Constants
 from straw.model.elasticity import EQUATION_7, SHIPPED, elasticity_of
 from straw.model.errors import ModelError
-from straw.model.term_constants import all_of, checked, finite, has, packed, per_frustum
+from straw.model.term_constants import acting, all_of, checked, finite, packed, per_frustum
 from straw.model.terms import ORIGINS
 from straw.model.terms.shell_energy import ROW
 
@@ -100,7 +100,7 @@ class StrawParameters:
         self._check("zeta0_m", np.all((odd > 0) & (even < 0) & (-even < odd)), "(odd, even) with 0 < -even < odd")
 
     def _check_elasticity(self) -> None:
-        if self.elasticity == EQUATION_7 and not has(self.terms, "walls"):
+        if self.elasticity == EQUATION_7 and not acting(self.terms, "walls").any():
             return
         table = elasticity_of(self.walls_table)
         for zeta0, h in {(z, h) for z, h in zip(self.zeta0_m[:, 1].tolist(), self.h_m[:, 1].tolist(), strict=True)}:
@@ -165,6 +165,7 @@ class StrawParameters:
         width, log = r_o - r_i, math.log(r_o / r_i)
         C1 = math.pi * E * h / (8 * width**3) * ((r_o + r_i) / 2 - width / log)
         C2 = math.pi * E * h**3 * log / (12 * width**2)
+        acts = acting(self.terms, "frustum", "memory")
         return Constants(
             cells=self.cells,
             active=2 if self.form == "full" else 1,
@@ -189,8 +190,9 @@ class StrawParameters:
             c_phi=self.c_phi_n_m_s_per_rad,
             cycle=self.cycle,
             start_s=self.start_s,
-            plain=not (has(self.terms, "frustum") or has(self.terms, "memory")),
-            remembers=has(self.terms, "memory"),
+            plain=not acts.any(),
+            acts=acts,
+            remembers=bool(acting(self.terms, "memory").any()),
             terms=packed(self.terms, self.cells),
         )
 

@@ -99,6 +99,7 @@ def add_pushed(c: Constants, given: Given, b: Bench, rows: Rows) -> None:
                 c.cycle,
                 c.start_s,
                 c.plain,
+                c.acts,
                 c.remembers,
                 c.terms,
             )

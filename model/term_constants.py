@@ -72,14 +72,13 @@ def per_frustum(where: str, value: Any, kind: str, cells: int) -> Floats:
         raise ModelError(f"straw: {where} = {value!r}, expected {wanted}") from None
 
 
-def has(terms: Terms, kind: str) -> bool:
-    """Whether a term of that kind has a strength other than zero."""
-    return any(
-        np.any(np.asarray(terms[name].get(strength, 0.0)) != 0)
-        for name in terms
-        if TERMS[name].kind == kind
-        for strength in TERMS[name].strengths
-    )
+def acting(terms: Terms, *kinds: str) -> NDArray[np.bool_]:
+    """Which of all terms are of these kinds and have a strength other than zero, (terms,)."""
+    acts = np.zeros(len(TERMS), np.bool_)
+    for place, (name, term) in enumerate(TERMS.items()):
+        if name in terms and term.kind in kinds:
+            acts[place] = any(np.any(np.asarray(terms[name].get(one, 0.0)) != 0) for one in term.strengths)
+    return acts
 
 
 def packed(terms: Terms, cells: int) -> Floats:
