@@ -153,7 +153,7 @@ def differentiate(
     x_m, z_m, phi_rad, volume_m3 = _seen(c, out.q, by.q, changes.scalars, changes.odd)
     zeta, phi = _by_frustum(straw, by.q, changes.odd) if cells else (None, None)
     return Derivatives(
-        prediction(straw, table, time_s, out.q, out.inside_pa, int(counts[0]), q),
+        prediction(straw, table, time_s, out.q, out.inside_pa, counts, q),
         tuple(d.name for d in directions),
         x_m,
         z_m,

@@ -42,6 +42,7 @@ class Prediction:
     zeta_m: Floats
     frustum_phi_rad: Floats
     steps: int
+    evaluations: int  # of the equations of motion, by Newton's iterations in the stages of all steps tried
     rest: Floats  # coordinates (coordinates,) it started from
 
 
@@ -103,13 +104,19 @@ def run(
         c, state, table, time_s, end, tolerance_m, MAX_STEP_S, most_steps_per_s, out_q, out_v, out_pa, counts
     )
     check_status(status, float(state.clock[0]))
-    return prediction(straw, table, time_s, out_q, out_pa, int(counts[0]), q)
+    return prediction(straw, table, time_s, out_q, out_pa, counts, q)
 
 
 def prediction(
-    straw: StrawParameters, table: Table, time_s: Floats, out_q: Floats, out_pa: Floats, steps: int, rest: Floats
+    straw: StrawParameters,
+    table: Table,
+    time_s: Floats,
+    out_q: Floats,
+    out_pa: Floats,
+    counts: NDArray[np.int64],
+    rest: Floats,
 ) -> Prediction:
-    """The prediction of states out_q (n, coordinates) and pressures inside."""
+    """The prediction of states out_q (n, coordinates) and pressures inside; ``counts`` as `integrate` has them."""
     grid = table.start_s + table.step_s * np.arange(len(table.pressure_pa))
     external = np.interp(time_s, grid, table.pressure_pa)
     x_m, z_m, phi_rad, volume_m3 = seen(straw.constants(), out_q)
@@ -124,7 +131,8 @@ def prediction(
         volume_m3=volume_m3,
         zeta_m=zeta,
         frustum_phi_rad=phi,
-        steps=steps,
+        steps=int(counts[0]),
+        evaluations=int(counts[3]),
         rest=rest,
     )
 

@@ -128,8 +128,8 @@ class Campaign:
         ]
         found = [[job.result() for job in row] for row in jobs]
         self.tally["played"] += sum(len(row) for row in found)
-        steps = sum(one.steps for row in found for one in row if one is not None)
-        self.tally["work"] += steps * (1 + COLUMN_COSTS * len(unknowns) * derivatives)
+        work = sum(one.work for row in found for one in row if one is not None)
+        self.tally["work"] += work * (1 + COLUMN_COSTS * len(unknowns) * derivatives)
         self.tally["failed"] += sum(one is None for row in found for one in row)
         return found
 

@@ -32,8 +32,9 @@ def inquire(
     """Fit the base and every cause in the library (all by default), alone and in pairs, until done or stopped.
 
     Raises ReplayError where a run cannot be simulated at all. A search that takes more than the system's
-    ``most_work`` steps ends there, at the same place on every machine, and reports it. The best hypothesis is then
-    fitted to the end, and restarted with one run left out where it leaves more than noise, beyond that budget.
+    ``most_work`` evaluations of its equations ends there, at the same place on every machine, and reports it. The best
+    hypothesis is then fitted to the end, and restarted with one run left out where it leaves more than noise, beyond
+    that budget.
 
     The result does not depend on the order of the recordings, which are taken in that of their names.
 

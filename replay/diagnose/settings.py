@@ -82,10 +82,10 @@ DRAWN, WIDENED = 64, 10.0
 #: accuracy of some 1e-10, where truncation and rounding of a central difference are alike (Press et al., Numerical
 #: Recipes, section 5.7).
 STEP_U = 4e-4
-#: A derivative's cost in plain simulations (`python -m tests.benchmarks.derivatives`: 16 cost 4 to 5), and the work, in
-#: steps of plain simulations, after which a straw's search ends with what it has found. Two idle cores did
-#: 40,000 to 59,000 a second on the four campaigns of `../shared/recordings`: 130 to 190 s, where 180 are asked.
-COLUMN_COSTS, MOST_WORK = 0.25, 7.5e6
+#: A derivative's cost in plain simulations (`python -m tests.benchmarks.derivatives`: 16 cost 4 to 5), and after how
+#: many evaluations of the equations, derivatives at that cost, a straw's search ends with what it has found: where a
+#: core does 200,000 a second (dry friction, the dearest law; others up to 300,000), 160 s on two, where 180 are asked.
+COLUMN_COSTS, MOST_WORK = 0.25, 6.4e7
 
 # -- reporting -------------------------------------------------------------------------------------------------------
 

@@ -103,7 +103,7 @@ class Misfit(Protocol):
     """A recording against a simulation.
 
     ``vector`` (m,), in sigmas, white for a right model: all samples channel by channel, then events; ``jacobian``
-    (m, unknowns), without columns unless asked for; ``plain`` (channels, n), SI, by subtraction; ``steps``: its cost.
+    (m, unknowns), without columns unless asked for; ``plain`` (channels, n), SI, by subtraction; ``work``: its cost.
     """
 
     @property
@@ -119,8 +119,8 @@ class Misfit(Protocol):
         """Simulated less recorded, SI, (channels, n)."""
 
     @property
-    def steps(self) -> int:
-        """How many steps the simulation took."""
+    def work(self) -> int:
+        """How often the simulation evaluated the system's equations, without derivatives."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +130,7 @@ class Differences:
     vector: Floats
     jacobian: Floats
     plain: Floats
-    steps: int
+    work: int
 
 
 class System(ABC):
@@ -153,7 +153,7 @@ class System(ABC):
 
     @property
     def most_work(self) -> float:
-        """Work, in steps of plain simulations, after which a search ends with what it has found; without limit here."""
+        """Evaluations of the equations after which a search ends with what it has found; without limit here."""
         return float("inf")
 
     @property

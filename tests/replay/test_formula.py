@@ -41,7 +41,7 @@ class Measured:
         per_u = np.array([k.per_u(v) for k, v in zip(curve, u[1:], strict=True)])
         vector = (base.value(u[0]) + self.table @ values - self.seen) / SIGMA
         jacobian = np.column_stack([np.full(len(vector), base.scale), self.table * per_u]) / SIGMA
-        return SimpleNamespace(vector=vector, jacobian=jacobian, steps=1, plain=vector * SIGMA)
+        return SimpleNamespace(vector=vector, jacobian=jacobian, work=1, plain=vector * SIGMA)
 
 
 def written(system: Any, state: Any, at: np.ndarray, pool: Any) -> tuple[Written, Campaign]:
@@ -127,7 +127,7 @@ class Linear:
     def misfit(self, _recording: Any, unknowns: Any, u: Any, **_: Any) -> Any:
         values = np.array([k.value(v) for k, v in zip(unknowns, u, strict=True)])
         per_u = np.array([k.per_u(v) for k, v in zip(unknowns, u, strict=True)])
-        return SimpleNamespace(vector=self.by @ values - 1.0, jacobian=self.by * per_u, steps=1)
+        return SimpleNamespace(vector=self.by @ values - 1.0, jacobian=self.by * per_u, work=1)
 
 
 def test_two_curves_are_replaced_by_two_formulas_at_once_with_the_derivatives_of_both():

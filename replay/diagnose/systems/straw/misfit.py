@@ -45,7 +45,7 @@ class Misfit:
     additional ones of the prediction, and one for the gauge's reading on a vented line; ``late_s`` (k - 2,) are the
     first of them in seconds, NaN where the prediction has none. ``plain`` (3, n) is the difference without
     registration, m and rad. ``jacobian`` (3 n + k, unknowns) has no columns where no derivatives were asked for.
-    ``steps``: of the simulation.
+    ``work``: the simulations' evaluations of the equations.
     """
 
     shape: Floats
@@ -53,7 +53,7 @@ class Misfit:
     late_s: Floats
     plain: Floats
     jacobian: Floats
-    steps: int
+    work: int
 
     @property
     def vector(self) -> Floats:
@@ -86,7 +86,7 @@ def misfit(
             way.late_s,
             plain,
             np.empty((0, 0)),
-            seen.prediction.steps,
+            seen.evaluations,
         )
 
     ways = registrations(observed, seen)
@@ -99,7 +99,7 @@ def misfit(
         jacobian = np.concatenate(
             [white.reshape(-1, white.shape[-1]), way.timing_tangent(REPEATABILITY_S), d_vent[None]]
         )
-        one = Misfit(one.shape, one.timing, one.late_s, one.plain, jacobian, one.steps)
+        one = Misfit(one.shape, one.timing, one.late_s, one.plain, jacobian, one.work)
     return one
 
 
@@ -111,7 +111,7 @@ def coarse_misfit(
     *,
     derivatives: bool = False,
 ) -> tuple[Floats, Floats, int]:
-    """Residual (m,), Jacobian (m, unknowns) and steps of a run by its slow part, the envelope of its ringing and its
+    """Residual (m,), Jacobian (m, unknowns) and work of a run by its slow part, the envelope of its ringing and its
     snap times, which lead to a good fit from distant starts."""
     seen = simulated(observed, straw, unknowns, at, derivatives=derivatives, tolerance_m=COARSE_TOLERANCE_M)
     curve, envelope = _Curve(seen), observed.envelope
@@ -129,7 +129,7 @@ def coarse_misfit(
         look_s = way.bent(envelope.time_s)
         moved = envelope.tangent(curve.at(look_s), curve.tangent(envelope.time_s, way))
         jacobian = np.concatenate([moved, way.timing_tangent(ROUGH_TIMING_S), d_vent[None]])
-    return vectors[best], jacobian, seen.prediction.steps
+    return vectors[best], jacobian, seen.evaluations
 
 
 class _Curve:

@@ -38,7 +38,8 @@ class Simulated:
     """A prediction at the times the camera would stamp, and its derivatives at fixed stamped times by u.
 
     ``time_s`` (n,), ``pose`` (3, n) = X, Z (m), Phi (rad), ``events_s`` (k,) when snaps begin and end; ``d_pose``
-    (3, n, unknowns) and ``d_events_s`` (k, unknowns), without columns where no derivatives were asked for.
+    (3, n, unknowns) and ``d_events_s`` (k, unknowns), without columns where no derivatives were asked for;
+    ``evaluations`` of the equations, of a shorter prediction before this one too.
     """
 
     time_s: Floats
@@ -47,6 +48,7 @@ class Simulated:
     d_pose: Floats
     d_events_s: Floats
     prediction: Prediction
+    evaluations: int
 
 
 def simulated(
@@ -62,7 +64,7 @@ def simulated(
     near = nearby(straw, unknowns, at) if derivatives else None
     changed, instrument = (near.straw, near.instrument) if near else applied(straw, unknowns, at)
     changed = changed.in_run(observed.run.cycle, observed.run.zero_time_ns)
-    seen, by = _until_it_snaps(observed, changed, instrument, unknowns, near, tolerance_m)
+    seen, by, evaluations = _until_it_snaps(observed, changed, instrument, unknowns, near, tolerance_m)
     pose = np.stack([seen.x_m, seen.z_m, seen.phi_rad])
     stamped_s = instrument.stamped(seen.time_s)
     shown = instrument.seen(pose)
@@ -85,7 +87,7 @@ def simulated(
         rate = np.gradient(shown, stamped_s, axis=1)
         d_shown -= rate[:, :, None] * d_stamped
         d_true_s = d_true_s * (1 + instrument.clock_drift) + d_late
-    return Simulated(stamped_s, shown, instrument.stamped(true_events_s), d_shown, d_true_s, seen)
+    return Simulated(stamped_s, shown, instrument.stamped(true_events_s), d_shown, d_true_s, seen, evaluations)
 
 
 def most_steps_per_s(tolerance_m: float) -> float:
@@ -100,9 +102,9 @@ def _until_it_snaps(
     unknowns: Sequence[Unknown],
     about: Nearby | None,
     tolerance_m: float,
-) -> tuple[Prediction, tuple[list[int], Derivatives] | None]:
+) -> tuple[Prediction, tuple[list[int], Derivatives] | None, int]:
     """The simulation, a little longer where the recording shows more snaps, and its derivatives by the straw's
-    unknowns where these are known ``about`` the point."""
+    unknowns where these are known ``about`` the point; how often the equations were evaluated."""
     deployed = observed.run.initial_deployed
     assert deployed is not None
     table = observed.pressure
@@ -116,6 +118,7 @@ def _until_it_snaps(
     start = min(first, observed.start_s)
     near, most = observed.rests.get(changed.form), most_steps_per_s(tolerance_m)
     moving, directions = _directions(changed, unknowns, about, table, shown_s) if about else ([], [])
+    evaluations = 0
     for extra_s in (0.0, EXTRA_TIME_S):
         grid = np.arange(start, end + extra_s + 2 * SIMULATED_EVERY_S, SIMULATED_EVERY_S)
         by = None
@@ -134,9 +137,10 @@ def _until_it_snaps(
             seen = by.prediction
         else:
             seen = simulate(changed, pressure, grid, deployed, tolerance_m, near, most)
+        evaluations += seen.evaluations
         if len(_events(observed, seen, instrument)) >= len(observed.snaps_s):
             break
-    return seen, None if by is None else (moving, by)
+    return seen, None if by is None else (moving, by), evaluations
 
 
 def _directions(

@@ -91,7 +91,7 @@ class StrawSystem(System):
 
     @property
     def most_work(self) -> float:
-        """Steps that take about 180 s on two idle cores."""
+        """Evaluations that take about 180 s on two idle cores."""
         return MOST_WORK
 
     @property
@@ -116,10 +116,10 @@ class StrawSystem(System):
         try:
             if level is Level.FINE:
                 return misfit(recording, self.straw, unknowns, u, derivatives=derivatives)
-            vector, jacobian, steps = coarse_misfit(recording, self.straw, unknowns, u, derivatives=derivatives)
+            vector, jacobian, work = coarse_misfit(recording, self.straw, unknowns, u, derivatives=derivatives)
         except ModelError:
             return None
-        return Differences(vector, jacobian, np.empty((len(CHANNELS), 0)), steps)
+        return Differences(vector, jacobian, np.empty((len(CHANNELS), 0)), work)
 
     def size(self, recording: Observation, level: Level) -> int:
         """Shape, or slow part and envelope; each snap time, one for additional snaps, one for the vented gauge."""
