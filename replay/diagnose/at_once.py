@@ -17,7 +17,7 @@ from straw.replay.diagnose.refine import explains, finish, refine
 from straw.replay.diagnose.saturated import subsets
 from straw.replay.diagnose.screen import Start
 from straw.replay.diagnose.settings import COARSE_ROUNDS, FOLLOWED, STARTS
-from straw.replay.diagnose.tournament import finished, fitted_contestant, halved, look
+from straw.replay.diagnose.tournament import finished, fitted_contestants, halved, look
 
 
 def at_once(
@@ -71,15 +71,14 @@ def foremost(rankings: Sequence[Sequence[Start]], size: int) -> list[list[Start]
 
 def _begun(wide: Campaign, base: Fit, groups: Sequence[Sequence[Start]]) -> Contestant:
     """A hypothesis fitted for a few rounds from the best start of each group, which may lie in other basins."""
-    fits: list[Contestant] = []
+    firsts: list[Start] = []
     for starts in groups:
         if starts:
             unknowns = (*base.unknowns, *starts[0].hypothesis.unknowns)
             points = [clipped(unknowns, start.u) for start in starts]
             costs = [cost_at(unknowns, u, r) for u, r in zip(points, wide.residuals(unknowns, points), strict=True)]
-            first = replace(starts[0], u=points[int(np.argmin(costs))])
-            fits.append(fitted_contestant(wide, first, COARSE_ROUNDS[0], base.unknowns))
-    return min(fits, key=lambda c: c.cost)
+            firsts.append(replace(starts[0], u=points[int(np.argmin(costs))]))
+    return min(fitted_contestants(wide, firsts, COARSE_ROUNDS[0], base.unknowns), key=lambda c: c.cost)
 
 
 def proposed(base: Fit, hypothesis: Hypothesis, proposal: Proposal | None) -> list[Start]:

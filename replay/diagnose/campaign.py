@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,14 @@ Floats = NDArray[np.float64]
 #: Derivatives, sigmas per u, above which a motion is too unstable for them to tell anything: in double precision the
 #: normal equations, of their squares, no longer hold the priors, which are of order 1.
 STEEPEST = 1 / np.sqrt(np.finfo(np.float64).eps)
+
+
+class Point(NamedTuple):
+    """A point u at which residuals are wanted, and perhaps their derivatives."""
+
+    unknowns: tuple[Unknown, ...]
+    u: Floats
+    derivatives: bool = False
 
 
 class Campaign:
@@ -59,26 +68,27 @@ class Campaign:
 
     def misfits(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[list[Misfit | None]]:
         """Misfit of every run at every point u; None where the model cannot follow."""
-        return self._worked_out(unknowns, points, Level.FINE, False)
+        return self._worked_out([Point(tuple(unknowns), u) for u in points], Level.FINE)
 
-    def residuals(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[Floats]:
-        """Residuals (m,) of all runs in sigmas at each point u; runs that cannot be simulated get large residuals."""
-        rows = self._worked_out(unknowns, points, self.level, False)
-        return [self._stacked(row) for row in rows]
-
-    def linearised(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[tuple[Floats, Floats]]:
-        """Residuals (m,) and Jacobian (m, unknowns) at each point u; zero derivatives of runs that cannot be simulated
-        or whose derivatives exceed `STEEPEST`."""
+    def at(self, points: Sequence[Point]) -> list[tuple[Floats, Floats]]:
+        """Residuals (m,) of all runs in sigmas and Jacobian (m, unknowns) at each point, without columns where no
+        derivatives are wanted; large residuals and zero derivatives of runs that cannot be simulated, zero derivatives
+        where they exceed `STEEPEST`."""
         out = []
-        for row in self._worked_out(unknowns, points, self.level, True):
+        for point, row in zip(points, self._worked_out(points, self.level), strict=True):
+            columns = len(point.unknowns) if point.derivatives else 0
             jacobian = np.concatenate(
                 [
-                    np.zeros((self.size(o), len(unknowns))) if one is None or _unstable(one) else one.jacobian
+                    np.zeros((self.size(o), columns)) if not columns or one is None or _unstable(one) else one.jacobian
                     for o, one in zip(self.observations, row, strict=True)
                 ]
             )
-            out.append((self._stacked(row), self.decorrelated(jacobian)))
+            out.append((self._stacked(row), self.decorrelated(jacobian) if columns else jacobian))
         return out
+
+    def residuals(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[Floats]:
+        """Residuals (m,) at each point u; see `at`."""
+        return [residual for residual, _ in self.at([Point(tuple(unknowns), u) for u in points])]
 
     def allow(self, directions: Floats) -> None:
         """Let every run differ a little from the others (random effects): ``directions`` (m, k) are the effects of one
@@ -115,21 +125,14 @@ class Campaign:
         out.tally = self.tally
         return out
 
-    def _worked_out(
-        self, unknowns: Sequence[Unknown], points: Sequence[Floats], level: Level, derivatives: bool
-    ) -> list[list[Misfit | None]]:
+    def _worked_out(self, points: Sequence[Point], level: Level) -> list[list[Misfit | None]]:
         """Misfit of every run at every point, from the pool's workers."""
-        jobs = [
-            [
-                self.pool.submit(_one, self.system, o, tuple(unknowns), point, level, derivatives)
-                for o in self.observations
-            ]
-            for point in points
-        ]
+        jobs = [[self.pool.submit(_one, self.system, o, *point, level) for o in self.observations] for point in points]
         found = [[job.result() for job in row] for row in jobs]
         self.tally["played"] += sum(len(row) for row in found)
-        work = sum(one.work for row in found for one in row if one is not None)
-        self.tally["work"] += work * (1 + COLUMN_COSTS * len(unknowns) * derivatives)
+        for point, row in zip(points, found, strict=True):
+            columns = len(point.unknowns) if point.derivatives else 0
+            self.tally["work"] += sum(one.work for one in row if one is not None) * (1 + COLUMN_COSTS * columns)
         self.tally["failed"] += sum(one is None for row in found for one in row)
         return found
 
@@ -149,7 +152,7 @@ def _unstable(one: Misfit) -> bool:
 
 
 def _one(
-    system: System, recording: Recording, unknowns: tuple[Unknown, ...], at: Floats, level: Level, derivatives: bool
+    system: System, recording: Recording, unknowns: tuple[Unknown, ...], at: Floats, derivatives: bool, level: Level
 ) -> Misfit | None:
     """A run's misfit; None where it, or a derivative, is not finite."""
     found = system.misfit(recording, unknowns, at, level=level, derivatives=derivatives)

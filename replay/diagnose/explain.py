@@ -28,7 +28,7 @@ from straw.replay.diagnose.rivals import absent, as_before, from_each_other
 from straw.replay.diagnose.screen import Start, screen
 from straw.replay.diagnose.settings import FAR, FIRST_ROUNDS, ROUNDS, SHORTLIST
 from straw.replay.diagnose.starts import check_simulated, fit_from_priors
-from straw.replay.diagnose.tournament import fitted_contestant, tournament
+from straw.replay.diagnose.tournament import fitted_contestants, tournament
 
 Floats = NDArray[np.float64]
 
@@ -73,9 +73,10 @@ def explain(
     if not found.contestants or not far or found.goes_on:
         steps("causes that are small", found)
         left = found.goes_on
-        for start in screen(campaign, found.null, hypotheses)[:SHORTLIST]:
-            if not campaign.stop() and (left or start.gain > CALIBRATION.scale):
-                found.keep(fitted_contestant(campaign, start, FIRST_ROUNDS))
+        starts = screen(campaign, found.null, hypotheses)[:SHORTLIST]
+        worth = [start for start in starts if left or start.gain > CALIBRATION.scale]
+        for one in fitted_contestants(campaign, worth, FIRST_ROUNDS):
+            found.keep(one)
         finish(found)
     if not far and found.goes_on:
         tried = _large(found, hypotheses, wide_known, proposal, steps)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.campaign import Campaign, Point
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
 from straw.replay.diagnose.robust import curvature, robust_cost, weights
 from straw.replay.diagnose.trust_region import FIRST_RADIUS, POOR, bounded_step, promised, resized
@@ -78,9 +78,7 @@ def clipped(unknowns: Sequence[Unknown], u: Floats) -> Floats:
 
 def evaluated(campaign: Campaign, unknowns: Sequence[Unknown], u: Floats, smooth: Floats | None = None) -> Fit:
     """Residual, Jacobian and cost at u, nothing fitted."""
-    u = clipped(unknowns, u)
-    ((residual, jacobian),) = campaign.linearised(unknowns, [u])
-    return Fit(tuple(unknowns), u, residual, jacobian, cost_at(unknowns, u, residual, smooth))
+    return _together(campaign, [_evaluating(tuple(unknowns), u, smooth)])[0]
 
 
 def moved(unknowns: Sequence[Unknown], u: Floats, step: Floats) -> Floats:
@@ -112,7 +110,50 @@ def fitted(
     (`straw.replay.diagnose.robust`), and |smooth u|^2 for ``smooth`` (k, unknowns), the roughness penalty of a
     table's values.
     """
-    at, radius = evaluated(campaign, unknowns, u, smooth), FIRST_RADIUS
+    return fits_from(campaign, [(tuple(unknowns), u)], rounds=rounds, share=share, smooth=smooth)[0]
+
+
+def fits_from(
+    campaign: Campaign,
+    starts: Sequence[tuple[tuple[Unknown, ...], Floats]],
+    *,
+    rounds: int,
+    share: float = 1e-4,
+    smooth: Floats | None = None,
+) -> list[Fit]:
+    """`fitted` from each start, unknowns and u, evaluated together: a single fit's few runs leave workers idle."""
+    return _together(campaign, [_fitting(campaign, *start, rounds, share, smooth) for start in starts])
+
+
+#: A fit under way: asks for points, is sent their residuals and Jacobians.
+_Fitting = Generator[Point, tuple[Floats, Floats], Fit]
+
+
+def _together(campaign: Campaign, fittings: Sequence[_Fitting]) -> list[Fit]:
+    """Where each of them ends; the points that they ask for are worked out together."""
+    ends: dict[int, Fit] = {}
+    asked = {k: next(one) for k, one in enumerate(fittings)}
+    while asked:
+        answers = dict(zip(asked, campaign.at(list(asked.values())), strict=True))
+        asked = {}
+        for k, answer in answers.items():
+            try:
+                asked[k] = fittings[k].send(answer)
+            except StopIteration as end:
+                ends[k] = end.value
+    return [ends[k] for k in range(len(fittings))]
+
+
+def _evaluating(unknowns: tuple[Unknown, ...], u: Floats, smooth: Floats | None) -> _Fitting:
+    u = clipped(unknowns, u)
+    residual, jacobian = yield Point(unknowns, u, derivatives=True)
+    return Fit(unknowns, u, residual, jacobian, cost_at(unknowns, u, residual, smooth))
+
+
+def _fitting(
+    campaign: Campaign, unknowns: tuple[Unknown, ...], u: Floats, rounds: int, share: float, smooth: Floats | None
+) -> _Fitting:
+    at, radius = (yield from _evaluating(unknowns, u, smooth)), FIRST_RADIUS
     low, high = (np.array([getattr(k, name) for k in unknowns]) for name in ("low", "high"))
     for _ in range(1, rounds if len(unknowns) else 0):
         if campaign.stop():
@@ -123,11 +164,11 @@ def fitted(
         if expected < share * at.cost:
             break
         u = moved(unknowns, at.u, step)
-        (residual,) = campaign.residuals(unknowns, [u])
+        residual, _ = yield Point(unknowns, u)
         gained = at.cost - cost_at(unknowns, u, residual, smooth)
         radius = resized(radius, step, gained, expected)
         if gained > 0:
-            at = min(at, evaluated(campaign, unknowns, u, smooth), key=lambda fit: fit.cost)
+            at = min(at, (yield from _evaluating(unknowns, u, smooth)), key=lambda fit: fit.cost)
             if POOR * expected < gained < share * at.cost:
                 break
     return at

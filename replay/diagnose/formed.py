@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.campaign import Campaign, Point
 from straw.replay.diagnose.fit import Fit
 from straw.replay.diagnose.fit import fitted as fitted_unknowns
 from straw.replay.diagnose.formula import Sum
@@ -44,17 +44,15 @@ class Formed(Campaign):
         """Misfit of every run at every point."""
         return super().misfits(self.curves, [self.u_of_curves(p) for p in points])
 
-    def residuals(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[Floats]:
-        """Residuals (m,) at each point."""
-        return super().residuals(self.curves, [self.u_of_curves(p) for p in points])
-
-    def linearised(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[tuple[Floats, Floats]]:
+    def at(self, points: Sequence[Point]) -> list[tuple[Floats, Floats]]:
         """Residuals (m,) and Jacobian (m, unknowns) at each point, by the chain rule."""
         out, base = [], self.base
-        found = super().linearised(self.curves, [self.u_of_curves(p) for p in points])
-        for point, (r, J) in zip(points, found, strict=True):
-            own = jacobian(self._values, unknowns[base:], point[base:], self._values(point[base:]))
-            out.append((r, np.hstack([J[:, :base], J[:, base:] @ own])))
+        found = super().at([Point(self.curves, self.u_of_curves(p.u), p.derivatives) for p in points])
+        for (unknowns, u, derivatives), (r, J) in zip(points, found, strict=True):
+            if derivatives:
+                own = jacobian(self._values, unknowns[base:], u[base:], self._values(u[base:]))
+                J = np.hstack([J[:, :base], J[:, base:] @ own])
+            out.append((r, J))
         return out
 
     def u_of_curves(self, point: Floats) -> Floats:

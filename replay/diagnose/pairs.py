@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.fit import Contestant, Fit, cost_at, fitted
+from straw.replay.diagnose.fit import Contestant, Fit, cost_at, fits_from
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.judge import decisive
@@ -21,7 +21,7 @@ from straw.replay.diagnose.settings import (
     FOLLOWED,
     ROUNDS,
 )
-from straw.replay.diagnose.tournament import fitted_contestant
+from straw.replay.diagnose.tournament import fitted_contestants
 
 Floats = NDArray[np.float64]
 
@@ -69,12 +69,11 @@ def _beside(found: Inquiry, first: Contestant, names: Sequence[str], rounds: int
     campaign = found.campaign
     others = [campaign.hypothesis([name]) for name in names if name not in first.hypothesis.causes]
     poor = {one.name for one in found.pairs.values() if one.cost > first.cost}
-    for k, start in enumerate(screen(campaign, first.fit, others, first.hypothesis)):
-        if k >= FOLLOWED and start.hypothesis.name not in poor:
-            continue
-        if start.gain > least and not campaign.stop():
-            start = shortened(campaign, first.fit, start)
-            found.keep(fitted_contestant(campaign, start, rounds, found.null.unknowns))
+    screened = enumerate(screen(campaign, first.fit, others, first.hypothesis))
+    some = [s for k, s in screened if (k < FOLLOWED or s.hypothesis.name in poor) and s.gain > least]
+    starts = [shortened(campaign, first.fit, start) for start in some if not campaign.stop()]
+    for one in fitted_contestants(campaign, starts, rounds, found.null.unknowns):
+        found.keep(one)
 
 
 def nested(found: Inquiry) -> None:
@@ -83,11 +82,11 @@ def nested(found: Inquiry) -> None:
     best = found.contestants[0] if found.contestants else None
     if best is None or len(best.hypothesis.causes) == 1:
         return
-    for cause in best.hypothesis.causes:
-        alone = found.campaign.hypothesis([cause])
-        unknowns = (*found.null.unknowns, *alone.unknowns)
-        u = _u_of(unknowns, best.fit)
-        found.keep(Contestant(alone, fitted(found.campaign, unknowns, u, rounds=ROUNDS)))
+    alone = [found.campaign.hypothesis([cause]) for cause in best.hypothesis.causes]
+    unknowns = [(*found.null.unknowns, *one.unknowns) for one in alone]
+    fits = fits_from(found.campaign, [(some, _u_of(some, best.fit)) for some in unknowns], rounds=ROUNDS)
+    for one, fit in zip(alone, fits, strict=True):
+        found.keep(Contestant(one, fit))
 
 
 def _u_of(unknowns: Sequence[Unknown], fit: Fit) -> Floats:

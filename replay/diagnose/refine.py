@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.fit import Contestant, Fit, cost_at, fitted, moved
+from straw.replay.diagnose.fit import Contestant, Fit, cost_at, fits_from, fitted, moved
 from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.judge import CALIBRATION, run_by_run, unexplained
 from straw.replay.diagnose.robust import weights
@@ -27,7 +27,7 @@ from straw.replay.diagnose.settings import (
     WIDENED,
 )
 from straw.replay.diagnose.starts import normal
-from straw.replay.diagnose.tournament import finished
+from straw.replay.diagnose.tournament import all_finished, finished
 
 Floats = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ def from_draws(campaign: Campaign, about: Fit, rounds: int, smooth: Floats | Non
     residuals = campaign.residuals(about.unknowns, points)
     costs = [cost_at(about.unknowns, u, r, smooth) for u, r in zip(points, residuals, strict=True)]
     best = [points[k] for k in np.argsort(costs, kind="stable")[:FOLLOWED]] or [about.u]
-    ends = [fitted(campaign, about.unknowns, u, rounds=FIRST_ROUNDS, smooth=smooth) for u in best]
+    ends = fits_from(campaign, [(about.unknowns, u) for u in best], rounds=FIRST_ROUNDS, smooth=smooth)
     end = min(ends, key=lambda fit: fit.cost)
     if rounds > FIRST_ROUNDS:
         end = fitted(campaign, about.unknowns, end.u, rounds=rounds, smooth=smooth)
@@ -122,15 +122,15 @@ def refine(found: Inquiry, coarse: Sequence[Contestant]) -> None:
     explains the coarse comparison, they are fitted to it from draws as well: cells that snap in another order are a
     minimum of their own."""
     campaign, wide, explained = found.campaign, found.campaign.coarse(), False
-    for k, one in enumerate(coarse):
-        if k < 2 and one.cost < 2 * coarse[0].cost:
-            fit = fitted(wide, one.fit.unknowns, one.fit.u, rounds=COARSE_ROUNDS[-1])
-            if not explained and not explains(fit) and not wide.stop():
-                fit = min(fit, from_draws(wide, fit, COARSE_ROUNDS[-1]), key=lambda fit: fit.cost)
-            explained = explained or explains(fit)
-            found.keep(Contestant(one.hypothesis, refined(campaign, fit, FIRST_ROUNDS)))
-        else:
-            found.keep(finished(campaign, one, FIRST_ROUNDS))
+    best = [one for one in coarse[:2] if one.cost < 2 * coarse[0].cost]
+    for one in best:
+        fit = fitted(wide, one.fit.unknowns, one.fit.u, rounds=COARSE_ROUNDS[-1])
+        if not explained and not explains(fit) and not wide.stop():
+            fit = min(fit, from_draws(wide, fit, COARSE_ROUNDS[-1]), key=lambda fit: fit.cost)
+        explained = explained or explains(fit)
+        found.keep(Contestant(one.hypothesis, refined(campaign, fit, FIRST_ROUNDS)))
+    for one in all_finished(campaign, coarse[len(best) :], FIRST_ROUNDS):
+        found.keep(one)
 
 
 def finish(found: Inquiry) -> None:

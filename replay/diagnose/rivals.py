@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from straw.replay.diagnose.fit import Contestant, Fit, clipped, fitted
+from straw.replay.diagnose.fit import Contestant, Fit, clipped, fits_from
 from straw.replay.diagnose.hypothesis import Hypothesis
 from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.judge import CALIBRATION
 from straw.replay.diagnose.screen import Start
 from straw.replay.diagnose.settings import FAR, FOLLOWED, ROUNDS
-from straw.replay.diagnose.tournament import fitted_contestant
+from straw.replay.diagnose.tournament import fitted_contestants
 
 
 def from_each_other(found: Inquiry) -> None:
@@ -22,15 +22,14 @@ def from_each_other(found: Inquiry) -> None:
     best = found.contestants[:FOLLOWED]
     if not best or found.null.cost < best[0].cost + CALIBRATION.scale:
         return  # nothing is better than the base
-    for one in best:
-        if found.null.cost > best[0].cost + FAR and one is not best[0]:
-            break  # the base's constants are not the cause
-        again = fitted(campaign, found.null.unknowns, one.fit.u[:n], rounds=ROUNDS)
-        found.null = min(found.null, again, key=lambda fit: fit.cost)
-    for one in best[1:]:
-        if one.cost < best[0].cost + FAR:
-            u = np.concatenate([best[0].fit.u[:n], one.fit.u[n:]])
-            found.keep(Contestant(one.hypothesis, fitted(campaign, one.fit.unknowns, u, rounds=ROUNDS)))
+    # farther away than FAR, the base's constants are not the cause
+    origins = best if found.null.cost <= best[0].cost + FAR else best[:1]
+    again = fits_from(campaign, [(found.null.unknowns, one.fit.u[:n]) for one in origins], rounds=ROUNDS)
+    found.null = min(found.null, *again, key=lambda fit: fit.cost)
+    rivals = [one for one in best[1:] if one.cost < best[0].cost + FAR]
+    moved = [(one.fit.unknowns, np.concatenate([best[0].fit.u[:n], one.fit.u[n:]])) for one in rivals]
+    for one, fit in zip(rivals, fits_from(campaign, moved, rounds=ROUNDS), strict=True):
+        found.keep(Contestant(one.hypothesis, fit))
 
 
 def absent(null: Fit, h: Hypothesis) -> Contestant:
@@ -44,8 +43,10 @@ def absent(null: Fit, h: Hypothesis) -> Contestant:
 
 def as_before(found: Inquiry, before: Inquiry, names: Sequence[str]) -> None:
     """The best hypotheses of fewer runs, from their constants there."""
+    starts: list[Start] = []
     for one in before.contestants[:FOLLOWED]:
         if set(one.hypothesis.causes) <= set(names) and one.cost < before.null.cost - CALIBRATION.scale:
             hypothesis = found.campaign.hypothesis(one.hypothesis.causes)
-            start = Start(hypothesis, clipped((*found.null.unknowns, *hypothesis.unknowns), one.fit.u))
-            found.keep(fitted_contestant(found.campaign, start, ROUNDS, found.null.unknowns))
+            starts.append(Start(hypothesis, clipped((*found.null.unknowns, *hypothesis.unknowns), one.fit.u)))
+    for one in fitted_contestants(found.campaign, starts, ROUNDS, found.null.unknowns):
+        found.keep(one)

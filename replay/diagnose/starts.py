@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.fit import Fit, clipped, cost_at, fitted
+from straw.replay.diagnose.fit import Fit, clipped, cost_at, fits_from, fitted
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.settings import DRAWN, FIRST_ROUNDS, FOLLOWED, ROUNDS
 from straw.replay.errors import ReplayError
@@ -23,7 +23,7 @@ def fit_from_priors(campaign: Campaign, proposed: Sequence[Floats] = ()) -> tupl
     points = [np.zeros(len(unknowns)), *proposed, *scattered(unknowns)]
     costs = logarithmic(campaign, points)
     best = np.argsort(costs, kind="stable")[:FOLLOWED] if len(unknowns) else [0]
-    ends = [fitted(campaign, unknowns, points[k], rounds=FIRST_ROUNDS) for k in best]
+    ends = fits_from(campaign, [(unknowns, points[k]) for k in best], rounds=FIRST_ROUNDS)
     fine = fitted(campaign, unknowns, min(ends, key=lambda fit: fit.cost).u, rounds=ROUNDS)
     return fine, fitted(campaign.coarse(), unknowns, fine.u, rounds=ROUNDS)
 

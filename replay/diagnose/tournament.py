@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.fit import Contestant, Fit, clipped, cost_at, fitted, normal_equations
+from straw.replay.diagnose.fit import Contestant, Fit, clipped, cost_at, fits_from, normal_equations
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
 from straw.replay.diagnose.screen import Start
-from straw.replay.diagnose.settings import COARSE_ROUNDS, LONGEST_STEP, STARTS
+from straw.replay.diagnose.settings import COARSE_ROUNDS, LONGEST_STEP, SHORTLIST, STARTS
 
 Floats = NDArray[np.float64]
 
@@ -23,18 +23,25 @@ def tournament(
     proposed: Sequence[Start],
 ) -> list[Contestant]:
     """Hypotheses fitted coarsely from their best starts, half of them left out after each round; the best first."""
-    begun: list[Contestant] = []
+    starts: list[Start] = []
     for h in hypotheses:
         if wide.stop():
             break
         given = [
             Start(h, clipped((*known.unknowns, *h.unknowns), s.u)) for s in proposed if s.hypothesis.name == h.name
         ]
-        starts = [*look(wide, known, h)[:STARTS], *given]
-        fits = [fitted_contestant(wide, start, COARSE_ROUNDS[0], known.unknowns) for start in starts]
-        if fits:
-            begun.append(min(fits, key=lambda c: c.cost))
-    return halved(wide, begun, len(hypotheses))
+        starts += [*look(wide, known, h)[:STARTS], *given]
+    fits = fitted_contestants(wide, starts, COARSE_ROUNDS[0], known.unknowns)
+    return halved(wide, best_of_each(fits), len(hypotheses))
+
+
+def best_of_each(fits: Sequence[Contestant]) -> list[Contestant]:
+    """The best fit of each hypothesis."""
+    best: dict[str, Contestant] = {}
+    for one in fits:
+        if one.name not in best or one.cost < best[one.name].cost:
+            best[one.name] = one
+    return list(best.values())
 
 
 def halved(wide: Campaign, begun: Sequence[Contestant], among: int) -> list[Contestant]:
@@ -42,7 +49,8 @@ def halved(wide: Campaign, begun: Sequence[Contestant], among: int) -> list[Cont
     going = sorted(begun, key=lambda c: c.cost)
     for k, rounds in enumerate(COARSE_ROUNDS[1:], 1):
         going = going[: max(3, round(among / 2**k))]
-        going = sorted((one if wide.stop() else finished(wide, one, rounds) for one in going), key=lambda c: c.cost)
+        if not wide.stop():
+            going = sorted(all_finished(wide, going, rounds), key=lambda c: c.cost)
     return going
 
 
@@ -52,7 +60,7 @@ def look(wide: Campaign, known: Fit, h: Hypothesis) -> list[Start]:
     points = [clipped(unknowns, np.concatenate([known.u, start])) for start in h.starts]
     residuals = wide.residuals(unknowns, points)
     costs = [cost_at(unknowns, u, r) for u, r in zip(points, residuals, strict=True)]
-    for going in (len(points), 2 * STARTS):  # room for all of them, and once more for the best
+    for going in (2 * SHORTLIST, 2 * STARTS):  # room for those that may become good, and once more for the best
         best = np.argsort(costs, kind="stable")[:going]
         made = [_room(known, unknowns, points[k], residuals[k]) for k in best]
         shown = wide.residuals(unknowns, made)
@@ -71,15 +79,21 @@ def _room(known: Fit, unknowns: Sequence[Unknown], u: Floats, residual: Floats) 
     return clipped(unknowns, np.concatenate([u[:n] + step, u[n:]]))
 
 
-def fitted_contestant(
-    campaign: Campaign, start: Start, rounds: int, base: Sequence[Unknown] | None = None
-) -> Contestant:
-    """A hypothesis fitted from a start."""
+def fitted_contestants(
+    campaign: Campaign, starts: Sequence[Start], rounds: int, base: Sequence[Unknown] | None = None
+) -> list[Contestant]:
+    """Hypotheses fitted from starts."""
     base = campaign.system.base if base is None else base
-    fit = fitted(campaign, (*base, *start.hypothesis.unknowns), start.u, rounds=rounds)
-    return Contestant(start.hypothesis, fit)
+    fits = fits_from(campaign, [((*base, *s.hypothesis.unknowns), s.u) for s in starts], rounds=rounds)
+    return [Contestant(start.hypothesis, fit) for start, fit in zip(starts, fits, strict=True)]
+
+
+def all_finished(campaign: Campaign, some: Sequence[Contestant], rounds: int) -> list[Contestant]:
+    """Contestants' fits continued, perhaps in another campaign of the same runs."""
+    fits = fits_from(campaign, [(one.fit.unknowns, one.fit.u) for one in some], rounds=rounds)
+    return [Contestant(one.hypothesis, fit) for one, fit in zip(some, fits, strict=True)]
 
 
 def finished(campaign: Campaign, one: Contestant, rounds: int) -> Contestant:
     """A contestant's fit continued, perhaps in another campaign of the same runs."""
-    return Contestant(one.hypothesis, fitted(campaign, one.fit.unknowns, one.fit.u, rounds=rounds))
+    return all_finished(campaign, [one], rounds)[0]

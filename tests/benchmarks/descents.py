@@ -59,7 +59,7 @@ def by_scipy(campaign: Campaign, start: Fit) -> float:
         return np.where(np.arange(len(z)) < len(start.residual), soft, [z, np.ones_like(z), np.zeros_like(z)])
 
     def jacobian(u: Floats) -> Floats:
-        return np.vstack([campaign.linearised(unknowns, [u])[0][1], np.diag(1 / sd)])
+        return np.vstack([evaluated(campaign, unknowns, u).slopes, np.diag(1 / sd)])
 
     with np.errstate(over="ignore"):
         inside = np.clip(start.u, low + 1e-10, high - 1e-10)

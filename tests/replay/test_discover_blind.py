@@ -18,7 +18,7 @@ from straw.replay.diagnose.discover.inline import Inline
 from straw.replay.diagnose.discover.page import page
 from straw.replay.diagnose.discover.said import text
 from straw.replay.diagnose.discover.samples import to_predict
-from straw.replay.diagnose.fit import fitted
+from straw.replay.diagnose.fit import evaluated, fitted
 from straw.replay.diagnose.systems.function.least import least
 from straw.replay.diagnose.systems.function.model import load_model
 from straw.replay.diagnose.systems.function.read_recordings import recordings_of
@@ -163,7 +163,7 @@ def test_derivatives_are_those_of_the_residuals_with_starts_profiled_out(tmp_pat
     system, recordings = decays(tmp_path)
     campaign = Stacked(recordings, system, Inline())
     fit = least(campaign, system.base, system.given(), rounds=60, share=1e-9)
-    ((_, slopes),) = campaign.linearised(system.base, [fit.u])
+    slopes = evaluated(campaign, system.base, fit.u).slopes
     for k, h in enumerate(1e-3 * np.eye(len(fit.u))):
         above, below = campaign.residuals(system.base, [fit.u + h, fit.u - h])
         difference = (above - below) / 2e-3

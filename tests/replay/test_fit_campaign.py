@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from straw.replay.diagnose.fit import cost_at, fitted
+from straw.replay.diagnose.fit import cost_at, fits_from, fitted
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.robust import curvature, robust_cost
 from straw.replay.diagnose.settings import ROBUST_SIGMAS
@@ -27,15 +27,13 @@ class Toy:
         values = [np.sinh(x) if k.kind == "strength" else x for k, x in zip(unknowns, u, strict=True)]
         return np.asarray(self.formula([k.scale * v for k, v in zip(unknowns, values, strict=True)]))
 
-    def residuals(self, unknowns, points):
+    def at(self, points):
         self.asked += len(points)
-        return [self._of(unknowns, u).real for u in points]
+        return [(self._of(p.unknowns, p.u).real, self._by_u(p) if p.derivatives else np.empty((0, 0))) for p in points]
 
-    def linearised(self, unknowns, points):
-        (u,) = points
-        steps = 1e-30j * np.eye(len(u))
-        columns = [self._of(unknowns, u + step).imag / 1e-30 for step in steps]
-        return [(self.residuals(unknowns, points)[0], np.stack(columns, axis=1))]
+    def _by_u(self, point):
+        steps = 1e-30j * np.eye(len(point.u))
+        return np.stack([self._of(point.unknowns, point.u + step).imag / 1e-30 for step in steps], axis=1)
 
 
 def test_two_nearly_cancelling_strengths_are_followed_to_their_large_values():
@@ -88,10 +86,22 @@ def test_a_table_has_a_roughness_penalty():
     assert smooth.cost == pytest.approx(cost_at(table, smooth.u, smooth.residual, 10 * second))
 
 
+def test_fits_side_by_side_end_where_each_ends_by_itself_and_ask_for_points_together():
+    toy = Toy(lambda v: np.array([10 * (v[1] - v[0] ** 2), 1 - v[0]]))
+    starts = [((FIRST, SECOND), np.array(at)) for at in ((-1.2, 1.0), (0.9, 0.8), (2.0, -3.0))]
+    toys = [Toy(toy.formula) for _ in starts]
+    alone = [fitted(one, *start, rounds=50) for one, start in zip(toys, starts, strict=True)]
+    asked, at = [], toy.at
+    toy.at = lambda points: asked.append(len(points)) or at(points)
+    assert [fit.cost for fit in fits_from(toy, starts, rounds=50)] == [fit.cost for fit in alone]
+    assert len(asked) == max(one.asked for one in toys)
+    assert sum(asked) == sum(one.asked for one in toys)
+
+
 def test_a_fit_that_is_stopped_returns_the_best_point_so_far():
     toy = Toy(lambda v: np.array([10 * (v[1] - v[0] ** 2), 1 - v[0]]), stops_after=4)
     start = np.array([-1.2, 1.0])
     fit = fitted(toy, (FIRST, SECOND), start, rounds=50)
-    begun = cost_at((FIRST, SECOND), start, Toy(toy.formula).residuals((FIRST, SECOND), [start])[0])
+    begun = cost_at((FIRST, SECOND), start, np.array([10 * (1.0 - 1.44), 2.2]))
     assert toy.asked <= 6
     assert 0.1 < fit.cost < begun  # neither the minimum nor the start

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.campaign import Campaign, Point
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.settings import FAILED_SIGMAS
 from straw.replay.diagnose.system import System
@@ -155,15 +155,12 @@ class Stacked(Campaign):
         out.stack = replace(self.stack, columns=np.zeros((0, 0))) if self.stack else None
         return out
 
-    def residuals(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[Floats]:
-        """Residuals (m,) of all runs in sigmas at each point u; runs that diverge get large residuals."""
-        return [self._at(unknowns, u)[0] for u in points]
+    def at(self, points: Sequence[Point]) -> list[tuple[Floats, Floats]]:
+        """Residuals (m,) of all runs in sigmas and Jacobian (m, unknowns) at each point; runs that diverge get large
+        residuals."""
+        return [self._at(*point) for point in points]
 
-    def linearised(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[tuple[Floats, Floats]]:
-        """Residuals (m,) and Jacobian (m, unknowns) at each point u."""
-        return [self._at(unknowns, u, derivatives=True) for u in points]
-
-    def _at(self, unknowns: Sequence[Unknown], u: Floats, *, derivatives: bool = False) -> tuple[Floats, Floats]:
+    def _at(self, unknowns: Sequence[Unknown], u: Floats, derivatives: bool) -> tuple[Floats, Floats]:
         system: Any = self.system
         stack = self.stack or stacked(system, self.observations)  # type: ignore[arg-type]
         given = system.encoding(unknowns)

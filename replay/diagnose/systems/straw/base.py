@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.fit import Fit, fitted
+from straw.replay.diagnose.fit import Fit, fits_from, fitted
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.judge import run_by_run
 from straw.replay.diagnose.refine import refined
@@ -43,7 +43,7 @@ def base_fit(campaign: Campaign, proposed: Sequence[Floats] = ()) -> tuple[Fit, 
     dampings = [_moved(unknowns, u, c_zeta_n_s_per_m=a, c_phi_n_m_s_per_rad=b) for a in C_ZETA for b in C_PHI]
     points = [own, u, *proposed, *dampings]
     best = np.argsort(logarithmic(few, unknowns, points), kind="stable")[:FOLLOWED]
-    ends = [fitted(few, unknowns, points[k], rounds=FIRST_ROUNDS) for k in best]
+    ends = fits_from(few, [(unknowns, points[k]) for k in best], rounds=FIRST_ROUNDS)
     coarse = fitted(campaign.coarse(), unknowns, min(ends, key=lambda fit: fit.cost).u, rounds=ROUNDS)
     return refined(campaign, coarse, ROUNDS), coarse
 
