@@ -69,6 +69,7 @@ def _beside(found: Inquiry, first: Contestant, names: Sequence[str], rounds: int
     campaign = found.campaign
     others = [campaign.hypothesis([name]) for name in names if name not in first.hypothesis.causes]
     poor = {one.name for one in found.pairs.values() if one.cost > first.cost}
+    least = max(least, first.cost - found.best.cost - reach(found))  # what leaves more is not continued either
     screened = enumerate(screen(campaign, first.fit, others, first.hypothesis))
     some = [s for k, s in screened if (k < FOLLOWED or s.hypothesis.name in poor) and s.gain > least]
     starts = [shortened(campaign, first.fit, start) for start in some if not campaign.stop()]

@@ -6,13 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from straw.replay.diagnose.fit import Contestant, Fit, clipped, fits_from
+from straw.replay.diagnose.fit import Contestant, Fit, clipped, fits_from, fitted
 from straw.replay.diagnose.hypothesis import Hypothesis
 from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.judge import CALIBRATION
+from straw.replay.diagnose.refine import reach
 from straw.replay.diagnose.screen import Start
-from straw.replay.diagnose.settings import FAR, FOLLOWED, ROUNDS
-from straw.replay.diagnose.tournament import fitted_contestants
+from straw.replay.diagnose.settings import FAR, FIRST_ROUNDS, FOLLOWED, ROUNDS
+from straw.replay.diagnose.tournament import all_finished, fitted_contestants
 
 
 def from_each_other(found: Inquiry) -> None:
@@ -24,12 +25,17 @@ def from_each_other(found: Inquiry) -> None:
         return  # nothing is better than the base
     # farther away than FAR, the base's constants are not the cause
     origins = best if found.null.cost <= best[0].cost + FAR else best[:1]
-    again = fits_from(campaign, [(found.null.unknowns, one.fit.u[:n]) for one in origins], rounds=ROUNDS)
-    found.null = min(found.null, *again, key=lambda fit: fit.cost)
+    again = fits_from(campaign, [(found.null.unknowns, one.fit.u[:n]) for one in origins], rounds=FIRST_ROUNDS)
+    nearest = min(again, key=lambda fit: fit.cost)
+    if nearest.cost < found.null.cost + reach(found):
+        nearest = fitted(campaign, nearest.unknowns, nearest.u, rounds=ROUNDS)
+    found.null = min(found.null, nearest, key=lambda fit: fit.cost)
     rivals = [one for one in best[1:] if one.cost < best[0].cost + FAR]
     moved = [(one.fit.unknowns, np.concatenate([best[0].fit.u[:n], one.fit.u[n:]])) for one in rivals]
-    for one, fit in zip(rivals, fits_from(campaign, moved, rounds=ROUNDS), strict=True):
-        found.keep(Contestant(one.hypothesis, fit))
+    begun = fits_from(campaign, moved, rounds=FIRST_ROUNDS)
+    near = [Contestant(one.hypothesis, fit) for one, fit in zip(rivals, begun, strict=True) if fit.cost < one.cost]
+    for other in all_finished(campaign, near, ROUNDS):
+        found.keep(other)
 
 
 def absent(null: Fit, h: Hypothesis) -> Contestant:
