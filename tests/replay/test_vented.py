@@ -35,11 +35,11 @@ def test_the_gauge_s_offset_explains_what_it_reads_at_vent_and_a_law_of_the_stra
         one = hypothesis((name,), STRAW.cells)
         unknowns = (*base_unknowns(STRAW), *one.unknowns)
         at = np.zeros(len(unknowns))
-        left, slopes = vent_residual(700.0, 0.0, STRAW, unknowns, at)
+        left, slopes = vent_residual(700.0, 0.0, unknowns, at)
         assert left == pytest.approx(700.0 / VENTED_PA)
         if explains:
             at[-1] = unknowns[-1].at(700.0 / unknowns[-1].scale)
-            assert vent_residual(700.0, 0.0, STRAW, unknowns, at)[0] == pytest.approx(0.0, abs=1e-9)
+            assert vent_residual(700.0, 0.0, unknowns, at)[0] == pytest.approx(0.0, abs=1e-9)
             assert slopes[-1] == pytest.approx(-unknowns[-1].per_u(0.0) / VENTED_PA, rel=1e-5)
         else:
             assert not np.any(slopes)
@@ -47,5 +47,5 @@ def test_the_gauge_s_offset_explains_what_it_reads_at_vent_and_a_law_of_the_stra
 
 def test_a_gauge_without_readings_at_vent_adds_no_misfit():
     unknowns = base_unknowns(STRAW)
-    left, slopes = vent_residual(None, 0.0, STRAW, unknowns, np.zeros(len(unknowns)))
+    left, slopes = vent_residual(None, 0.0, unknowns, np.zeros(len(unknowns)))
     assert (left, slopes.tolist()) == (0.0, [0.0] * len(unknowns))

@@ -87,13 +87,12 @@ def applied(straw: StrawParameters, unknowns: Sequence[Unknown], at: Floats) -> 
     """The straw and instrument with the unknowns set to u (unknowns,)."""
     changes: dict[str, object] = {}
     terms: dict[str, dict[str, Any]] = {}
-    instrument: dict[str, float] = {}
     for unknown, u in zip(unknowns, at, strict=True):
         kind, _, name = unknown.target.partition(".")
         value = unknown.value(float(u))
         if kind == "instrument":
-            instrument[name] = value
-        elif kind == "form":
+            continue
+        if kind == "form":
             changes["form"] = "full"
         elif kind == "term":
             term, constant, *where = name.split(".")
@@ -117,7 +116,13 @@ def applied(straw: StrawParameters, unknowns: Sequence[Unknown], at: Floats) -> 
             constants[constant] = values - np.mean(values)
     if terms:
         changes["terms"] = {**straw.terms, **{t: {**straw.terms.get(t, {}), **more} for t, more in terms.items()}}
-    return straw.replace(**changes) if changes else straw, Instrument.of(instrument)
+    return straw.replace(**changes) if changes else straw, instrument_at(unknowns, at)
+
+
+def instrument_at(unknowns: Sequence[Unknown], at: Floats) -> Instrument:
+    """The instrument with the unknowns set to u (unknowns,)."""
+    parts = ((unknown.target.partition("."), unknown.value(float(u))) for unknown, u in zip(unknowns, at, strict=True))
+    return Instrument.of({name: value for (kind, _, name), value in parts if kind == "instrument"})
 
 
 def walls_known(straw: StrawParameters) -> bool:

@@ -75,7 +75,7 @@ def misfit(
     curve = _Curve(seen)
     plain = curve.at(observed.time_s) - observed.tip
     sigma = observed.sigma()
-    vent, d_vent = vent_residual(observed.vent_pa, observed.start_s, straw, unknowns, at)
+    vent, d_vent = vent_residual(observed.vent_pa, observed.start_s, unknowns, at)
 
     def told(way: Registration) -> Misfit:
         look_s = way.bent(observed.time_s)
@@ -115,7 +115,7 @@ def coarse_misfit(
     snap times, which lead to a good fit from distant starts."""
     seen = simulated(observed, straw, unknowns, at, derivatives=derivatives, tolerance_m=COARSE_TOLERANCE_M)
     curve, envelope = _Curve(seen), observed.envelope
-    vent, d_vent = vent_residual(observed.vent_pa, observed.start_s, straw, unknowns, at)
+    vent, d_vent = vent_residual(observed.vent_pa, observed.start_s, unknowns, at)
 
     def told(way: Registration) -> Floats:
         slow = envelope.differs(curve.at(way.bent(envelope.time_s)))

@@ -64,11 +64,10 @@ def simulated(
     near = nearby(straw, unknowns, at) if derivatives else None
     changed, instrument = (near.straw, near.instrument) if near else applied(straw, unknowns, at)
     changed = changed.in_run(observed.run.cycle, observed.run.zero_time_ns)
-    seen, by, evaluations = _until_it_snaps(observed, changed, instrument, unknowns, near, tolerance_m)
+    seen, true_events_s, by, evaluations = _until_it_snaps(observed, changed, instrument, unknowns, near, tolerance_m)
     pose = np.stack([seen.x_m, seen.z_m, seen.phi_rad])
     stamped_s = instrument.stamped(seen.time_s)
     shown = instrument.seen(pose)
-    true_events_s = _events(observed, seen, instrument)
     none = 0 if by is None else len(unknowns)
     d_shown, d_true_s = np.zeros((*pose.shape, none)), np.zeros((len(true_events_s), none))
     d_stamped, d_late = np.zeros((len(stamped_s), none)), np.zeros((len(true_events_s), none))
@@ -102,9 +101,9 @@ def _until_it_snaps(
     unknowns: Sequence[Unknown],
     about: Nearby | None,
     tolerance_m: float,
-) -> tuple[Prediction, tuple[list[int], Derivatives] | None, int]:
-    """The simulation, a little longer where the recording shows more snaps, and its derivatives by the straw's
-    unknowns where these are known ``about`` the point; how often the equations were evaluated."""
+) -> tuple[Prediction, Floats, tuple[list[int], Derivatives] | None, int]:
+    """The simulation, a little longer where the recording shows more snaps, its snaps (`_events`), and its derivatives
+    by the straw's unknowns where these are known ``about`` the point; how often the equations were evaluated."""
     deployed = observed.run.initial_deployed
     assert deployed is not None
     table = observed.pressure
@@ -138,9 +137,10 @@ def _until_it_snaps(
         else:
             seen = simulate(changed, pressure, grid, deployed, tolerance_m, near, most)
         evaluations += seen.evaluations
-        if len(_events(observed, seen, instrument)) >= len(observed.snaps_s):
+        events_s = _events(observed, seen, instrument)
+        if len(events_s) >= len(observed.snaps_s):
             break
-    return seen, None if by is None else (moving, by), evaluations
+    return seen, events_s, None if by is None else (moving, by), evaluations
 
 
 def _directions(

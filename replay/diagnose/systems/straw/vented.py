@@ -7,10 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.model.parameters import StrawParameters
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.settings import SECANT
-from straw.replay.diagnose.systems.straw.constants import applied
+from straw.replay.diagnose.systems.straw.constants import instrument_at
 from straw.rig.run import PressureLog
 
 Floats = NDArray[np.float64]
@@ -41,7 +40,7 @@ def vented(measured: PressureLog, command: PressureLog | None) -> float | None:
 
 
 def vent_residual(
-    vent_pa: float | None, start_s: float, straw: StrawParameters, unknowns: Sequence[Unknown], at: Floats
+    vent_pa: float | None, start_s: float, unknowns: Sequence[Unknown], at: Floats
 ) -> tuple[float, Floats]:
     """The corrected gauge pressure of the vented line, in sigmas, and its derivatives by u."""
     slopes = np.zeros(len(unknowns))
@@ -49,7 +48,7 @@ def vent_residual(
         return 0.0, slopes
 
     def left(u: Floats) -> float:
-        true_pa = applied(straw, unknowns, u)[1].true_pressure(np.array([vent_pa]), np.array([start_s]))
+        true_pa = instrument_at(unknowns, u).true_pressure(np.array([vent_pa]), np.array([start_s]))
         return float(true_pa[0]) / VENTED_PA
 
     for k, unknown in enumerate(unknowns):
