@@ -78,7 +78,7 @@ def _begun(wide: Campaign, base: Fit, groups: Sequence[Sequence[Start]]) -> Cont
             points = [clipped(unknowns, start.u) for start in starts]
             costs = [cost_at(unknowns, u, r) for u, r in zip(points, wide.residuals(unknowns, points), strict=True)]
             firsts.append(replace(starts[0], u=points[int(np.argmin(costs))]))
-    return min(fitted_contestants(wide, firsts, COARSE_ROUNDS[0], base.unknowns), key=lambda c: c.cost)
+    return min(fitted_contestants(wide, firsts, COARSE_ROUNDS[0], base.unknowns, brief=True), key=lambda c: c.cost)
 
 
 def proposed(base: Fit, hypothesis: Hypothesis, proposal: Proposal | None) -> list[Start]:

@@ -120,9 +120,14 @@ def fits_from(
     rounds: int,
     share: float = 1e-4,
     smooth: Floats | None = None,
+    brief: bool = False,
 ) -> list[Fit]:
-    """`fitted` from each start, unknowns and u, evaluated together: a single fit's few runs leave workers idle."""
-    return _together(campaign, [_fitting(campaign, *start, rounds, share, smooth) for start in starts])
+    """`fitted` from each start, unknowns and u, evaluated together: a single fit's few runs leave workers idle.
+
+    ``brief``: where all evaluations are used, the last point's derivatives are not worked out, and those of the point
+    before it are returned; for fits that are continued or left out.
+    """
+    return _together(campaign, [_fitting(campaign, *start, rounds, share, smooth, brief) for start in starts])
 
 
 #: A fit under way: asks for points, is sent their residuals and Jacobians.
@@ -151,11 +156,17 @@ def _evaluating(unknowns: tuple[Unknown, ...], u: Floats, smooth: Floats | None)
 
 
 def _fitting(
-    campaign: Campaign, unknowns: tuple[Unknown, ...], u: Floats, rounds: int, share: float, smooth: Floats | None
+    campaign: Campaign,
+    unknowns: tuple[Unknown, ...],
+    u: Floats,
+    rounds: int,
+    share: float,
+    smooth: Floats | None,
+    brief: bool,
 ) -> _Fitting:
     at, radius = (yield from _evaluating(unknowns, u, smooth)), FIRST_RADIUS
     low, high = (np.array([getattr(k, name) for k in unknowns]) for name in ("low", "high"))
-    for _ in range(1, rounds if len(unknowns) else 0):
+    for k in range(1, rounds if len(unknowns) else 0):
         if campaign.stop():
             break
         H, g = normal_equations(unknowns, at.u, at.residual, at.slopes, smooth)
@@ -165,8 +176,11 @@ def _fitting(
             break
         u = moved(unknowns, at.u, step)
         residual, _ = yield Point(unknowns, u)
-        gained = at.cost - cost_at(unknowns, u, residual, smooth)
+        cost = cost_at(unknowns, u, residual, smooth)
+        gained = at.cost - cost
         radius = resized(radius, step, gained, expected)
+        if brief and k == rounds - 1:
+            return min(at, Fit(unknowns, u, residual, at.slopes, cost), key=lambda fit: fit.cost)
         if gained > 0:
             at = min(at, (yield from _evaluating(unknowns, u, smooth)), key=lambda fit: fit.cost)
             if POOR * expected < gained < share * at.cost:

@@ -31,7 +31,7 @@ def tournament(
             Start(h, clipped((*known.unknowns, *h.unknowns), s.u)) for s in proposed if s.hypothesis.name == h.name
         ]
         starts += [*look(wide, known, h)[:STARTS], *given]
-    fits = fitted_contestants(wide, starts, COARSE_ROUNDS[0], known.unknowns)
+    fits = fitted_contestants(wide, starts, COARSE_ROUNDS[0], known.unknowns, brief=True)
     return halved(wide, best_of_each(fits), len(hypotheses))
 
 
@@ -80,11 +80,16 @@ def _room(known: Fit, unknowns: Sequence[Unknown], u: Floats, residual: Floats) 
 
 
 def fitted_contestants(
-    campaign: Campaign, starts: Sequence[Start], rounds: int, base: Sequence[Unknown] | None = None
+    campaign: Campaign,
+    starts: Sequence[Start],
+    rounds: int,
+    base: Sequence[Unknown] | None = None,
+    *,
+    brief: bool = False,
 ) -> list[Contestant]:
-    """Hypotheses fitted from starts."""
+    """Hypotheses fitted from starts; ``brief`` as in `fits_from`."""
     base = campaign.system.base if base is None else base
-    fits = fits_from(campaign, [((*base, *s.hypothesis.unknowns), s.u) for s in starts], rounds=rounds)
+    fits = fits_from(campaign, [((*base, *s.hypothesis.unknowns), s.u) for s in starts], rounds=rounds, brief=brief)
     return [Contestant(start.hypothesis, fit) for start, fit in zip(starts, fits, strict=True)]
 
 

@@ -98,6 +98,15 @@ def test_fits_side_by_side_end_where_each_ends_by_itself_and_ask_for_points_toge
     assert sum(asked) == sum(one.asked for one in toys)
 
 
+def test_a_brief_fit_ends_at_the_same_point_without_derivatives_there():
+    toy, whole = (Toy(lambda v: np.array([10 * (v[1] - v[0] ** 2), 1 - v[0]])) for _ in range(2))
+    start = (FIRST, SECOND), np.array([0.9, 0.8])
+    (brief,) = fits_from(toy, [start], rounds=2, brief=True)
+    fit = fitted(whole, *start, rounds=2)
+    assert (brief.cost, brief.u.tolist()) == (fit.cost, fit.u.tolist())
+    assert toy.asked == whole.asked - 1
+
+
 def test_a_fit_that_is_stopped_returns_the_best_point_so_far():
     toy = Toy(lambda v: np.array([10 * (v[1] - v[0] ** 2), 1 - v[0]]), stops_after=4)
     start = np.array([-1.2, 1.0])
