@@ -79,4 +79,4 @@ class Held:
         _, rejected = march(c, state, table, self.ends, limits, self.time_s, *out)
         if rejected:
             raise ModelError("held: a step that the run takes is refused with these constants")
-        return prediction(straw, table, self.time_s, out[0], out[2], len(self.ends), q)
+        return prediction(straw, table, self.time_s, out[0], out[2], np.array([len(self.ends), 0, 0, 0]), q)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from straw.replay.diagnose.campaign import Point
 from straw.replay.diagnose.fit import cost_at, fits_from, fitted
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.robust import curvature, robust_cost
@@ -30,6 +31,9 @@ class Toy:
     def at(self, points):
         self.asked += len(points)
         return [(self._of(p.unknowns, p.u).real, self._by_u(p) if p.derivatives else np.empty((0, 0))) for p in points]
+
+    def residuals(self, unknowns, points):
+        return [residual for residual, _ in self.at([Point(unknowns, u) for u in points])]
 
     def _by_u(self, point):
         steps = 1e-30j * np.eye(len(point.u))
