@@ -60,7 +60,8 @@ def look(wide: Campaign, known: Fit, h: Hypothesis) -> list[Start]:
     points = [clipped(unknowns, np.concatenate([known.u, start])) for start in h.starts]
     residuals = wide.residuals(unknowns, points)
     costs = [cost_at(unknowns, u, r) for u, r in zip(points, residuals, strict=True)]
-    for going in (2 * SHORTLIST, 2 * STARTS):  # room for those that may become good, and once more for the best
+    # room for all of them, of unlike cells' 81 for the best, and once more for the best of these
+    for going in (2 * SHORTLIST, 2 * STARTS):
         best = np.argsort(costs, kind="stable")[:going]
         made = [_room(known, unknowns, points[k], residuals[k]) for k in best]
         shown = wide.residuals(unknowns, made)

@@ -42,6 +42,12 @@ HEAD = (
     "not in the library: unknown", "confident and wrong", "held out", "instruments within 1, 2, 3 sd", "CPU, s",
 )  # fmt: skip
 
+#: Decks of which a part was run again by a later search: compared on those cases.
+AGAIN = (
+    ("final-20261129-ef3c4eb", "final-20261129-bebdc48"),
+    ("final-20261130-7b2e92e", "final-20261130-bebdc48"),
+    ("strong-20261203-5e9df2b", "strong-20261203-359dbb3"),
+)
 #: The last columns, which do not depend on the judge.
 RAN = 3
 SAID = ("deck, commit", "up to 0.5", "0.5 to 0.8", "0.8 to 0.95", "above 0.95")
@@ -63,6 +69,7 @@ def main() -> None:
     tables = {
         "then": table(HEAD, [[_named(path), *line(done)] for path, done in then]),
         "now": table(HEAD[:-RAN], [[_named(path), *line(done)[:-RAN]] for path, done in now]),
+        "again": table(HEAD, [row for before, after in AGAIN for row in compared(before, after)]),
         "reliability-then": table(SAID, [[_named(path), *reliability(done)] for path, done in many]),
         "reliability-now": table(SAID, [[_named(path), *reliability(done)] for path, done in again]),
     }
@@ -77,6 +84,14 @@ def told(path: Path, again: bool) -> Rows:
     rows = {row["name"]: row for row in map(json.loads, path.read_text(encoding="utf-8").splitlines())}
     cases = [case for case in deck(split, int(seed)) if case.name in rows]  # type: ignore[arg-type]
     return [(case, judged_again(rows[case.name]) if again else rows[case.name]) for case in cases]
+
+
+def compared(before: str, after: str) -> list[list[str]]:
+    """Rows of two searches of a deck, by the present judge, on the cases that the later one was run with."""
+    earlier, later = (told(DECKS / f"{name}.jsonl", again=True) for name in (before, after))
+    names = {case.name for case, _ in later}
+    same = [(case, row) for case, row in earlier if case.name in names]
+    return [[_named(DECKS / f"{name}.jsonl"), *line(done)] for name, done in ((before, same), (after, later))]
 
 
 def line(done: Rows) -> list[str]:

@@ -115,6 +115,6 @@ def test_a_fit_that_is_stopped_returns_the_best_point_so_far():
     toy = Toy(lambda v: np.array([10 * (v[1] - v[0] ** 2), 1 - v[0]]), stops_after=4)
     start = np.array([-1.2, 1.0])
     fit = fitted(toy, (FIRST, SECOND), start, rounds=50)
-    begun = cost_at((FIRST, SECOND), start, np.array([10 * (1.0 - 1.44), 2.2]))
+    begun = cost_at((FIRST, SECOND), start, Toy(toy.formula).residuals((FIRST, SECOND), [start])[0])
     assert toy.asked <= 6
     assert 0.1 < fit.cost < begun  # neither the minimum nor the start

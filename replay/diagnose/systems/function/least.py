@@ -2,7 +2,8 @@
 
 Steps are damped relative to the curvature's diagonal, whatever the scales of the unknowns; those of
 `straw.replay.diagnose.fit` have a length in u, and here a unit of u is not always well seen: with them a curve's points
-stay where they start, two of `tests.benchmarks.measured` end worse, and one claims a wrong law.
+stay where they start, two of the first 18 of `tests.benchmarks.measured` end worse, and one of the two claims a wrong
+law.
 """
 
 from __future__ import annotations

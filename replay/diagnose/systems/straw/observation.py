@@ -28,11 +28,11 @@ from straw.rig.run import Run
 
 Floats = NDArray[np.float64]
 
-#: What two runs of the same straw differ by beside the camera's noise, in X, Z (m) and Phi (rad). In the campaigns
-#: a, c and d of `../shared/recordings`, means of 72 frames at rest of three repeats scatter by 2 to 14 um and by
-#: 0.15 to 1.1 mrad, of which the camera's correlated noise is 3 to 8 um and 0.2 to 0.5 mrad.
+#: What two runs of the same straw differ by beside the camera's noise, in X, Z (m) and Phi (rad): chosen. In the
+#: campaigns a, c and d of `../shared/recordings`, means of 72 frames at rest of three repeats scatter by 2 to 14 um and
+#: by 0.15 to 1.1 mrad; the camera's noise alone, with `LASTING` and `LASTS_S`, makes 8 um and 0.5 mrad.
 REPEATABILITY = (5e-6, 5e-6, 0.3e-3)
-#: The same in the time of a snap, s: chosen. There snaps repeat within 0.2 ms; of a real straw no repeats are known.
+#: The same in the time of a snap, s: chosen; in these campaigns snaps scatter by 0.03 to 0.16 ms.
 REPEATABILITY_S = 1e-3
 #: By which the ringing after it is early or late, s; allows for laws whose form is not exact, too.
 SLACK_S = 2e-3

@@ -91,7 +91,7 @@ class StrawSystem(System):
 
     @property
     def most_work(self) -> float:
-        """Evaluations that take about 180 s on two idle cores."""
+        """See `MOST_WORK`."""
         return MOST_WORK
 
     @property
