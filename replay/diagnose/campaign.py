@@ -105,10 +105,17 @@ class Campaign:
         """Residuals (m,) or Jacobian (m, k), whitened for the random effects."""
         if self.random_effects is None:
             return differences
+        return self._along(differences, self.random_effects)
+
+    def correlated(self, whitened: Floats, effects: list[tuple[Floats, Floats]]) -> Floats:
+        """Residuals or Jacobian before they were whitened for these random effects: the inverse of `decorrelated`."""
+        return self._along(whitened, [(basis, 1 / (1 + less) - 1) for basis, less in effects])
+
+    def _along(self, differences: Floats, effects: list[tuple[Floats, Floats]]) -> Floats:
         out = differences.copy()
-        for part, (basis, less) in zip(self.slices(), self.random_effects, strict=True):
+        for part, (basis, factor) in zip(self.slices(), effects, strict=True):
             here = differences[part]
-            out[part] += basis @ ((basis.T @ here).T * less).T
+            out[part] += basis @ ((basis.T @ here).T * factor).T
         return out
 
     def size(self, observed: Recording) -> int:

@@ -12,6 +12,7 @@ from straw.replay.diagnose.explain import explain
 from straw.replay.diagnose.inquiry import Inquiry, Told, silent
 from straw.replay.diagnose.one_thread import one_blas_thread
 from straw.replay.diagnose.pairs import nested
+from straw.replay.diagnose.random_effects import follow
 from straw.replay.diagnose.refine import without_a_run
 from straw.replay.diagnose.settings import ROUNDS
 from straw.replay.diagnose.system import Recording, System
@@ -54,6 +55,7 @@ def inquire(
     campaign.stop = stop  # later uses of the inquiry have a budget of their own
     if found.contestants and (found.spent or found.goes_on):
         told("the best without one of the runs", 1, 1)
+        follow(found)
         best = finished(campaign, found.contestants[0], ROUNDS)
         found.keep(replace(best, fit=without_a_run(campaign, best.fit)))
         nested(found)  # unless each cause is fitted alone, one without effect would be named beside the other

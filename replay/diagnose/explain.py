@@ -23,6 +23,7 @@ from straw.replay.diagnose.inquiry import Inquiry, Told
 from straw.replay.diagnose.judge import CALIBRATION, unexplained
 from straw.replay.diagnose.pairs import find_pairs, seconds, telling
 from straw.replay.diagnose.propose.proposal import Proposal
+from straw.replay.diagnose.random_effects import linearise
 from straw.replay.diagnose.refine import explains, finish, refine
 from straw.replay.diagnose.rivals import absent, as_before, from_each_other
 from straw.replay.diagnose.screen import Start, screen
@@ -59,7 +60,7 @@ def explain(
     if before:
         null = min(null, fitted(campaign, null.unknowns, before.null.u, rounds=ROUNDS), key=lambda fit: fit.cost)
     check_simulated(campaign, null)
-    random_effects(campaign, null)
+    linearise(campaign, null)
     found = Inquiry(campaign, fitted(campaign, null.unknowns, null.u, rounds=FIRST_ROUNDS))
     far = unexplained(campaign, found.null) > FAR
     if not far:
@@ -181,11 +182,3 @@ def _in_turn(hypotheses: Sequence[Hypothesis], proposal: Proposal | None) -> lis
         first = list(proposal.scores)[:SHORTLIST]
         groups = [[h for h in hypotheses if (h.name in first) is one] for one in (True, False)]
     return [group for group in groups if group]
-
-
-def random_effects(campaign: Campaign, fit: Fit) -> None:
-    """Include random effects of the runs, linearised at this fit, from here on."""
-    campaign.random_effects = None
-    directions = campaign.system.repeats(campaign, fit)
-    if directions is not None:
-        campaign.allow(directions)

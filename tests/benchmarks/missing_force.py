@@ -24,11 +24,11 @@ from pathlib import Path
 import numpy as np
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.explain import random_effects
 from straw.replay.diagnose.fit import fitted
 from straw.replay.diagnose.heldout import helpful, hold_out
 from straw.replay.diagnose.judge import unexplained
 from straw.replay.diagnose.locate import locate
+from straw.replay.diagnose.random_effects import linearise
 from straw.replay.diagnose.settings import ROUNDS
 from straw.replay.diagnose.systems.straw.base import base_fit
 from straw.replay.diagnose.systems.straw.missing import MissingLaw, missing_force
@@ -171,7 +171,7 @@ def searched(planted: Planted, states: Sequence[State]) -> Row:
         here = Campaign(observations, StrawSystem(BASE), pool)
         here.system.ready(observations)
         null, _ = base_fit(here)
-        random_effects(here, null)
+        linearise(here, null)
         null = fitted(here, null.unknowns, null.u, rounds=ROUNDS)
         left, start, before = unexplained(here, null), time.process_time(), here.tally["played"]
         laws, located = missing_force(here, null, states=states), locate(here, null)

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.explain import random_effects
 from straw.replay.diagnose.fit import Fit, evaluated, fitted
 from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.random_effects import linearise
 from straw.replay.diagnose.robust import weights
 from straw.replay.diagnose.systems.straw.base import C_PHI, C_ZETA, R_CH, base_fit, different_runs, logarithmic
 from straw.replay.diagnose.systems.straw.constants import REPEATS, REPEATS_MOUNT, base_unknowns
@@ -96,7 +96,7 @@ def tightened(campaign: Campaign, unknowns: Sequence[Unknown], u: Floats, rounds
 
 def settled(campaign: Campaign, fit: Fit, rounds: int = 6) -> Fit:
     """The fit repeated with an allowance for the scatter of repeats."""
-    random_effects(campaign, fit)
+    linearise(campaign, fit)
     return fitted(campaign, fit.unknowns, fit.u, rounds=rounds)
 
 

@@ -13,10 +13,10 @@ import numpy as np
 from straw.model.parameters import StrawParameters
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.diagnosis import inquire
-from straw.replay.diagnose.explain import random_effects
 from straw.replay.diagnose.findings import Findings, conclude
 from straw.replay.diagnose.fit import fitted
 from straw.replay.diagnose.judge import unexplained
+from straw.replay.diagnose.random_effects import linearise
 from straw.replay.diagnose.settings import NOISE_LEAVES
 from straw.replay.diagnose.systems.straw.constants import base_unknowns
 from straw.replay.diagnose.systems.straw.library import hypothesis
@@ -60,7 +60,7 @@ def test_a_law_of_relaxation_fits_two_relaxation_times_and_leaves_bending_elasti
         whole = Campaign(seen, StrawSystem(BASE), pool)
         ends = [fitted(whole.coarse(), (*base, *law.unknowns), start, rounds=20) for start in starts]
         coarse = min(ends, key=lambda fit: fit.cost)
-        random_effects(whole, fitted(whole, coarse.unknowns, coarse.u, rounds=20))
+        linearise(whole, fitted(whole, coarse.unknowns, coarse.u, rounds=20))
         found = fitted(whole, coarse.unknowns, coarse.u, rounds=20)
         without = fitted(whole, base, np.zeros(len(base)), rounds=20)
         left, missing = unexplained(whole, found), unexplained(whole, without)

@@ -1,0 +1,89 @@
+"""Random effects of runs: whitening can be undone, and follows the best fit."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.fit import Contestant, evaluated
+from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
+from straw.replay.diagnose.inquiry import Inquiry
+from straw.replay.diagnose.random_effects import follow, linearise
+from straw.replay.diagnose.settings import NOISE_LEAVES
+
+TIME_S = np.linspace(0, 1, 50)
+RATE = Unknown("rate", 1.0, kind="linear", sd=10.0)
+CAUSE = Unknown("cause", 1.0, kind="linear", sd=10.0)
+
+
+class Decay:
+    """Runs that decay at a rate, with a cause that adds a slope; each has a rate of its own within 5 %."""
+
+    base = (RATE,)
+
+    def size(self, recording, level):
+        return len(TIME_S)
+
+    def misfit(self, recording, unknowns, u, level, derivatives):
+        at = dict(zip([k.target for k in unknowns], u, strict=True))
+        shape = 100 * np.exp(-at["rate"] * TIME_S)
+        columns = {"rate": -TIME_S * shape, "cause": 100 * TIME_S}
+        vector = shape + 100 * at.get("cause", 0.0) * TIME_S - recording.seen[0]
+        jacobian = np.column_stack([columns[k.target] for k in unknowns]) if derivatives else np.zeros((len(vector), 0))
+        return SimpleNamespace(vector=vector, jacobian=jacobian, work=1.0)
+
+    def repeats(self, campaign, fit):
+        return 0.05 * fit.u[0] * evaluated(campaign, fit.unknowns, fit.u).slopes[:, :1]
+
+
+@pytest.fixture
+def campaign():
+    runs = [
+        SimpleNamespace(name=str(k), seen=[100 * np.exp(-rate * TIME_S) + 50 * TIME_S])
+        for k, rate in enumerate((1.97, 2.0, 2.04))
+    ]
+    with ThreadPoolExecutor(1) as pool:
+        yield Campaign(runs, Decay(), pool)
+
+
+def inquiry(campaign):
+    """The base at a rate far from the truth, and the cause near it."""
+    far = evaluated(campaign, (RATE,), np.array([0.5]))
+    linearise(campaign, far)
+    found = Inquiry(campaign, evaluated(campaign, (RATE,), far.u))
+    cause = Hypothesis(("cause",), (CAUSE,), ((0.0,),))
+    found.keep(Contestant(cause, evaluated(campaign, (RATE, CAUSE), np.array([2.0, 0.5]))))
+    return found
+
+
+def test_whitening_is_undone_by_its_inverse(campaign):
+    found = inquiry(campaign)
+    plain = Campaign(campaign.observations, campaign.system, campaign.pool)
+    expected = evaluated(plain, found.best.unknowns, found.best.u)
+    undone = campaign.correlated(found.best.slopes, campaign.random_effects)
+    np.testing.assert_allclose(undone, expected.slopes, rtol=1e-9, atol=1e-9)
+
+
+def test_after_a_better_fit_all_fits_are_whitened_as_if_evaluated_there(campaign):
+    found = inquiry(campaign)
+    before = found.best.cost
+    assert follow(found)
+    for fit in (found.null, found.best):
+        anew = evaluated(campaign, fit.unknowns, fit.u)
+        np.testing.assert_allclose(fit.residual, anew.residual, rtol=1e-7, atol=1e-7)
+        np.testing.assert_allclose(fit.slopes, anew.slopes, rtol=1e-7, atol=1e-7)
+        assert fit.cost == pytest.approx(anew.cost)
+    # at the rate of the base a repeat's difference has another shape, so that the right fit looked worse
+    assert found.best.cost < before
+
+
+def test_random_effects_stay_where_nothing_is_better_by_more_than_noise(campaign):
+    found = inquiry(campaign)
+    found.linearised_at = found.best.cost + NOISE_LEAVES
+    effects = campaign.random_effects
+    assert not follow(found)
+    assert campaign.random_effects is effects
