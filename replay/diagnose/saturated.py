@@ -19,7 +19,7 @@ from straw.replay.diagnose.fit import Fit, clipped, cost_at, fitted, moved, norm
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
 from straw.replay.diagnose.refine import explains
 from straw.replay.diagnose.screen import Start
-from straw.replay.diagnose.settings import FAINT, FIRST_ROUNDS, LONGEST_STEP
+from straw.replay.diagnose.settings import COARSE_ROUNDS, FAINT, LONGEST_STEP
 
 Floats = NDArray[np.float64]
 
@@ -88,8 +88,9 @@ def subsets(
     costs = [cost_at(model.unknowns, u, r) for u, r in zip(points, residuals, strict=True)]
     rankings: list[list[Start]] = []
     for k in np.argsort(costs, kind="stable"):
-        # in two opened pairs (20261129-093, -097) the true one was first or second after six evaluations
-        fit = fitted(campaign, model.unknowns, points[k], rounds=2 * FIRST_ROUNDS)
+        # in two opened pairs (20261129-093, -097) the true one was first or second after six evaluations; ten found no
+        # other in 20261129-097 and 20261130-092
+        fit = fitted(campaign, model.unknowns, points[k], rounds=COARSE_ROUNDS[1])
         rankings.append(_ranked(model, fit, known.cost))
         if explains(fit) or campaign.stop():
             break

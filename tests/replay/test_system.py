@@ -137,18 +137,34 @@ def test_a_spent_budget_still_tries_each_cause_of_the_best_pair_alone(monkeypatc
     assert found.singles["cubic_stiffness"].cost < found.pairs["cubic_stiffness+dry_friction"].cost + 1.0
 
 
-def test_a_search_that_ends_far_from_noise_is_restarted_with_one_run_left_out(monkeypatch):
-    def poor(campaign, *_):
-        base = campaign.system.base
-        found = Inquiry(campaign, fitted(campaign, base, np.zeros(len(base)), rounds=20))
-        found.keep(absent(found.null, campaign.hypothesis(["cubic_stiffness"])))
-        return found
+def poor(campaign, *_):
+    """A search that ended at the base's constants, far from noise."""
+    base = campaign.system.base
+    found = Inquiry(campaign, fitted(campaign, base, np.zeros(len(base)), rounds=20))
+    found.keep(absent(found.null, campaign.hypothesis(["cubic_stiffness"])))
+    return found
 
+
+def test_a_search_that_ends_far_from_noise_is_restarted_with_one_run_left_out(monkeypatch):
     monkeypatch.setattr(diagnosis, "explain", poor)
     monkeypatch.setattr(diagnosis, "finished", lambda _campaign, one, _rounds: one)
     with ThreadPoolExecutor() as pool:
         found = diagnosis.inquire(stiffening(5e9), OscillatorSystem(), executor=pool)
     assert not found.goes_on
+
+
+def test_restarts_end_with_the_budget(monkeypatch):
+    class Spent(OscillatorSystem):
+        most_work = 1.0
+
+    monkeypatch.setattr(diagnosis, "explain", poor)
+    restarted = []
+    monkeypatch.setattr(diagnosis, "finished", lambda campaign, one, _rounds: restarted.append(campaign.stop()) or one)
+    with ThreadPoolExecutor() as pool:
+        found = diagnosis.inquire(stiffening(5e9), Spent(), executor=pool)
+    assert restarted == [True]
+    assert found.spent
+    assert found.goes_on
 
 
 def test_the_base_is_also_fitted_from_the_result_of_fewer_runs(monkeypatch):
