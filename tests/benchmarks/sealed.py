@@ -46,7 +46,10 @@ HEAD = (
 AGAIN = (
     ("final-20261129-ef3c4eb", "final-20261129-bebdc48"),
     ("final-20261130-7b2e92e", "final-20261130-bebdc48"),
+    ("final-20261130-7b2e92e", "final-20261130-5487a0a"),
+    ("final-20261130-7b2e92e", "final-20261130-1c6b60a"),
     ("strong-20261203-5e9df2b", "strong-20261203-359dbb3"),
+    ("strong-20261203-5e9df2b", "strong-20261203-1c6b60a"),
 )
 #: The last columns, which do not depend on the judge.
 RAN = 3
