@@ -12,7 +12,7 @@ from straw.replay.diagnose.explain import explain
 from straw.replay.diagnose.inquiry import Inquiry, Told, silent
 from straw.replay.diagnose.one_thread import one_blas_thread
 from straw.replay.diagnose.pairs import nested
-from straw.replay.diagnose.random_effects import follow
+from straw.replay.diagnose.random_effects import linearise_at_best
 from straw.replay.diagnose.refine import without_a_run
 from straw.replay.diagnose.settings import ROUNDS
 from straw.replay.diagnose.system import Recording, System
@@ -59,7 +59,7 @@ def inquire(
     restarted = bool(found.contestants) and (found.spent or found.goes_on)
     if restarted:
         told("the best without one of the runs", 1, 1)
-        follow(found)
+        linearise_at_best(found)
         best = finished(campaign, found.contestants[0], ROUNDS)
         found.keep(replace(best, fit=without_a_run(campaign, best.fit)))
     campaign.stop = stop  # later uses of the inquiry have a budget of their own

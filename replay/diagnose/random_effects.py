@@ -23,7 +23,7 @@ def linearise(campaign: Campaign, fit: Fit) -> None:
         campaign.allow(directions)
 
 
-def follow(found: Inquiry) -> bool:
+def linearise_at_best(found: Inquiry) -> bool:
     """Linearise random effects at the best fit where it leaves less than the last by more than noise; all fits are
     whitened for them anew. Returns whether it was."""
     campaign, before = found.campaign, found.campaign.random_effects

@@ -16,7 +16,7 @@ from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Contestant, Fit, cost_at, fits_from, fitted, moved
 from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.judge import CALIBRATION, run_by_run, unexplained
-from straw.replay.diagnose.random_effects import follow
+from straw.replay.diagnose.random_effects import linearise_at_best
 from straw.replay.diagnose.robust import weights
 from straw.replay.diagnose.settings import (
     COARSE_ROUNDS,
@@ -143,7 +143,7 @@ def finish(found: Inquiry) -> None:
             return
         found.keep(finished(found.campaign, waiting[0], ROUNDS))
         done.add(waiting[0].name)
-        if follow(found):
+        if linearise_at_best(found):
             done.clear()
 
 

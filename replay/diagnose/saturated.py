@@ -88,8 +88,8 @@ def subsets(
     costs = [cost_at(model.unknowns, u, r) for u, r in zip(points, residuals, strict=True)]
     rankings: list[list[Start]] = []
     for k in np.argsort(costs, kind="stable"):
-        # in two opened pairs (20261129-093, -097) the true one was first or second after six evaluations; ten found no
-        # other in 20261129-097 and 20261130-092
+        # in two opened pairs (20261129-093, -097) the true one was first or second after six evaluations; with ten, the
+        # same pairs are most probable in 20261129-097 and 20261130-092
         fit = fitted(campaign, model.unknowns, points[k], rounds=COARSE_ROUNDS[1])
         rankings.append(_ranked(model, fit, known.cost))
         if explains(fit) or campaign.stop():

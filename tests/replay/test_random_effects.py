@@ -12,7 +12,7 @@ from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Contestant, evaluated
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
 from straw.replay.diagnose.inquiry import Inquiry
-from straw.replay.diagnose.random_effects import follow, linearise
+from straw.replay.diagnose.random_effects import linearise, linearise_at_best
 from straw.replay.diagnose.settings import NOISE_LEAVES
 
 TIME_S = np.linspace(0, 1, 50)
@@ -71,7 +71,7 @@ def test_whitening_is_undone_by_its_inverse(campaign):
 def test_after_a_better_fit_all_fits_are_whitened_as_if_evaluated_there(campaign):
     found = inquiry(campaign)
     before = found.best.cost
-    assert follow(found)
+    assert linearise_at_best(found)
     for fit in (found.null, found.best):
         anew = evaluated(campaign, fit.unknowns, fit.u)
         np.testing.assert_allclose(fit.residual, anew.residual, rtol=1e-7, atol=1e-7)
@@ -85,5 +85,5 @@ def test_random_effects_stay_where_nothing_is_better_by_more_than_noise(campaign
     found = inquiry(campaign)
     found.linearised_at = found.best.cost + NOISE_LEAVES
     effects = campaign.random_effects
-    assert not follow(found)
+    assert not linearise_at_best(found)
     assert campaign.random_effects is effects
