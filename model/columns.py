@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from straw.model.bench import Bench, Columns, add, bench_for
 from straw.model.channel import STATES, Channel
-from straw.model.compiled import allocates_nothing, compiled, inlined
+from straw.model.compiled import allocates_nothing, called, compiled, inlined
 from straw.model.constants import Constants
 from straw.model.drive import Table, pressure_in
 from straw.model.elimination import eliminate
@@ -77,7 +77,7 @@ def _recalled(c: Constants, b: Bench, rows: Rows) -> None:
                     add(-1.0, now, b.sweeps.block[i, rows.force + j - 2 + c.active + y * c.active])
 
 
-@allocates_nothing
+@called
 def _answered(c: Constants, given: Given, s: Stages, stage: int, hg: float, b: Bench, rows: Rows) -> None:
     """Accelerations of all columns at a stage's solution and pressure, and behind them those per pascal inside."""
     block, n, P = b.sweeps.block, c.cells, given.scalars.shape[1]
