@@ -153,6 +153,17 @@ def test_a_search_that_ends_far_from_noise_is_restarted_with_one_run_left_out(mo
     assert not found.goes_on
 
 
+def test_a_fit_that_is_continued_does_not_simulate_its_start_again():
+    with ThreadPoolExecutor() as pool:
+        campaign = Campaign(stiffening(5e9), OscillatorSystem(), pool)
+        fit = fitted(campaign, campaign.system.base, np.zeros(len(campaign.system.base)), rounds=20)
+        played = campaign.tally["played"]
+        assert fitted(campaign, fit.unknowns, fit.u, rounds=1).cost == fit.cost
+        assert campaign.tally["played"] == played
+        fitted(campaign, fit.unknowns, fit.u + 1e-3, rounds=1)
+        assert campaign.tally["played"] == played + len(campaign.observations)
+
+
 def test_restarts_end_with_the_budget(monkeypatch):
     class Spent(OscillatorSystem):
         most_work = 1.0
