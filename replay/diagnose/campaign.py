@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from concurrent.futures import Executor
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,9 @@ STEEPEST = 1 / np.sqrt(np.finfo(np.float64).eps)
 #: Those of a tournament's 24 starts are 60 MB with four runs of 5 s at 240 Hz and 20 unknowns.
 KEPT = 2e8
 
+#: Of runs that share all constants.
+NOTHING: Mapping[str, Any] = {}
+
 
 class Point(NamedTuple):
     """A point u at which residuals are wanted, and perhaps their derivatives."""
@@ -32,8 +35,23 @@ class Point(NamedTuple):
     derivatives: bool = False
 
 
+class RandomEffects(NamedTuple):
+    """How one run may differ from the others: its residuals have covariance 1 + J J', with J linearised.
+
+    ``basis`` (m, k) along which residuals are made smaller, ``factor`` (k,) by what less one; ``offset`` (m,): what J
+    says the run's own constants do, where the run is simulated with them.
+    """
+
+    basis: Floats
+    factor: Floats
+    offset: Floats
+
+
 class Campaign:
-    """Recordings of one system, whose residuals are computed by an executor's workers."""
+    """Recordings of one system, whose residuals are computed by an executor's workers.
+
+    ``own``: by run, steps in u of constants that it does not share with the others, by target.
+    """
 
     def __init__(
         self,
@@ -47,13 +65,15 @@ class Campaign:
         self.level = level
         self.tally = {"played": 0, "failed": 0, "work": 0.0}  # shared with campaigns made from this one
         self.kept: dict[tuple[Hashable, ...], Misfit] = {}  # with derivatives; shared like the tally
-        self.random_effects: list[tuple[Floats, Floats]] | None = None
+        self.random_effects: list[RandomEffects] | None = None
+        self.own: dict[str, dict[str, float]] = {}
 
     def only(self, names: Sequence[str]) -> Campaign:
         """The campaign with some of its runs, and their random effects."""
         which = [k for k, o in enumerate(self.observations) if o.name in set(names)]
         out = self._like([self.observations[k] for k in which], self.level)
         out.random_effects = [self.random_effects[k] for k in which] if self.random_effects else None
+        out.own = {name: own for name, own in self.own.items() if name in names}
         return out
 
     def coarse(self) -> Campaign:
@@ -63,7 +83,7 @@ class Campaign:
     def with_system(self, system: System) -> Campaign:
         """The campaign with another system to start from."""
         out = Campaign(self.observations, system, self.pool, self.stop, self.level)
-        out.tally, out.random_effects = self.tally, self.random_effects
+        out.tally, out.random_effects, out.own = self.tally, self.random_effects, self.own
         return out
 
     def hypothesis(self, names: Sequence[str]) -> Hypothesis:
@@ -71,15 +91,15 @@ class Campaign:
         return self.system.hypothesis(names)
 
     def misfits(self, unknowns: Sequence[Unknown], points: Sequence[Floats]) -> list[list[Misfit | None]]:
-        """Misfit of every run at every point u; None where the model cannot follow."""
+        """Misfit of every run at every point u, shared by all runs; None where the model cannot follow."""
         return self._worked_out([Point(tuple(unknowns), u) for u in points], Level.FINE)
 
     def at(self, points: Sequence[Point]) -> list[tuple[Floats, Floats]]:
         """Residuals (m,) of all runs in sigmas and Jacobian (m, unknowns) at each point, without columns where no
-        derivatives are wanted; large residuals and zero derivatives of runs that cannot be simulated, zero derivatives
-        where they exceed `STEEPEST`."""
+        derivatives are wanted; runs with constants of their `own` have them. Large residuals and zero derivatives of
+        runs that cannot be simulated, zero derivatives where they exceed `STEEPEST`."""
         out = []
-        for point, row in zip(points, self._worked_out(points, self.level), strict=True):
+        for point, row in zip(points, self._worked_out(points, self.level, self.own), strict=True):
             columns = len(point.unknowns) if point.derivatives else 0
             jacobian = np.concatenate(
                 [
@@ -94,30 +114,37 @@ class Campaign:
         """Residuals (m,) at each point u; see `at`."""
         return [residual for residual, _ in self.at([Point(tuple(unknowns), u) for u in points])]
 
-    def allow(self, directions: Floats) -> None:
+    def allow(self, directions: Floats, offset: Floats | None = None) -> None:
         """Let every run differ a little from the others (random effects): ``directions`` (m, k) are the effects of one
-        standard deviation of each kind on the residuals.
+        standard deviation of each kind on the residuals, ``offset`` (m,) what they say of the runs' `own` constants.
 
         With covariance 1 + J J' in each run, residuals are multiplied by its inverse root.
         """
         self.random_effects = []
         for part in self.slices():
             basis, size, _ = np.linalg.svd(directions[part], full_matrices=False)
-            self.random_effects.append((basis, 1 / np.sqrt(1 + size**2) - 1))
+            off = np.zeros(part.stop - part.start) if offset is None else offset[part]
+            self.random_effects.append(RandomEffects(basis, 1 / np.sqrt(1 + size**2) - 1, off))
 
     def decorrelated(self, differences: Floats) -> Floats:
-        """Residuals (m,) or Jacobian (m, k), whitened for the random effects."""
+        """Differences of residuals (m,) or Jacobian (m, k), whitened for the random effects."""
         if self.random_effects is None:
             return differences
-        return self._along(differences, self.random_effects)
+        return self._along(differences, [(one.basis, one.factor) for one in self.random_effects])
 
-    def correlated(self, whitened: Floats, effects: list[tuple[Floats, Floats]]) -> Floats:
-        """Residuals or Jacobian before they were whitened for these random effects: the inverse of `decorrelated`."""
-        return self._along(whitened, [(basis, 1 / (1 + less) - 1) for basis, less in effects])
+    def correlated(self, whitened: Floats, effects: Sequence[RandomEffects]) -> Floats:
+        """Differences or Jacobian before they were whitened for these effects: the inverse of `decorrelated`."""
+        return self._along(whitened, [(one.basis, 1 / (1 + one.factor) - 1) for one in effects])
 
-    def _along(self, differences: Floats, effects: list[tuple[Floats, Floats]]) -> Floats:
+    def whitened(self, residual: Floats) -> Floats:
+        """Residuals (m,) without what the random effects say of the runs' own constants, whitened for them."""
+        if self.random_effects is None:
+            return residual
+        return self.decorrelated(residual - np.concatenate([one.offset for one in self.random_effects]))
+
+    def _along(self, differences: Floats, ways: Sequence[tuple[Floats, Floats]]) -> Floats:
         out = differences.copy()
-        for part, (basis, factor) in zip(self.slices(), effects, strict=True):
+        for part, (basis, factor) in zip(self.slices(), ways, strict=True):
             here = differences[part]
             out[part] += basis @ ((basis.T @ here).T * factor).T
         return out
@@ -136,12 +163,18 @@ class Campaign:
         out.tally, out.kept = self.tally, self.kept
         return out
 
-    def _worked_out(self, points: Sequence[Point], level: Level) -> list[list[Misfit | None]]:
+    def _worked_out(
+        self, points: Sequence[Point], level: Level, own: Mapping[str, Mapping[str, float]] = NOTHING
+    ) -> list[list[Misfit | None]]:
         """Misfit of every run at every point: kept, or from the pool's workers."""
-        found = [[self.kept.get(_key(point, o, level)) for o in self.observations] for point in points]
+        every = [[_own(point, own.get(o.name, NOTHING)) for o in self.observations] for point in points]
+        found = [
+            [self.kept.get(_key(point, o, level)) for point, o in zip(row, self.observations, strict=True)]
+            for row in every
+        ]
         jobs = {
-            (k, r): self.pool.submit(_one, self.system, observed, *point, level)
-            for k, point in enumerate(points)
+            (k, r): self.pool.submit(_one, self.system, observed, *every[k][r], level)
+            for k in range(len(points))
             for r, observed in enumerate(self.observations)
             if found[k][r] is None
         }
@@ -153,13 +186,13 @@ class Campaign:
             if one is not None:
                 self.tally["work"] += one.work * (1 + COLUMN_COSTS * columns)
             if one is not None and points[k].derivatives:
-                self.kept[_key(points[k], self.observations[r], level)] = one
+                self.kept[_key(every[k][r], self.observations[r], level)] = one
         while sum(one.jacobian.nbytes for one in self.kept.values()) > KEPT:
             del self.kept[next(iter(self.kept))]
         return found
 
     def _stacked(self, row: Sequence[Misfit | None]) -> Floats:
-        return self.decorrelated(
+        return self.whitened(
             np.concatenate(
                 [
                     np.full(self.size(o), FAILED_SIGMAS) if one is None else one.vector
@@ -167,6 +200,13 @@ class Campaign:
                 ]
             )
         )
+
+
+def _own(point: Point, steps: Mapping[str, float]) -> Point:
+    """The point with the steps of a run's own constants."""
+    if not steps:
+        return point
+    return point._replace(u=point.u + [steps.get(one.target, 0.0) for one in point.unknowns])
 
 
 def _key(point: Point, observed: Recording, level: Level) -> tuple[Hashable, ...]:

@@ -12,8 +12,8 @@ from straw.replay.diagnose.explain import explain
 from straw.replay.diagnose.inquiry import Inquiry, Told, silent
 from straw.replay.diagnose.one_thread import one_blas_thread
 from straw.replay.diagnose.pairs import nested
-from straw.replay.diagnose.random_effects import linearise_at_best
-from straw.replay.diagnose.refine import without_a_run
+from straw.replay.diagnose.random_effects import linearise_at_best, to_conditional_mode
+from straw.replay.diagnose.refine import finish, without_a_run
 from straw.replay.diagnose.settings import ROUNDS
 from straw.replay.diagnose.system import Recording, System
 from straw.replay.diagnose.tournament import finished
@@ -38,7 +38,8 @@ def inquire(
 
     Raises ReplayError where a run cannot be simulated at all. A search that takes `SEARCHED` of the system's
     ``most_work`` evaluations of its equations ends there, at the same place on every machine, and reports it. With the
-    rest the best hypothesis is fitted on, and restarted with one run left out where it leaves more than noise.
+    rest the best hypothesis is fitted on, and restarted with one run left out where it leaves more than noise; if it
+    still does, a run that misfits may have constants of its own, as far from the others' as repeats are.
 
     The result does not depend on the order of the recordings, which are taken in that of their names.
 
@@ -62,6 +63,8 @@ def inquire(
         linearise_at_best(found)
         best = finished(campaign, found.contestants[0], ROUNDS)
         found.keep(replace(best, fit=without_a_run(campaign, best.fit)))
+        while found.goes_on and to_conditional_mode(found):
+            finish(found)
     campaign.stop = stop  # later uses of the inquiry have a budget of their own
     if restarted:
         nested(found)  # unless each cause is fitted alone, one without effect would be named beside the other

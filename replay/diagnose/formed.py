@@ -31,7 +31,8 @@ class Formed(Campaign):
     def of(cls, campaign: Campaign, curves: Sequence[Unknown], sums: Sequence[Sum]) -> Formed:
         """The campaign with the curves' unknowns as such sums."""
         out = cls(campaign.observations, campaign.system, campaign.pool, campaign.stop, campaign.level)
-        out.tally, out.kept, out.random_effects = campaign.tally, campaign.kept, campaign.random_effects
+        out.tally, out.kept = campaign.tally, campaign.kept
+        out.random_effects, out.own = campaign.random_effects, campaign.own
         out.curves, out.sums = tuple(curves), tuple(sums)
         return out
 

@@ -142,9 +142,9 @@ def helpful(null: Fit, laws: Sequence[Any], located: Sequence[Located]) -> tuple
 
 
 def _chosen(campaign: Campaign, located: Sequence[Located]) -> list[str]:
-    """Names of the runs to hold out."""
-    names = [o.name for o in campaign.observations]
-    blamed = list(dict.fromkeys(one.run for one in located)) + list(reversed(names))
+    """Names of the runs to hold out; not those with constants of their own, which no other run tells."""
+    names = [o.name for o in campaign.observations if o.name not in campaign.own]
+    blamed = [run for run in dict.fromkeys(one.run for one in located) if run in names] + list(reversed(names))
     configurations: list[Any] = []
     out: list[str] = []
     for name in blamed:

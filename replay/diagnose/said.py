@@ -92,6 +92,10 @@ def doubts(found: Inquiry) -> list[str]:
             f"the second cause gains {chance.gain:.0f} squared standard deviations beside {first}; in {share:.0%} of "
             f"{chance.simulated} simulated campaigns with {first} alone, any second gains less than {chance.most:.0f}"
         )
+    out += [
+        f"run {name} is fitted with constants of its own, near to the others': its motion is close to a bifurcation"
+        for name in found.campaign.own
+    ]
     out += found.campaign.system.doubts(runs)
     if found.campaign.tally["failed"]:
         out.append(f"{found.campaign.tally['failed']} simulations failed and were counted as large misfits")

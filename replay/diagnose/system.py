@@ -201,6 +201,10 @@ class System(ABC):
         """Effect of one standard deviation of each kind of difference between repeats on the vector, (m, kinds)."""
         return None
 
+    def repeat_steps(self, unknowns: Sequence[Unknown]) -> dict[int, float]:
+        """One standard deviation between repeats as a step in u, by the index of each unknown that varies."""
+        return {}
+
     def cannot_follow(self, recording: Any) -> str:
         """Message for a user whose recording cannot be simulated with the base's fit."""
         return f"run {recording.name}: cannot be simulated, neither with the constants given nor with those that fit"

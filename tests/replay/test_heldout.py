@@ -1,6 +1,7 @@
 """Held-out runs in the findings: the share explained, what remains, what is worse, and what is within tolerance."""
 
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 
 import pytest
 
@@ -105,3 +106,11 @@ def test_a_second_law_is_kept_unless_it_makes_held_out_runs_worse(two, one, kept
     monkeypatch.setattr(heldout, "hold_out", lambda *_args, **_more: held(base, above(NOISE, x=next(seen))))
     found = heldout.helpful(None, [two, one], [])
     assert (found and found[0]) is (None if kept is None else (two, one)[kept])
+
+
+def test_a_run_with_constants_of_its_own_is_not_held_out():
+    runs = [SimpleNamespace(name=name, kind=name) for name in "abcde"]
+    campaign = SimpleNamespace(observations=runs, own={"c": {"rate": 0.1}, "e": {"rate": 0.2}})
+    worst_first = [SimpleNamespace(run=name) for name in "cb"]
+    assert heldout._chosen(campaign, worst_first) == ["b"]
+    assert heldout._chosen(campaign, []) == ["d"]

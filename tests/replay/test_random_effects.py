@@ -1,4 +1,4 @@
-"""Random effects of runs: whitening can be undone, and follows the best fit."""
+"""Random effects of runs: whitening can be undone, follows the best fit, and finds runs that go the other way."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Contestant, evaluated
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
 from straw.replay.diagnose.inquiry import Inquiry
-from straw.replay.diagnose.random_effects import linearise, linearise_at_best
+from straw.replay.diagnose.random_effects import linearise, linearise_at_best, to_conditional_mode
 from straw.replay.diagnose.settings import NOISE_LEAVES
 
 TIME_S = np.linspace(0, 1, 50)
@@ -87,3 +87,54 @@ def test_random_effects_stay_where_nothing_is_better_by_more_than_noise(campaign
     effects = campaign.random_effects
     assert not linearise_at_best(found)
     assert campaign.random_effects is effects
+
+
+class Forked(Decay):
+    """The same, but beyond a rate of 2 a run ends elsewhere, as after another snap."""
+
+    def misfit(self, recording, unknowns, u, level, derivatives):
+        found = super().misfit(recording, unknowns, u, level, derivatives)
+        if u[0] > 2.0:
+            found.vector += 60 * TIME_S
+        return found
+
+    def repeat_steps(self, unknowns):
+        return {0: 0.05 * 1.95}
+
+
+def forked(pool, more=0.0):
+    """Four runs, one of which goes the other way, with ``more`` that no rate explains in it; the cause near its fit."""
+    runs = []
+    for name, rate in {"a": 1.90, "b": 1.95, "c": 2.05, "d": 1.93}.items():
+        seen = 100 * np.exp(-rate * TIME_S) + 50 * TIME_S
+        if rate > 2.0:
+            seen += 60 * TIME_S + more * np.sin(30 * TIME_S)
+        runs.append(SimpleNamespace(name=name, seen=seen[None]))
+    return inquiry(Campaign(runs, Forked(), pool))
+
+
+def test_a_run_that_goes_the_other_way_gets_constants_of_its_own():
+    with ThreadPoolExecutor(1) as pool:
+        found = forked(pool)
+        before, rate = found.best.cost, found.best.values["rate"]
+        assert to_conditional_mode(found)
+        ((run, own),) = found.campaign.own.items()
+        assert run == "c"
+        assert rate + own["rate"] == pytest.approx(2.05, abs=0.01)
+        assert found.best.cost < before / 10
+        for fit in (found.null, found.best):
+            anew = evaluated(found.campaign, fit.unknowns, fit.u)
+            np.testing.assert_allclose(fit.residual, anew.residual, rtol=1e-7, atol=1e-7)
+            assert fit.cost == pytest.approx(anew.cost)
+        assert not to_conditional_mode(found)
+        # what is predicted is what all runs share
+        ((_, _, shared, _),) = found.campaign.misfits(found.best.unknowns, [found.best.u])
+        assert np.abs(shared.vector[-1]) > 50
+        assert not found.campaign.only(["a", "b"]).own
+
+
+def test_where_constants_of_its_own_do_not_explain_a_run_it_gets_none():
+    with ThreadPoolExecutor(1) as pool:
+        found = forked(pool, more=1e4)
+        assert not to_conditional_mode(found)
+        assert not found.campaign.own

@@ -148,8 +148,12 @@ class StrawSystem(System):
     def repeats(self, campaign: Campaign, fit: Fit) -> Floats | None:
         """Elasticity, damping and mounting differ a little from run to run."""
         at = evaluated(campaign, (*fit.unknowns, REPEATS_MOUNT), np.append(fit.u, 0.0))
-        steps = repeat_steps(fit.unknowns)
+        steps = self.repeat_steps(fit.unknowns)
         return np.column_stack([at.slopes[:, -1], at.slopes[:, list(steps)] * list(steps.values())])
+
+    def repeat_steps(self, unknowns: Sequence[Unknown]) -> dict[int, float]:
+        """Of elasticity and damping; the mounting has no unknown of its own."""
+        return repeat_steps(unknowns)
 
     def cannot_follow(self, recording: Observation) -> str:
         """Most likely the start configuration in the file is wrong."""
