@@ -44,8 +44,9 @@ HEAD = (
 
 #: Decks of which a part was run again by a later search: compared on those cases.
 AGAIN = (
-    ("final-20261129-ef3c4eb", "final-20261129-bebdc48"),
-    ("final-20261130-7b2e92e", "final-20261130-bebdc48"),
+    ("final-20261129-ef3c4eb", "final-20261129-71637b7"),
+    ("final-20261129-ef3c4eb", "final-20261129-b5cd3fd"),
+    ("final-20261130-7b2e92e", "final-20261130-71637b7"),
     ("final-20261130-7b2e92e", "final-20261130-5487a0a"),
     ("final-20261130-7b2e92e", "final-20261130-1c6b60a"),
     ("strong-20261203-5e9df2b", "strong-20261203-359dbb3"),
