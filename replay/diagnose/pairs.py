@@ -19,6 +19,7 @@ from straw.replay.diagnose.settings import (
     FAR,
     FIRST_ROUNDS,
     FOLLOWED,
+    NOISE_LEAVES,
     ROUNDS,
 )
 from straw.replay.diagnose.tournament import fitted_contestants
@@ -78,15 +79,16 @@ def _beside(found: Inquiry, first: Contestant, names: Sequence[str], rounds: int
 
 
 def nested(found: Inquiry) -> None:
-    """Each cause of the best pair alone, from the pair's constants: if the other cause has no effect, the search for
-    the single one had ended in another local minimum."""
+    """Each cause of the best pair, and of others as good but for noise, alone from the pair's constants: if the other
+    cause has no effect, the search for the single one had ended in another local minimum."""
     best = found.contestants[0] if found.contestants else None
     if best is None or len(best.hypothesis.causes) == 1:
         return
-    alone = [found.campaign.hypothesis([cause]) for cause in best.hypothesis.causes]
-    unknowns = [(*found.null.unknowns, *one.unknowns) for one in alone]
-    fits = fits_from(found.campaign, [(some, _u_of(some, best.fit)) for some in unknowns], rounds=ROUNDS)
-    for one, fit in zip(alone, fits, strict=True):
+    near = [one for one in found.contestants if one.name in found.pairs and one.cost <= best.cost + NOISE_LEAVES]
+    alone = [(found.campaign.hypothesis([name]), one.fit) for one in near[:FOLLOWED] for name in one.hypothesis.causes]
+    starts = [((*found.null.unknowns, *one.unknowns), fit) for one, fit in alone]
+    fits = fits_from(found.campaign, [(some, _u_of(some, fit)) for some, fit in starts], rounds=ROUNDS)
+    for (one, _), fit in zip(alone, fits, strict=True):
         found.keep(Contestant(one, fit))
 
 

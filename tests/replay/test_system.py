@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import pickle
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -118,6 +119,18 @@ def test_a_cause_with_a_stuck_search_is_fitted_from_a_pair_whose_other_cause_has
         found, both = only_in_a_pair(Campaign(stiffening(5e9), OscillatorSystem(), pool))
         nested(found)
     assert found.singles["cubic_stiffness"].cost < both + 1.0  # friction that is absent gains less than this
+
+
+def test_causes_of_a_pair_as_good_as_the_best_but_for_noise_are_tried_alone_too():
+    with ThreadPoolExecutor() as pool:
+        campaign = Campaign(stiffening(5e9), OscillatorSystem(), pool)
+        found, both = only_in_a_pair(campaign)
+        one, other = [campaign.hypothesis([name]) for name in LIBRARY if name != "cubic_stiffness"][:2]
+        unknowns = (*campaign.system.base, *one.unknowns, *other.unknowns)
+        better = replace(evaluated(campaign, unknowns, np.zeros(len(unknowns))), cost=both - 10.0)
+        found.keep(Contestant(other.beside(one), better))
+        nested(found)
+    assert found.singles["cubic_stiffness"].cost < both + 1.0
 
 
 def test_a_spent_budget_still_tries_each_cause_of_the_best_pair_alone(monkeypatch):
