@@ -1,11 +1,12 @@
-"""The table of decks in README.md, from the rows kept in `decks`: by the judge of that commit, and by the present one.
+"""The tables of decks in README.md, from the rows kept in `decks`: when each was opened, and by the present search.
 
     python -m tests.benchmarks.sealed [--write]
 
 It also prints how far constants of instruments were off, by which `ONE_DEVIATION` was chosen.
 
 A file is named SPLIT-SEED-COMMIT.jsonl by its deck and the commit whose search made it (`python -m
-tests.benchmarks.concealed` makes it). "Above the limit" are cases in which the base leaves more than `LIMIT`.
+tests.benchmarks.concealed` makes it): two of each deck, of which the later has a part of the cases. "Above the limit"
+are cases in which the base leaves more than `LIMIT`.
 """
 
 from __future__ import annotations
@@ -42,21 +43,9 @@ HEAD = (
     "not in the library: unknown", "confident and wrong", "held out", "instruments within 1, 2, 3 sd", "CPU, s",
 )  # fmt: skip
 
-#: Decks of which a part was run again by a later search: compared on those cases.
-AGAIN = (
-    ("final-20261129-ef3c4eb", "final-20261129-71637b7"),
-    ("final-20261129-ef3c4eb", "final-20261129-b5cd3fd"),
-    ("final-20261130-7b2e92e", "final-20261130-71637b7"),
-    ("final-20261130-7b2e92e", "final-20261130-5487a0a"),
-    ("final-20261130-7b2e92e", "final-20261130-1c6b60a"),
-    ("strong-20261203-5e9df2b", "strong-20261203-359dbb3"),
-    ("strong-20261203-5e9df2b", "strong-20261203-1c6b60a"),
-)
-#: The last columns, which do not depend on the judge.
-RAN = 3
-SAID = ("deck, commit", "up to 0.5", "0.5 to 0.8", "0.8 to 0.95", "above 0.95")
-#: Decks with fewer cases do not determine the reliability.
-RELIABLE = 20
+#: The commit whose search ran a part of each deck again.
+PRESENT = "1327f1c"
+SAID = ("decks, judge", "up to 0.5", "0.5 to 0.8", "0.8 to 0.95", "above 0.95")
 
 Rows = Sequence[tuple[Case, Mapping[str, Any]]]
 
@@ -67,18 +56,26 @@ def main() -> None:
     write_option(ask)
     args = ask.parse_args()
     paths = sorted(DECKS.glob("*.jsonl"), key=lambda path: path.name.split("-")[1])
-    then, now = ([(path, told(path, again)) for path in paths] for again in (False, True))
-    many = [(path, done) for path, done in then if len(done) >= RELIABLE]
-    again = [(path, done) for path, done in now if len(done) >= RELIABLE]
+    opened = {_deck(path): path for path in paths if not path.stem.endswith(PRESENT)}
+    again = {_deck(path): path for path in paths if path.stem.endswith(PRESENT)}
+    then = {name: told(path, again=False) for name, path in opened.items()}
+    judged = {name: told(path, again=True) for name, path in opened.items()}
+    present = {name: told(path, again=True) for name, path in again.items()}
+    lines = []
+    for name, done in present.items():
+        same = [(case, row) for case, row in judged[name] if case in [case for case, _ in done]]
+        lines += [[_named(opened[name]), *line(same)], [_named(again[name]), *line(done)]]
     tables = {
-        "then": table(HEAD, [[_named(path), *line(done)] for path, done in then]),
-        "now": table(HEAD[:-RAN], [[_named(path), *line(done)[:-RAN]] for path, done in now]),
-        "again": table(HEAD, [row for before, after in AGAIN for row in compared(before, after)]),
-        "reliability-then": table(SAID, [[_named(path), *reliability(done)] for path, done in many]),
-        "reliability-now": table(SAID, [[_named(path), *reliability(done)] for path, done in again]),
-    }
+        "opened": table(HEAD, [[_named(opened[name]), *line(done)] for name, done in then.items()]),
+        "present": table(HEAD, lines),
+        "reliability": table(SAID, [
+            ["when opened", *reliability(then)],
+            ["the same, by the present judge", *reliability(judged)],
+            ["by the present search and judge", *reliability(present)],
+        ]),
+    }  # fmt: skip
     print(*(f"{name}{text}" for name, text in tables.items()), sep="\n")
-    print(*(f"{_named(path)}: {scatter(done)}" for path, done in now if scatter(done)), sep="\n")
+    print(*(f"{name}: {scatter(done)}" for name, done in judged.items() if scatter(done)), sep="\n")
     publish("sealed", tables, args.write)
 
 
@@ -88,14 +85,6 @@ def told(path: Path, again: bool) -> Rows:
     rows = {row["name"]: row for row in map(json.loads, path.read_text(encoding="utf-8").splitlines())}
     cases = [case for case in deck(split, int(seed)) if case.name in rows]  # type: ignore[arg-type]
     return [(case, judged_again(rows[case.name]) if again else rows[case.name]) for case in cases]
-
-
-def compared(before: str, after: str) -> list[list[str]]:
-    """Rows of two searches of a deck, by the present judge, on the cases that the later one was run with."""
-    earlier, later = (told(DECKS / f"{name}.jsonl", again=True) for name in (before, after))
-    names = {case.name for case, _ in later}
-    same = [(case, row) for case, row in earlier if case.name in names]
-    return [[_named(DECKS / f"{name}.jsonl"), *line(done)] for name, done in ((before, same), (after, later))]
 
 
 def line(done: Rows) -> list[str]:
@@ -128,10 +117,10 @@ def scatter(done: Rows) -> str:
     return f"{len(off)} constants, {ONE_DEVIATION * np.mean(off**2):.2g} squared sigmas are one deviation"
 
 
-def reliability(done: Rows) -> list[str]:
+def reliability(decks: Mapping[str, Rows]) -> list[str]:
     """By stated probability of the first hypothesis: its mean, and how often it was right, with nothing concealed
     or above the limit."""
-    seen = [(c, r) for c, r in done if c.kind == "null" or base_leaves(r) > LIMIT]
+    seen = [(c, r) for done in decks.values() for c, r in done if c.kind == "null" or base_leaves(r) > LIMIT]
     top = np.array([next(iter(r["probability"].values())) for _, r in seen])
     right = np.array([first(c, r) for c, r in seen])
     out = []
@@ -141,6 +130,10 @@ def reliability(done: Rows) -> list[str]:
             f"{np.mean(top[here]):.2f}: {_of(int(np.sum(right[here])), int(np.sum(here)))}" if here.any() else ""
         )
     return out
+
+
+def _deck(path: Path) -> str:
+    return path.stem.rpartition("-")[0]
 
 
 def _named(path: Path) -> str:

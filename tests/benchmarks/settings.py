@@ -2,10 +2,13 @@
 
     python -m tests.benchmarks.settings                        # every setting, the first case of each kind
     python -m tests.benchmarks.settings FOLLOWED FAR --cases develop-003 develop-017
+    python -m tests.benchmarks.settings random_effects.SPREAD systems.straw.matching.LEFT_OUT_S
+
+The last are constants of modules of the diagnosis that are not settings of the engine.
 
 One line per setting and factor: verdicts that change, and the largest change of the probability of the truth. For
-probabilities the odds are halved and doubled. A case takes one to three minutes of a core, all settings a night; lines
-are kept in a file (`--out`), and an interrupted run continues.
+probabilities and shares the odds are halved and doubled. A case takes one to three minutes of a core, all settings a
+night; lines are kept in a file (`--out`), and an interrupted run continues.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ import pkgutil
 import sys
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import straw.replay.diagnose
@@ -33,8 +37,8 @@ from tests.apparatus.cases import Case, deck, generate
 BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)
 RUNS = ("fold-25kPa", "deploy-35kPa-1", "fold-20kPa-2-5", "staircase")
 FACTORS = (0.5, 2.0)
-#: Probabilities, whose odds are changed.
-PROBABILITIES = ("COVERED", "NAMED_ALONE", "MORE_THAN_NOT", "LASTING")
+#: Probabilities and shares, whose odds are changed.
+SHARES = ("COVERED", "NAMED_ALONE", "LASTING", "SEARCHED")
 
 
 def main() -> None:
@@ -47,8 +51,10 @@ def main() -> None:
     workers_options(ask, "processes")
     args = ask.parse_args()
     known = [name for name in vars(settings) if name.isupper()]
-    if unknown := sorted(set(args.names) - set(known)):
-        sys.exit(f"{', '.join(unknown)}: no such setting; known: {', '.join(known)}")
+    for name in args.names:
+        home, constant = _home(name)
+        if not constant.isupper() or not hasattr(home, constant):
+            sys.exit(f"{name}: no such constant of {home.__name__}; settings of the engine: {', '.join(known)}")
     cases = [case for case in deck("develop", args.seed) if args.cases is None or case.name in args.cases]
     if args.cases is None:
         cases = list({case.kind: case for case in reversed(cases)}.values())
@@ -70,22 +76,32 @@ def main() -> None:
 
 def diagnosed(case: Case, name: str, factor: float) -> dict[str, Any]:
     """Findings of a case with one setting changed; the setting is restored at the end."""
-    before = getattr(settings, name) if name else None
-    places = _places(before, name) if name else []
+    home, constant = _home(name)
+    before = getattr(home, constant) if name else None
+    places = _places(before, constant) if name else []
     try:
         for module in places:
-            setattr(module, name, changed(name, before, factor))
+            setattr(module, constant, changed(constant, before, factor))
         made = generate(Case(case.name, case.kind, case.truth, case.seed, RUNS, case.pair))
         with ThreadPoolExecutor(1) as pool:
             found = inquire([observe(run) for run in made.runs], StrawSystem(BASE), executor=pool)
             findings = conclude(found, brief=True)
     finally:
         for module in places:
-            setattr(module, name, before)
+            setattr(module, constant, before)
     true = "+".join(case.label) or "complete"
     sure = {"+".join(sorted(n.split("+"))): p for n, p in findings.judgement.probability.items()}
     said = [findings.verdict, *sorted(findings.causes)]
     return {"case": case.name, "setting": name, "factor": factor, "said": said, "truth": sure.get(true, 0.0)}
+
+
+def _home(name: str) -> tuple[ModuleType, str]:
+    """The module that defines a setting of the engine, or one of ``module.CONSTANT``, and the name there."""
+    module, _, constant = name.rpartition(".")
+    try:
+        return (importlib.import_module(f"straw.replay.diagnose.{module}") if module else settings), constant
+    except ModuleNotFoundError:
+        sys.exit(f"{name}: straw.replay.diagnose has no module {module}")
 
 
 def _places(value: Any, name: str) -> list[Any]:
@@ -102,7 +118,7 @@ def changed(name: str, value: Any, factor: float) -> Any:
         return {key: changed(name, one, factor) for key, one in value.items()}
     if isinstance(value, tuple):
         return tuple(changed(name, one, factor) for one in value)
-    if name in PROBABILITIES:
+    if name in SHARES:
         odds = factor * value / (1 - value)
         return odds / (1 + odds)
     return max(1, round(factor * value)) if isinstance(value, int) else factor * value

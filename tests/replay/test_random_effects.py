@@ -13,6 +13,7 @@ from straw.replay.diagnose.fit import Contestant, evaluated
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
 from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.random_effects import linearise, linearise_at_best, to_conditional_mode
+from straw.replay.diagnose.said import doubts
 from straw.replay.diagnose.settings import NOISE_LEAVES
 
 TIME_S = np.linspace(0, 1, 50)
@@ -98,8 +99,13 @@ class Forked(Decay):
             found.vector += 60 * TIME_S
         return found
 
+    faults = ()
+
     def repeat_steps(self, unknowns):
         return {0: 0.05 * 1.95}
+
+    def doubts(self, recordings):
+        return []
 
 
 def forked(pool, more=0.0):
@@ -131,6 +137,16 @@ def test_a_run_that_goes_the_other_way_gets_constants_of_its_own():
         ((_, _, shared, _),) = found.campaign.misfits(found.best.unknowns, [found.best.u])
         assert np.abs(shared.vector[-1]) > 50
         assert not found.campaign.only(["a", "b"]).own
+
+
+def test_findings_say_which_run_has_constants_of_its_own():
+    with ThreadPoolExecutor(1) as pool:
+        found = forked(pool)
+        found.whole = True
+        assert doubts(found) == []
+        to_conditional_mode(found)
+        (said,) = doubts(found)
+    assert said.startswith("run c is fitted with constants of its own")
 
 
 def test_where_constants_of_its_own_do_not_explain_a_run_it_gets_none():
