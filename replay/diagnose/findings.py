@@ -111,16 +111,8 @@ def conclude(
     curve is located but explains nothing.
     """
     campaign, judgement = found.campaign, found.judgement()
-    probability = judgement.probability
-    top = next(iter(probability))
-    fitted = {c.name: c for c in found.contestants}
-    system = campaign.system
-    verdict, causes = verdict_of(probability, system.faults)
-    if not found.whole:  # causes not looked at have probability zero, so nothing is settled
-        verdict, causes = "ambiguous", [c for c in causes if c != "unknown"]
-    best = fitted.get(top) if verdict not in ("complete", "unknown_physics") else None
-    if verdict == "ambiguous":
-        best = next((fitted[n] for n in probability if n in fitted), None)
+    probability, system = judgement.probability, campaign.system
+    verdict, causes, best = _most_probable(found, probability)
     improved = Model(campaign, best.fit if best else found.null)
     located = locate(campaign, found.null)
     wander = wandering(campaign, found.null)
@@ -178,6 +170,18 @@ def conclude(
         missing=missing,
         discovered=discovered,
     )
+
+
+def _most_probable(found: Inquiry, probability: Mapping[str, float]) -> tuple[str, list[str], Contestant | None]:
+    """Verdict and causes by the probabilities, largest first, and the hypothesis of the improved model."""
+    verdict, causes = verdict_of(probability, found.campaign.system.faults)
+    if not found.whole:  # causes not looked at have probability zero, so nothing is settled
+        verdict, causes = "ambiguous", [c for c in causes if c != "unknown"]
+    fitted = {c.name: c for c in found.contestants}
+    if verdict == "ambiguous":
+        return verdict, causes, next((fitted[name] for name in probability if name in fitted), None)
+    settled = verdict in ("complete", "unknown_physics")
+    return verdict, causes, None if settled else fitted.get(next(iter(probability)))
 
 
 def _missing(found: Inquiry, located: Sequence[Located], told: Told) -> tuple[Any, dict[str, Any] | None, Held | None]:
