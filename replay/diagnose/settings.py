@@ -104,9 +104,9 @@ NAMED_ALONE = 0.8
 #: A second cause is accepted when fewer simulated campaigns with the first alone than this give one by chance: a false
 #: pair may be named in one of fifty.
 BY_CHANCE = 0.02
-#: Squared sigmas that are one deviation of a constant: 16 to 25 make instruments' constants of right answers as far off
-#: as stated on the decks strong 20261202 and 20261203 and two 20261206, 23 constants (`python -m
-#: tests.benchmarks.sealed`).
+#: Squared sigmas that are one deviation of a constant: 22 make 13 instruments' constants of right answers by the
+#: present search as far off as stated, 20 to 25 those of three decks when they were opened (22 constants). With the two
+#: final decks' when opened, a few of them far off, it would be 500 and more (`python -m tests.benchmarks.sealed`).
 ONE_DEVIATION = 20.0
 #: An RMS is worse when it is larger by this factor: noise that lasts 50 ms leaves some 60 independent samples in a run
 #: of a few seconds, so an RMS has a standard deviation of 1 / sqrt(120) = 9 %, and this is three of them.

@@ -5,8 +5,8 @@
 It also prints how far constants of instruments were off, by which `ONE_DEVIATION` was chosen.
 
 A file is named SPLIT-SEED-COMMIT.jsonl by its deck and the commit whose search made it (`python -m
-tests.benchmarks.concealed` makes it): two of each deck, of which the later has a part of the cases. "Above the limit"
-are cases in which the base leaves more than `LIMIT`.
+tests.benchmarks.concealed` makes it); of a deck that was run again there is a second one, with a part of the cases.
+"Above the limit" are cases in which the base leaves more than `LIMIT`.
 """
 
 from __future__ import annotations
@@ -63,7 +63,8 @@ def main() -> None:
     present = {name: told(path, again=True) for name, path in again.items()}
     lines = []
     for name, done in present.items():
-        same = [(case, row) for case, row in judged[name] if case in [case for case, _ in done]]
+        again_run = {case.name for case, _ in done}
+        same = [(case, row) for case, row in judged[name] if case.name in again_run]
         lines += [[_named(opened[name]), *line(same)], [_named(again[name]), *line(done)]]
     tables = {
         "opened": table(HEAD, [[_named(opened[name]), *line(done)] for name, done in then.items()]),
@@ -75,7 +76,8 @@ def main() -> None:
         ]),
     }  # fmt: skip
     print(*(f"{name}{text}" for name, text in tables.items()), sep="\n")
-    print(*(f"{name}: {scatter(done)}" for name, done in judged.items() if scatter(done)), sep="\n")
+    for decks, when in ((judged, "opened"), (present, "again")):
+        print(*(f"{name} {when}: {scatter(done)}" for name, done in decks.items() if scatter(done)), sep="\n")
     publish("sealed", tables, args.write)
 
 

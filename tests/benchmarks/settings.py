@@ -100,8 +100,8 @@ def _home(name: str) -> tuple[ModuleType, str]:
     module, _, constant = name.rpartition(".")
     try:
         return (importlib.import_module(f"straw.replay.diagnose.{module}") if module else settings), constant
-    except ModuleNotFoundError:
-        sys.exit(f"{name}: straw.replay.diagnose has no module {module}")
+    except ModuleNotFoundError as error:
+        sys.exit(f"{name}: {error}")
 
 
 def _places(value: Any, name: str) -> list[Any]:
