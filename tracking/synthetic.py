@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from fractions import Fraction
 
+import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
@@ -170,6 +171,7 @@ class _Scene:
         down, across = self.rng.integers(0, 256, 2)
         noise = self.noise[self.rng.integers(2), down : down + canvas.shape[0], across : across + canvas.shape[1]]
         ink = self._ink(self.board, boards[0, 0, 2, 2])
+        cv2.add(self.backdrop, noise, dst=canvas, dtype=cv2.CV_8U)  # saturates
         paint(canvas, self.backdrop, self.light, noise, self.rays, self.box, area, np.linalg.inv(boards), ink)
 
     def lay(self, board: Board, world_from_board: Floats) -> None:
@@ -182,7 +184,7 @@ class _Scene:
         f, c = np.array((self.lens.fx, self.lens.fy)), np.array((self.lens.cx, self.lens.cy))
         rays_of_box(left, top, right - left, bottom - top, f, c, np.array(self.lens.distortion), rays)
         still = np.broadcast_to(np.linalg.inv(to_camera), ((bottom - top) // NODE_ROWS + 2, 1, 3, 3)).copy()
-        canvas, calm = np.empty_like(self.backdrop), np.zeros(self.backdrop.shape, np.int8)
+        canvas, calm = self.backdrop.copy(), np.zeros(self.backdrop.shape, np.int8)
         paint(canvas, self.backdrop, self.light, calm, rays, area, area, still, self._ink(board, placed[2, 3]))
         self.backdrop = canvas
 

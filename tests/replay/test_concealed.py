@@ -1,7 +1,8 @@
-"""A short version of the concealed cases: a null against the whole library, a law of another form against few rivals.
+"""A short version of the concealed cases: a null against the whole library, and a law of another form.
 
 The apparatus shares no code with the model; `python -m tests.benchmarks.concealed` is the long version, with sealed
 labels and all runs of specimens of any damping. Those drawn here are damped strongly and simulated in half the time.
+`tests/benchmarks/proofs` has more searches.
 """
 
 from __future__ import annotations
@@ -40,15 +41,6 @@ def diagnosed(
         return conclude(inquire(seen, StrawSystem(BASE), library=library, executor=pool), brief=True)
 
 
-def test_a_crease_that_hardens_is_named_and_improves_runs_it_did_not_fit() -> None:
-    rivals = ("crease_stiffness", "tip_offset")
-    findings = diagnosed(Cause("crease_stiffness", 400.0, "hardening hinge"), SPECIMEN, rivals, RUNS[:3])
-    assert findings.verdict == "missing_physics"
-    assert findings.causes == ["crease_stiffness"]
-    assert findings.held is not None
-    assert findings.held.after["x_m"] < max(findings.held.before["x_m"] / 3, 1.3 * findings.held.floor["x_m"])
-
-
 def test_a_law_of_relaxation_fits_two_relaxation_times_and_leaves_bending_elastic() -> None:
     wall = Cause("viscoelasticity", 1000.0, "two branches")
     seen = [observe(run) for run in campaign((wall,), SPECIMEN, RUNS[:2])]
@@ -66,12 +58,6 @@ def test_a_law_of_relaxation_fits_two_relaxation_times_and_leaves_bending_elasti
         left, missing = unexplained(whole, found), unexplained(whole, without)
     assert left < NOISE_LEAVES < missing
     assert found.values["term.viscoelasticity&viscoelasticity_slow.bending"] < 0.2
-
-
-def test_a_magnet_which_is_not_in_the_library_is_not_mistaken_for_a_cause_that_is() -> None:
-    rivals = ("intrinsic_curvature",)
-    findings = diagnosed(Cause("unknown", 0.3, "magnet near the tip", 3), SPECIMEN, rivals, RUNS[1:2])
-    assert findings.verdict in ("unknown_physics", "ambiguous")
 
 
 def test_deviating_damping_and_geometry_of_a_specimen_are_not_called_missing_physics() -> None:

@@ -6,14 +6,13 @@ m y'' + c y' + k y + (what may be missing) = (1 + gain) u(t - late): mass known,
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeVar, cast
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from straw.model.compiled import compiled
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown, in_order
 from straw.replay.diagnose.numerical import jacobian
 from straw.replay.diagnose.system import Channel, Differences, Level, Stretch, System
@@ -106,12 +105,7 @@ class Record:
         return {"the size of the force": float(np.std(self.force_n))}
 
 
-_Function = TypeVar("_Function", bound=Callable[..., object])
-#: Numba's compiler, which returns a function of the same signature; without the GIL, so that threads help.
-_compiled = cast(Callable[[_Function], _Function], numba.njit(nogil=True))
-
-
-@_compiled
+@compiled
 def _slope(y: float, v: float, s: float, z: float, u: float, k: Floats) -> tuple[float, float, float, float]:
     force = (
         k[0] * v
@@ -124,7 +118,7 @@ def _slope(y: float, v: float, s: float, z: float, u: float, k: Floats) -> tuple
     return v, (u - force - s) / MASS_KG, k[6] * v - s / k[7], v - k[9] * abs(v) * z - k[10] * v * abs(z)
 
 
-@_compiled
+@compiled
 def played(force_n: Floats, k: Floats, step_s: float) -> Floats:
     """y (m) at every second sample of the force, from rest, by the classical Runge-Kutta rule."""
     out = np.zeros((len(force_n) + 1) // 2)
