@@ -43,9 +43,14 @@ def _rays_of_box(
                 out[row, column, sample, 1] = my * stretch
 
 
+def _line(offset: float, pitch: float, lines: int) -> int:
+    """Return the number of the checker's line (-lines..lines) that is nearest to a point."""
+    return min(max(round(offset / pitch), -lines), lines)
+
+
 def _side(offset: float, pitch: float, lines: int, soft: float) -> float:
     """Return which side of the checker's lines (-lines..lines) x pitch a point is on: +-1, ramping across a line."""
-    line = min(max(round(offset / pitch), -lines), lines)
+    line = _line(offset, pitch, lines)
     beyond = min(max(2 * (offset - line * pitch) / soft, -1.0), 1.0)
     return beyond if line % 2 == 0 else -beyond
 
@@ -71,9 +76,8 @@ def _even(u: float, v: float, reach_u: float, reach_v: float, print_: Floats) ->
     out_by, reach = max(abs(u), abs(v)) - half, max(reach_u, reach_v)
     if out_by > -reach:
         return bool(reach < out_by < margin - reach or out_by > margin + reach)
-    beside_u = abs(u - min(max(round(u / pitch), -lines), lines) * pitch)
-    beside_v = abs(v - min(max(round(v / pitch), -lines), lines) * pitch)
-    return bool(beside_u > reach_u and beside_v > reach_v)
+    beside_u, beside_v = u - _line(u, pitch, lines) * pitch, v - _line(v, pitch, lines) * pitch
+    return bool(abs(beside_u) > reach_u and abs(beside_v) > reach_v)
 
 
 def _grey(u: float, v: float, depth: float, print_: Floats, light: float, behind: float) -> float:
@@ -132,7 +136,7 @@ def _paint(
 
 
 # Assigned rather than decorated: numba has no types, and this keeps the functions above checked.
-_side, _place = compiled(_side), compiled(_place)
+_line, _side, _place = compiled(_line), compiled(_side), compiled(_place)
 _span, _even, _grey = compiled(_span), compiled(_even), compiled(_grey)
 rays_of_box = compiled(_rays_of_box)
 paint = compiled(_paint)

@@ -2,7 +2,8 @@
 
     python -m tests.benchmarks.sealed [--write]
 
-It also prints how far constants of instruments were off, by which `ONE_DEVIATION` was chosen.
+It also prints how far constants of instruments were off, by which `ONE_DEVIATION` was chosen, and how many single
+causes the present search lost and found.
 
 A file is named SPLIT-SEED-COMMIT.jsonl by its deck and the commit whose search made it (`python -m
 tests.benchmarks.concealed` makes it); of a deck that was run again there is a second one, with a part of the cases.
@@ -78,6 +79,9 @@ def main() -> None:
     print(*(f"{name}{text}" for name, text in tables.items()), sep="\n")
     for decks, when in ((judged, "opened"), (present, "again")):
         print(*(f"{name} {when}: {scatter(done)}" for name, done in decks.items() if scatter(done)), sep="\n")
+    pairs = [pair for name, done in present.items() for pair in _both_ran(judged[name], done)]
+    changed = f"lost {sum(a and not b for a, b in pairs)}, found {sum(b and not a for a, b in pairs)}"
+    print(f"single causes that both searches ran: {len(pairs)}, first in {sum(a for a, _ in pairs)}; {changed}")
     publish("sealed", tables, args.write)
 
 
@@ -109,6 +113,14 @@ def line(done: Rows) -> list[str]:
         f"{', '.join(str(int(np.sum(off < k))) for k in (1, 2, 3))} of {len(off)}" if len(off) else "",
         f"{np.median(cpu):.0f}, {np.mean(cpu):.0f}, {max(cpu):.0f}",
     ]
+
+
+def _both_ran(then: Rows, now: Rows) -> list[tuple[bool, bool]]:
+    """Whether each single cause above the limit by both searches is the most probable by the one and by the other."""
+    before = {case.name: (case, row) for case, row in then}
+    pairs = [(before[case.name], (case, row)) for case, row in now if case.name in before]
+    single = [pair for pair in pairs if pair[0][0].kind in ("single", "instrument")]
+    return [(first(*a), first(*b)) for a, b in single if min(base_leaves(a[1]), base_leaves(b[1])) > LIMIT]
 
 
 def scatter(done: Rows) -> str:

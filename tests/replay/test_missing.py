@@ -29,13 +29,17 @@ BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_ra
 BY_NAME = {state.name: state for state in STATES}
 
 
+def searched(runs, states):
+    """The laws found over these states beside a base of channel and damping."""
+    with ThreadPoolExecutor() as pool:
+        here, base = Campaign([observe(run) for run in runs], StrawSystem(BASE), pool), base_unknowns(BASE)[:3]
+        return missing_force(here, fitted(here, base, np.zeros(len(base)), rounds=5), states=states)
+
+
 def test_a_stop_is_found_where_it_is_with_its_stiffness_though_points_of_its_curve_lie_beside_it():
     """In one run; `tests.benchmarks.missing_force` has six."""
     runs = campaign((Cause("unknown", 1e-3, "board against a stop", 1),), 3, ("deploy-35kPa-1",), NONE)
-    with ThreadPoolExecutor() as pool:
-        here, base = Campaign([observe(run) for run in runs], StrawSystem(BASE), pool), base_unknowns(BASE)[:3]
-        null = fitted(here, base, np.zeros(len(base)), rounds=5)
-        found = missing_force(here, null, states=[BY_NAME["tip X, along X"]])
+    found = searched(runs, [BY_NAME["tip X, along X"]])
     law = found[-1].laws[0].formula
     assert law is not None
     (stop,) = law.atoms

@@ -2,32 +2,18 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 import pytest
 
-from straw.model.parameters import StrawParameters
-from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.fit import fitted
-from straw.replay.diagnose.systems.straw.constants import base_unknowns
-from straw.replay.diagnose.systems.straw.missing import missing_force
-from straw.replay.diagnose.systems.straw.observation import observe
 from straw.replay.diagnose.systems.straw.states import STATES
-from straw.replay.diagnose.systems.straw.system import StrawSystem
 from tests.apparatus.campaign import NONE, campaign
 from tests.apparatus.effects import Cause
-
-BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)
-BY_NAME = {state.name: state for state in STATES}
+from tests.replay.test_missing import BY_NAME, searched
 
 
 def test_a_gauge_that_saturates_is_found_as_an_error_over_its_reading_with_its_size():
     runs = campaign((Cause("unknown", 4e3, "gauge saturates", 1),), 3, ("fold-25kPa", "deploy-35kPa-1"), NONE)
-    with ThreadPoolExecutor() as pool:
-        here, base = Campaign([observe(run) for run in runs], StrawSystem(BASE), pool), base_unknowns(BASE)[:3]
-        null = fitted(here, base, np.zeros(len(base)), rounds=5)
-        found = missing_force(here, null, states=[BY_NAME["gauge over pressure"], BY_NAME["tip X, along Z"]])
+    found = searched(runs, [BY_NAME["gauge over pressure"], BY_NAME["tip X, along Z"]])
     assert found[-1].curve.state.name == "gauge over pressure"
     assert found[-1].explains > 0.8
     law = found[-1].laws[0]
@@ -48,10 +34,7 @@ def test_a_magnet_is_found_where_it_is_with_its_law_over_the_distance():
     at the 9 mm that the tip comes near; 1 % of the straw's length, as its geometry is held, is 0.5 mm."""
     runs = campaign((Cause("unknown", 0.1, "magnet near the tip", 1),), 3, ("deploy-35kPa-1",), NONE)
     near = [state for state in STATES if state.name == "tip distance"][2]
-    with ThreadPoolExecutor() as pool:
-        here, base = Campaign([observe(run) for run in runs], StrawSystem(BASE), pool), base_unknowns(BASE)[:3]
-        null = fitted(here, base, np.zeros(len(base)), rounds=5)
-        law = missing_force(here, null, states=[near])[-1].laws[0]
+    law = searched(runs, [near])[-1].laws[0]
     (_, x_m, _), (_, z_m, _) = law.further
     assert (x_m, z_m) == pytest.approx((55e-3, -12e-3), abs=0.8e-3)
     assert law.formula is not None
