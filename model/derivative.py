@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,8 +92,30 @@ class Derivatives:
     by_time: Rates  # minus the effect of shifting the whole run to later
     snaps: tuple[Crossing, ...]  # where the even frusta pass the middle between folded and deployed, zeta = 0
     rest: Floats  # (coordinates, P)
-    zeta_m: Floats | None = None  # (n, cells, 2, P), where asked for
-    frustum_phi_rad: Floats | None = None
+    coordinates: Floats | None = None  # (n, coordinates, P), where asked for
+    rigid: Floats | None = None  # (cells, P) of the heights of frusta that do not move
+
+    @cached_property
+    def zeta_m(self) -> Floats | None:
+        """Derivatives of every frustum's zeta, (n, cells, 2, P); None where the cells were not asked for."""
+        return self._by_frustum(0, self.rigid)
+
+    @cached_property
+    def frustum_phi_rad(self) -> Floats | None:
+        """Derivatives of every frustum's phi, (n, cells, 2, P); None where the cells were not asked for."""
+        return self._by_frustum(1, 0.0)
+
+    def _by_frustum(self, which: int, rigid: Floats | float | None) -> Floats | None:
+        """From coordinates in the order zeta, phi, each of the odd frusta, if they move, and of the even ones."""
+        if self.coordinates is None or self.rigid is None:
+            return None
+        n, many, P = len(self.rigid), len(self.coordinates), self.coordinates.shape[-1]
+        moving = self.coordinates.reshape(many, 2, -1, n, P)[:, which]
+        out = np.empty((many, n, 2, P))
+        out[:, :, 0] = rigid
+        for j in range(moving.shape[1]):
+            out[:, :, j + 2 - moving.shape[1]] = moving[:, j]
+        return out
 
     def crossings(self, channel: str, level: float) -> list[Crossing]:
         """Where "x_m", "z_m", "phi_rad", "pressure_pa" or "volume_m3" passes a level, in time.
@@ -151,7 +174,7 @@ def differentiate(
     status = integrate_columns(c, linear, changes, state, columns, table, time_s, limits, out, by, counts)
     check_status(status, float(state.clock[0]))
     x_m, z_m, phi_rad, volume_m3 = _seen(c, out.q, by.q, changes.scalars, changes.odd)
-    zeta, phi = _by_frustum(straw, by.q, changes.odd) if cells else (None, None)
+    snaps = slice(1, int(by.snaps[0, 0]) + 1)
     return Derivatives(
         prediction(straw, table, time_s, out.q, out.inside_pa, counts, q),
         tuple(d.name for d in directions),
@@ -163,12 +186,11 @@ def differentiate(
         _rates(straw, out, by),
         tuple(
             Crossing(float(at), float(rate), change, int(cell) + 1)
-            for (cell, at, rate), change in zip(by.snaps[1:], by.snaps_by[1:], strict=True)
+            for (cell, at, rate), change in zip(by.snaps[snaps], by.snaps_by[snaps], strict=True)
             if rate
         ),
         rest,
-        zeta,
-        phi,
+        *((by.q, changes.odd) if cells else ()),
     )
 
 
@@ -190,17 +212,6 @@ def _rates(straw: StrawParameters, out: Outputs, by: OutputsBy) -> Rates:
     if straw.form == "truncated":
         zeta[:, :, 0] = 0.0
     return Rates(x_m, z_m, phi_rad, by.inside_rate, volume_m3, zeta, phi)
-
-
-def _by_frustum(straw: StrawParameters, by: Floats, odd: Floats) -> tuple[Floats, Floats]:
-    """Derivatives of every frustum's zeta and phi, (n, cells, 2, P), from those of coordinates (n, coordinates, P)."""
-    n, k = straw.cells, 2 if straw.form == "full" else 1
-    zeta, phi = (np.zeros((len(by), n, 2, by.shape[2])) for _ in range(2))
-    zeta[:, :, 0] = odd
-    for j in range(k):
-        zeta[:, :, j + 2 - k] = by[:, j * n : (j + 1) * n]
-        phi[:, :, j + 2 - k] = by[:, (k + j) * n : (k + j + 1) * n]
-    return zeta, phi
 
 
 def _start(

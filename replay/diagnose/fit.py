@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -149,9 +149,9 @@ def _together(campaign: Campaign, fittings: Sequence[_Fitting]) -> list[Fit]:
     return [ends[k] for k in range(len(fittings))]
 
 
-def _evaluating(unknowns: tuple[Unknown, ...], u: Floats, smooth: Floats | None) -> _Fitting:
+def _evaluating(unknowns: tuple[Unknown, ...], u: Floats, smooth: Floats | None, derivatives: bool = True) -> _Fitting:
     u = clipped(unknowns, u)
-    residual, jacobian = yield Point(unknowns, u, derivatives=True)
+    residual, jacobian = yield Point(unknowns, u, derivatives)
     return Fit(unknowns, u, residual, jacobian, cost_at(unknowns, u, residual, smooth))
 
 
@@ -164,7 +164,7 @@ def _fitting(
     smooth: Floats | None,
     brief: bool,
 ) -> _Fitting:
-    at, radius = (yield from _evaluating(unknowns, u, smooth)), FIRST_RADIUS
+    at, radius, gains = (yield from _evaluating(unknowns, u, smooth)), FIRST_RADIUS, True
     low, high = (np.array([getattr(k, name) for k in unknowns]) for name in ("low", "high"))
     for k in range(1, rounds if len(unknowns) else 0):
         if campaign.stop():
@@ -175,14 +175,16 @@ def _fitting(
         if expected < share * at.cost:
             break
         u = moved(unknowns, at.u, step)
-        residual, _ = yield Point(unknowns, u)
-        cost = cost_at(unknowns, u, residual, smooth)
-        gained = at.cost - cost
+        last = brief and k == rounds - 1
+        # nine steps in ten gain after one that did: derivatives cost less with the residuals than after them
+        new = yield from _evaluating(unknowns, u, smooth, derivatives=gains and not last)
+        gained = at.cost - new.cost
         radius = resized(radius, step, gained, expected)
-        if brief and k == rounds - 1:
-            return min(at, Fit(unknowns, u, residual, at.slopes, cost), key=lambda fit: fit.cost)
+        if last:
+            return min(at, replace(new, slopes=at.slopes), key=lambda fit: fit.cost)
         if gained > 0:
-            at = min(at, (yield from _evaluating(unknowns, u, smooth)), key=lambda fit: fit.cost)
+            at = new if gains else min(at, (yield from _evaluating(unknowns, u, smooth)), key=lambda fit: fit.cost)
             if POOR * expected < gained < share * at.cost:
                 break
+        gains = gained > 0
     return at

@@ -19,7 +19,7 @@ class Toy:
     """A campaign whose residuals are a formula of the values; the Jacobian by complex steps."""
 
     def __init__(self, formula, stops_after=None):
-        self.formula, self.stops_after, self.asked = formula, stops_after, 0
+        self.formula, self.stops_after, self.asked, self.differentiated = formula, stops_after, 0, 0
 
     def stop(self):
         return self.stops_after is not None and self.asked >= self.stops_after
@@ -30,6 +30,7 @@ class Toy:
 
     def at(self, points):
         self.asked += len(points)
+        self.differentiated += sum(point.derivatives for point in points)
         return [(self._of(p.unknowns, p.u).real, self._by_u(p) if p.derivatives else np.empty((0, 0))) for p in points]
 
     def residuals(self, unknowns, points):
@@ -108,7 +109,21 @@ def test_a_brief_fit_ends_at_the_same_point_without_derivatives_there():
     (brief,) = fits_from(toy, [start], rounds=2, brief=True)
     fit = fitted(whole, *start, rounds=2)
     assert (brief.cost, brief.u.tolist()) == (fit.cost, fit.u.tolist())
-    assert toy.asked == whole.asked - 1
+    assert (toy.asked, toy.differentiated) == (whole.asked, whole.differentiated - 1)
+
+
+def test_a_step_is_differentiated_when_it_is_tried_unless_the_one_before_it_gained_nothing():
+    even = Toy(lambda v: np.array([v[0] - 3, 2 * (v[1] + 1)]))
+    fitted(even, (FIRST, SECOND), np.zeros(2), rounds=30)
+    assert even.asked == even.differentiated
+    asked, toy = [], Toy(lambda v: np.array([10 * (v[1] - v[0] ** 2), 1 - v[0]]))
+    toy.at = lambda points: asked.extend(points) or Toy.at(toy, points)
+    fitted(toy, (FIRST, SECOND), np.array([-1.2, 1.0]), rounds=50)
+    costs = [cost_at(one.unknowns, one.u, toy._of(one.unknowns, one.u)) for one in asked]
+    tried = [k for k in range(1, len(asked)) if asked[k].u.tolist() != asked[k - 1].u.tolist()]
+    gained = {k: costs[k] < min(costs[:k]) for k in tried}
+    assert not all(gained.values())
+    assert [asked[k].derivatives for k in tried[1:]] == [gained[k] for k in tried[:-1]]
 
 
 def test_a_fit_that_is_stopped_returns_the_best_point_so_far():

@@ -65,11 +65,22 @@ def nearby(straw: StrawParameters, unknowns: Sequence[Unknown], at: Floats) -> N
         return _nearby(_Same(straw), tuple(unknowns), tuple(at.tolist()))
 
 
+def at_point(straw: StrawParameters, unknowns: Sequence[Unknown], at: Floats) -> tuple[StrawParameters, Instrument]:
+    """`applied`, worked out once for all runs."""
+    with _ONE_AT_A_TIME:
+        return _at_point(_Same(straw), tuple(unknowns), tuple(at.tolist()))
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _at_point(same: _Same, unknowns: tuple[Unknown, ...], at: tuple[float, ...]) -> tuple[StrawParameters, Instrument]:
+    return applied(same.straw, unknowns, np.array(at))
+
+
 @lru_cache(maxsize=REMEMBERED)
 def _nearby(same: _Same, unknowns: tuple[Unknown, ...], at: tuple[float, ...]) -> Nearby:
     u = np.array(at)
     beside = tuple(_beside(same.straw, unknowns, u, k) for k in range(len(unknowns)))
-    return Nearby(*applied(same.straw, unknowns, u), beside)
+    return Nearby(*_at_point(same, unknowns, at), beside)
 
 
 def _beside(straw: StrawParameters, unknowns: Sequence[Unknown], at: Floats, k: int) -> Beside:

@@ -24,9 +24,8 @@ from straw.replay.diagnose.settings import (
     SIMULATED_EVERY_S,
     TOLERANCE_M,
 )
-from straw.replay.diagnose.systems.straw.constants import applied
 from straw.replay.diagnose.systems.straw.instrument import Instrument
-from straw.replay.diagnose.systems.straw.nearby import Nearby, nearby
+from straw.replay.diagnose.systems.straw.nearby import Nearby, at_point, nearby
 from straw.replay.diagnose.systems.straw.observation import Observation
 from straw.replay.diagnose.systems.straw.snaps import SMOOTHED_S, cell_snaps, crossings
 
@@ -62,7 +61,7 @@ def simulated(
 ) -> Simulated:
     """The straw's motion in this run with the unknowns at u; ModelError where it cannot be simulated."""
     near = nearby(straw, unknowns, at) if derivatives else None
-    changed, instrument = (near.straw, near.instrument) if near else applied(straw, unknowns, at)
+    changed, instrument = (near.straw, near.instrument) if near else at_point(straw, unknowns, at)
     changed = changed.in_run(observed.run.cycle, observed.run.zero_time_ns)
     seen, true_events_s, by, evaluations = _until_it_snaps(observed, changed, instrument, unknowns, near, tolerance_m)
     pose = np.stack([seen.x_m, seen.z_m, seen.phi_rad])
