@@ -16,7 +16,7 @@ from straw.model.parameters import StrawParameters
 from straw.model.rest import rest_state
 from straw.replay.cli import main
 from straw.replay.paper.shapes import outline_m
-from tests.replay.test_readme import PAPER, commands
+from tests.printed_commands import PAPER, commands
 
 
 @pytest.fixture(scope="module")

@@ -19,21 +19,11 @@ import pytest
 
 from straw.replay.cli import main
 from straw.rig.run_read import read_run
+from tests.printed_commands import PAPER, commands
 
-#: Of the guide; run in tests/replay/test_paper.py.
-PAPER = "straw paper --out paper"
 #: Started as from a shell: the demo, a run with its guardian, what takes a moment only. The others are called in
 #: this process, which saves their start-ups.
 STARTED = ("straw demo", "straw rig run rig/protocols/fold-25kPa.toml --emulate -o run.mcap", "straw runs list")
-
-
-def commands(repository: Path) -> list[str]:
-    """Every line of the sh blocks, once, without the part that installs (this environment is installed already)."""
-    texts = [(repository / name).read_text(encoding="utf-8") for name in ("README.md", "replay/guide/README.md")]
-    text = "\n".join(texts)
-    lines = "\n".join(re.findall(r"```sh\n(.*?)```", text, flags=re.DOTALL)).splitlines()
-    found = [line.rsplit("&& ", 1)[-1].replace(".venv/bin/", "") for line in lines if line.strip()]
-    return list(dict.fromkeys(found))
 
 
 @pytest.fixture(scope="module")
