@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,8 +79,7 @@ def misfit(
     vent, d_vent = vent_residual(observed.vent_pa, observed.start_s, unknowns, at)
 
     def told(way: Registration) -> Misfit:
-        look_s = way.bent(observed.time_s)
-        shape = whitened((curve.at(look_s) - observed.tip) / sigma, observed.time_s)
+        shape = whitened((curve.at(way.bent_s) - observed.tip) / sigma, observed.time_s)
         return Misfit(
             shape,
             np.append(way.timing(REPEATABILITY_S), vent),
@@ -89,12 +89,12 @@ def misfit(
             seen.evaluations,
         )
 
-    ways = registrations(observed, seen)
+    ways = registrations(observed, seen, observed.time_s)
     costs = [robust_cost(told(way).vector) for way in ways]
     way = ways[int(np.argmin(costs))]
     one = told(way)
     if derivatives:
-        moved = curve.tangent(observed.time_s, way) / sigma[:, :, None]
+        moved = curve.tangent(way) / sigma[:, :, None]
         white = whitened(moved, observed.time_s)
         jacobian = np.concatenate(
             [white.reshape(-1, white.shape[-1]), way.timing_tangent(REPEATABILITY_S), d_vent[None]]
@@ -118,16 +118,15 @@ def coarse_misfit(
     vent, d_vent = vent_residual(observed.vent_pa, observed.start_s, unknowns, at)
 
     def told(way: Registration) -> Floats:
-        slow = envelope.differs(curve.at(way.bent(envelope.time_s)))
+        slow = envelope.differs(curve.at(way.bent_s))
         return np.concatenate([slow, way.timing(ROUGH_TIMING_S), [vent]])
 
-    ways = registrations(observed, seen)
+    ways = registrations(observed, seen, envelope.time_s)
     vectors = [told(way) for way in ways]
     best = int(np.argmin([robust_cost(vector) for vector in vectors]))
     way, jacobian = ways[best], np.empty((0, 0))
     if derivatives:
-        look_s = way.bent(envelope.time_s)
-        moved = envelope.tangent(curve.at(look_s), curve.tangent(envelope.time_s, way))
+        moved = envelope.tangent(curve.at(way.bent_s), curve.tangent(way))
         jacobian = np.concatenate([moved, way.timing_tangent(ROUGH_TIMING_S), d_vent[None]])
     return vectors[best], jacobian, seen.evaluations
 
@@ -145,22 +144,24 @@ class _Curve:
         """Tip (3, n)."""
         return np.asarray(self.spline(np.clip(time_s, *self.span)))
 
-    def tangent(self, time_s: Floats, way: Registration) -> Floats:
+    def tangent(self, way: Registration) -> Floats:
         """Derivative (3, n, unknowns) of the registered tip at the recording's times (n,)."""
-        look_s = np.clip(way.bent(time_s), *self.span)
+        look_s = np.clip(way.bent_s, *self.span)
         grid = self.seen.time_s
         k = np.clip(np.searchsorted(grid, look_s) - 1, 0, len(grid) - 2)
         x = ((look_s - grid[k]) / (grid[k + 1] - grid[k]))[:, None]
         moved = self.seen.d_pose[:, k] * (1 - x) + self.seen.d_pose[:, k + 1] * x
-        bent = way.basis(time_s) @ way.d_late_s
+        bent = way.basis @ way.d_late_s
         return np.asarray(moved + np.asarray(self.rate(look_s))[:, :, None] * bent)
 
 
 @dataclass(frozen=True, eq=False)
 class Registration:
     """One matching of a prediction's snaps with those of a recording, at ``snaps_s`` (k,): the lateness of each, NaN if
-    unmatched, its derivatives (k, unknowns), and the number of the prediction's unmatched ones."""
+    unmatched, its derivatives (k, unknowns), and the number of the prediction's unmatched ones; ``time_s`` (n,) of the
+    recording's samples."""
 
+    time_s: Floats
     snaps_s: Floats
     late_s: Floats
     d_late: Floats
@@ -176,13 +177,15 @@ class Registration:
         """Derivatives of the shown ones' lateness, (shown, unknowns)."""
         return self.d_late[self.shown]
 
-    def bent(self, time_s: Floats) -> Floats:
+    @cached_property
+    def bent_s(self) -> Floats:
         """Times (n,) at which the prediction is evaluated."""
-        return np.asarray(time_s + self.basis(time_s) @ self.late_s[self.shown])
+        return np.asarray(self.time_s + self.basis @ self.late_s[self.shown])
 
-    def basis(self, time_s: Floats) -> Floats:
-        """Derivative of `times` by each shown snap's lateness, (n, shown)."""
-        return bend_basis(time_s, self.snaps_s[self.shown], self.late_s[self.shown])
+    @cached_property
+    def basis(self) -> Floats:
+        """Derivative of `bent_s` by each shown snap's lateness, (n, shown)."""
+        return bend_basis(self.time_s, self.snaps_s[self.shown], self.late_s[self.shown])
 
     def timing(self, sigma_s: float) -> Floats:
         """Lateness of each, in sigmas, and the number of unmatched ones (k + 1,)."""
@@ -195,7 +198,7 @@ class Registration:
         return np.vstack([moved, np.zeros((1, moved.shape[1]))])
 
 
-def registrations(observed: Observation, seen: Simulated) -> list[Registration]:
+def registrations(observed: Observation, seen: Simulated, time_s: Floats) -> list[Registration]:
     """Matchings of the prediction's snaps with the recording's: all that match, and without an outlier."""
     mine, others = matched(observed.snaps_s, seen.events_s)
     late = np.full(len(observed.snaps_s), np.nan)
@@ -203,12 +206,13 @@ def registrations(observed: Observation, seen: Simulated) -> list[Registration]:
     moved = np.zeros((len(late), seen.d_events_s.shape[1]))
     moved[mine] = seen.d_events_s[others]
     left = int(np.count_nonzero(np.delete(seen.events_s, others) < observed.end_s))
-    ways = [Registration(observed.snaps_s, late, moved, left)]
+    ways = [Registration(time_s, observed.snaps_s, late, moved, left)]
     usual = without_odd(late[mine])
     if not usual.all():
         sure = np.full(len(late), np.nan)
         sure[mine[usual]] = late[mine[usual]]
-        ways.append(Registration(observed.snaps_s, sure, moved, left + int(np.count_nonzero(~usual))))
+        more = left + int(np.count_nonzero(~usual))
+        ways.append(Registration(time_s, observed.snaps_s, sure, moved, more))
     return ways
 
 
