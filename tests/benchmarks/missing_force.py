@@ -227,8 +227,8 @@ def main() -> None:
     ask.add_argument("--out", type=Path, metavar="FILE", help="results by law, continued (missing_force.jsonl)")
     write_option(ask)
     args = ask.parse_args()
-    if args.write and (args.only or args.states):
-        sys.exit("--write states the figures of all laws: leave out --only and --states")
+    if args.write and (args.only or args.states or args.ablated):
+        sys.exit("--write states the figures of all planted laws: leave out --only, --states and --ablated")
     if args.states and not args.out:
         sys.exit("--states gives other results: name a file for them with --out")
     path = args.out or Path("missing_force.jsonl")
@@ -241,7 +241,7 @@ def main() -> None:
             rows[planted.name] = searched(planted, states)
             with path.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(asdict(rows[planted.name])) + "\n")
-    publish("ablated" if args.ablated else "missing_force", figures(laws, rows), args.write)
+    publish("missing_force", figures(laws, rows), args.write)
 
 
 if __name__ == "__main__":
