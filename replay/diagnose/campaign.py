@@ -160,7 +160,7 @@ class Campaign:
 
     def _like(self, observations: Sequence[Recording], level: Level) -> Campaign:
         out = type(self)(observations, self.system, self.pool, self.stop, level)
-        out.tally, out.kept = self.tally, self.kept
+        out.tally, out.kept, out.own = self.tally, self.kept, self.own
         return out
 
     def _worked_out(

@@ -23,7 +23,7 @@ from straw.replay.diagnose.inquiry import Inquiry, Told
 from straw.replay.diagnose.judge import CALIBRATION, unexplained
 from straw.replay.diagnose.pairs import find_pairs, seconds, telling
 from straw.replay.diagnose.propose.proposal import Proposal
-from straw.replay.diagnose.random_effects import linearise
+from straw.replay.diagnose.random_effects import linearise, one_run_misfits, to_conditional_mode
 from straw.replay.diagnose.refine import explains, finish, refine
 from straw.replay.diagnose.rivals import absent, as_before, from_each_other
 from straw.replay.diagnose.screen import Start, screen
@@ -63,6 +63,9 @@ def explain(
     linearise(campaign, null)
     found = Inquiry(campaign, fitted(campaign, null.unknowns, null.u, rounds=FIRST_ROUNDS))
     far = unexplained(campaign, found.null) > FAR
+    if far and one_run_misfits(campaign, found.null) and to_conditional_mode(found):
+        found.null = fitted(campaign, null.unknowns, found.null.u, rounds=FIRST_ROUNDS)
+        far = unexplained(campaign, found.null) > FAR
     if not far:
         found.null = fitted(campaign, null.unknowns, found.null.u, rounds=ROUNDS)
     hypotheses = [campaign.hypothesis([name]) for name in names]

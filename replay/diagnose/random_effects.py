@@ -79,6 +79,13 @@ def _whiten_anew(found: Inquiry, before: Sequence[RandomEffects], changed: str |
             kept[name] = replace(one, fit=again(one.fit))
 
 
+def one_run_misfits(campaign: Campaign, fit: Fit) -> bool:
+    """Whether a fit explains all of three or more runs but one: an effect that is missing shows in more than one, while
+    one run may go the other way at a bifurcation."""
+    left = run_by_run(campaign, fit)
+    return len(left) > 2 and sum(left) - max(left) <= NOISE_LEAVES < max(left)
+
+
 @dataclass(frozen=True)
 class _Mode:
     """Constants of a run's own beside a fit, by target, steps in u, and the fit's cost with them."""
@@ -90,13 +97,14 @@ class _Mode:
 
 
 def to_conditional_mode(found: Inquiry) -> bool:
-    """Give the run that misfits most beside one of the best fits constants of its own where that fit then leaves less
-    than the best, by more than noise, and nothing of that run; it is then simulated with them in all fits. Returns
-    whether it was done."""
+    """Give the run that misfits most beside one of the best fits, of the base where there is no other, constants of its
+    own where that fit then leaves less than the best, by more than noise, and nothing of that run; it is then simulated
+    with them in all fits. Returns whether it was done."""
     campaign, before, most = found.campaign, found.campaign.random_effects, found.best.cost - NOISE_LEAVES
     if before is None:
         return False
-    modes = [one for c in found.contestants[:FOLLOWED] if (one := _mode(campaign, c.fit)) and one.cost < most]
+    fits = [c.fit for c in found.contestants[:FOLLOWED]] or [found.null]
+    modes = [one for fit in fits if (one := _mode(campaign, fit)) and one.cost < most]
     if not modes:
         return False
     best = min(modes, key=lambda one: one.cost)

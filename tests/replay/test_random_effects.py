@@ -12,7 +12,7 @@ from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Contestant, evaluated
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
 from straw.replay.diagnose.inquiry import Inquiry
-from straw.replay.diagnose.random_effects import linearise, linearise_at_best, to_conditional_mode
+from straw.replay.diagnose.random_effects import linearise, linearise_at_best, one_run_misfits, to_conditional_mode
 from straw.replay.diagnose.said import doubts
 from straw.replay.diagnose.settings import NOISE_LEAVES
 
@@ -137,6 +137,26 @@ def test_a_run_that_goes_the_other_way_gets_constants_of_its_own():
         ((_, _, shared, _),) = found.campaign.misfits(found.best.unknowns, [found.best.u])
         assert np.abs(shared.vector[-1]) > 50
         assert not found.campaign.only(["a", "b"]).own
+
+
+def test_before_any_cause_is_fitted_the_run_that_misfits_beside_the_base_gets_constants_of_its_own():
+    with ThreadPoolExecutor(1) as pool:
+        found = forked(pool)
+        best = found.best
+        alone = Inquiry(found.campaign, best)  # all but one run are explained
+        assert one_run_misfits(found.campaign, best)
+        assert to_conditional_mode(alone)
+        assert list(found.campaign.own) == ["c"]
+        assert not one_run_misfits(found.campaign, alone.null)
+        assert found.campaign.coarse().own == found.campaign.own
+
+
+def test_two_runs_that_misfit_or_one_of_two_are_no_single_run_that_goes_the_other_way():
+    with ThreadPoolExecutor(1) as pool:
+        found = forked(pool)
+        assert not one_run_misfits(found.campaign, found.null)  # far from all of them
+        two = found.campaign.only(["a", "c"])
+        assert not one_run_misfits(two, evaluated(two, found.best.unknowns, found.best.u))
 
 
 def test_findings_say_which_run_has_constants_of_its_own():
