@@ -176,7 +176,7 @@ def _fitting(
             break
         u = moved(unknowns, at.u, step)
         last = brief and k == rounds - 1
-        # nine steps in ten gain after one that did: derivatives cost less with the residuals than after them
+        # most steps gain after one that did, and derivatives with the residuals cost less than a second simulation
         new = yield from _evaluating(unknowns, u, smooth, derivatives=gains and not last)
         gained = at.cost - new.cost
         radius = resized(radius, step, gained, expected)

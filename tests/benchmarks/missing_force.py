@@ -3,7 +3,7 @@
     python -m tests.benchmarks.missing_force [--ablated] [--only "side wind" ...] [--out FILE] [--write]
 
 Per law: the state it acts over, the state chosen, the share of the misfit that the curve explains, the curve's largest
-error against the law where it is determined, as a share of the law's largest value, and the formula. 65 to 717 s of
+error against the law where it is determined, as a share of the law's largest value, and the formula. 40 to 1,030 s of
 CPU each; and X on held-out runs: base, curve, stated noise, and the residual of the law itself with the mean straw, by
 the apparatus: the camera's noise and the scatter of repeats. Cohesion and squeeze film are causes of the library, here
 taken out of it; `--ablated` searches for each of the others instead. Those that act over no one state are not counted

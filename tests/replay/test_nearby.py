@@ -6,7 +6,7 @@ import pytest
 from straw.model.parameters import StrawParameters
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.systems.straw.constants import base_unknowns
-from straw.replay.diagnose.systems.straw.nearby import nearby
+from straw.replay.diagnose.systems.straw.nearby import at_point, nearby
 
 BASE = StrawParameters()
 
@@ -17,6 +17,9 @@ def test_runs_of_a_point_share_what_is_known_about_it_and_another_straw_does_not
     assert nearby(BASE, base_unknowns(BASE), np.zeros(len(unknowns))) is about
     assert nearby(BASE.replace(), unknowns, np.zeros(len(unknowns))) is not about
     assert nearby(BASE, unknowns, np.full(len(unknowns), 1e-9)) is not about
+    straw, _ = at_point(BASE, unknowns, np.zeros(len(unknowns)))
+    assert at_point(BASE, base_unknowns(BASE), np.zeros(len(unknowns)))[0] is straw
+    assert at_point(BASE, unknowns, np.full(len(unknowns), 1e-9))[0] is not straw
 
 
 def test_directions_are_derivatives_of_the_straws_constants_and_an_instruments_is_none():
@@ -27,9 +30,9 @@ def test_directions_are_derivatives_of_the_straws_constants_and_an_instruments_i
         Unknown("instrument.clock_offset_s", scale, kind="linear"),
     )
     about = nearby(BASE, unknowns, at)
-    force, clock = about.beside
+    force, clock = about
     assert force.direction is not None
-    assert about.straw.F_X_n == pytest.approx(0.006)
+    assert at_point(BASE, unknowns, at)[0].F_X_n == pytest.approx(0.006)
     assert np.max(np.abs(force.direction.scalars)) == pytest.approx(0.02, rel=1e-9)
     assert clock.direction is None
     late = (clock.above.stamped(np.zeros(1)) - clock.below.stamped(np.zeros(1))) / clock.step
@@ -38,8 +41,8 @@ def test_directions_are_derivatives_of_the_straws_constants_and_an_instruments_i
 
 def test_at_a_bound_one_side_is_the_point_itself():
     unknown = Unknown("straw.r_ch_m", 0.1, BASE.r_ch_m, "log", low=0.0)
-    (beside,) = nearby(BASE, (unknown,), np.zeros(1)).beside
-    inner = nearby(BASE, (Unknown("straw.r_ch_m", 0.1, BASE.r_ch_m, "log"),), np.zeros(1)).beside[0]
+    (beside,) = nearby(BASE, (unknown,), np.zeros(1))
+    inner = nearby(BASE, (Unknown("straw.r_ch_m", 0.1, BASE.r_ch_m, "log"),), np.zeros(1))[0]
     assert beside.step == pytest.approx(inner.step / 2)
     assert beside.direction is not None
     assert inner.direction is not None

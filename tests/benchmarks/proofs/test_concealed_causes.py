@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+from straw.replay.diagnose.diagnosis import inquire
+from straw.replay.diagnose.systems.straw.observation import observe
+from straw.replay.diagnose.systems.straw.system import StrawSystem
+from tests.apparatus.cases import deck, generate, recorded
 from tests.apparatus.effects import Cause
+from tests.benchmarks.concealed import BASE, SIX
 from tests.replay.test_concealed import RUNS, SPECIMEN, diagnosed
 
 
@@ -19,3 +27,14 @@ def test_a_magnet_which_is_not_in_the_library_is_not_mistaken_for_a_cause_that_i
     rivals = ("intrinsic_curvature",)
     findings = diagnosed(Cause("unknown", 0.3, "magnet near the tip", 3), SPECIMEN, rivals, RUNS[1:2])
     assert findings.verdict in ("unknown_physics", "ambiguous")
+
+
+def test_a_run_that_goes_the_other_way_gets_constants_of_its_own_before_causes_are_sought() -> None:
+    """One run of this opened case, a tip's offset, snaps as no other constants of all runs let it."""
+    case = next(case for case in deck("final", 20261129) if case.name == "final-000")
+    runs = [observe(run) for run in generate(replace(case, runs=SIX), recorded).runs]
+    with ThreadPoolExecutor() as pool:
+        found = inquire(runs, StrawSystem(BASE), executor=pool)
+        assert list(found.campaign.own) == ["fold-25kPa"]
+        assert not found.spent
+        assert next(iter(found.judgement().probability)) == "tip_offset"

@@ -1,4 +1,5 @@
-"""A straw about a point of the search, worked out once for all runs: how its constants change with each unknown."""
+"""A straw at a point of the search and about it, worked out once for all runs: how its constants change with each
+unknown."""
 
 from __future__ import annotations
 
@@ -35,15 +36,6 @@ class Beside:
 
 
 @dataclass(frozen=True, eq=False)
-class Nearby:
-    """Straw and instrument at a point, and on both sides of it in each unknown."""
-
-    straw: StrawParameters
-    instrument: Instrument
-    beside: tuple[Beside, ...]
-
-
-@dataclass(frozen=True, eq=False)
 class _Same:
     """A straw as the key of a cache: itself, not one that equals it, which takes longer to compare."""
 
@@ -59,16 +51,16 @@ class _Same:
 _ONE_AT_A_TIME = threading.Lock()
 
 
-def nearby(straw: StrawParameters, unknowns: Sequence[Unknown], at: Floats) -> Nearby:
-    """About u = ``at`` (unknowns,). ModelError where a constant there is none that a straw can have."""
-    with _ONE_AT_A_TIME:  # another worker asks for the same point of another run
-        return _nearby(_Same(straw), tuple(unknowns), tuple(at.tolist()))
-
-
 def at_point(straw: StrawParameters, unknowns: Sequence[Unknown], at: Floats) -> tuple[StrawParameters, Instrument]:
-    """`applied`, worked out once for all runs."""
-    with _ONE_AT_A_TIME:
+    """`applied` at u = ``at`` (unknowns,), and its errors."""
+    with _ONE_AT_A_TIME:  # another worker asks for the same point of another run
         return _at_point(_Same(straw), tuple(unknowns), tuple(at.tolist()))
+
+
+def nearby(straw: StrawParameters, unknowns: Sequence[Unknown], at: Floats) -> tuple[Beside, ...]:
+    """On both sides of u = ``at`` (unknowns,) in each unknown; errors as `at_point`."""
+    with _ONE_AT_A_TIME:
+        return _nearby(_Same(straw), tuple(unknowns), tuple(at.tolist()))
 
 
 @lru_cache(maxsize=REMEMBERED)
@@ -77,10 +69,8 @@ def _at_point(same: _Same, unknowns: tuple[Unknown, ...], at: tuple[float, ...])
 
 
 @lru_cache(maxsize=REMEMBERED)
-def _nearby(same: _Same, unknowns: tuple[Unknown, ...], at: tuple[float, ...]) -> Nearby:
-    u = np.array(at)
-    beside = tuple(_beside(same.straw, unknowns, u, k) for k in range(len(unknowns)))
-    return Nearby(*_at_point(same, unknowns, at), beside)
+def _nearby(same: _Same, unknowns: tuple[Unknown, ...], at: tuple[float, ...]) -> tuple[Beside, ...]:
+    return tuple(_beside(same.straw, unknowns, np.array(at), k) for k in range(len(unknowns)))
 
 
 def _beside(straw: StrawParameters, unknowns: Sequence[Unknown], at: Floats, k: int) -> Beside:

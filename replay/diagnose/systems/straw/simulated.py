@@ -25,7 +25,7 @@ from straw.replay.diagnose.settings import (
     TOLERANCE_M,
 )
 from straw.replay.diagnose.systems.straw.instrument import Instrument
-from straw.replay.diagnose.systems.straw.nearby import Nearby, at_point, nearby
+from straw.replay.diagnose.systems.straw.nearby import Beside, at_point, nearby
 from straw.replay.diagnose.systems.straw.observation import Observation
 from straw.replay.diagnose.systems.straw.snaps import SMOOTHED_S, cell_snaps, crossings
 
@@ -61,7 +61,7 @@ def simulated(
 ) -> Simulated:
     """The straw's motion in this run with the unknowns at u; ModelError where it cannot be simulated."""
     near = nearby(straw, unknowns, at) if derivatives else None
-    changed, instrument = (near.straw, near.instrument) if near else at_point(straw, unknowns, at)
+    changed, instrument = at_point(straw, unknowns, at)
     changed = changed.in_run(observed.run.cycle, observed.run.zero_time_ns)
     seen, true_events_s, by, evaluations = _until_it_snaps(observed, changed, instrument, unknowns, near, tolerance_m)
     pose = np.stack([seen.x_m, seen.z_m, seen.phi_rad])
@@ -77,7 +77,7 @@ def simulated(
         d_true_s[:, moving] = _events_tangent(observed, seen, instrument, true_events_s, columns)
         for k, unknown in enumerate(unknowns):
             if unknown.target.startswith("instrument.") and k not in moving:
-                low, high, step = near.beside[k].below, near.beside[k].above, near.beside[k].step
+                low, high, step = near[k].below, near[k].above, near[k].step
                 d_shown[:, :, k] = (high.seen(pose) - low.seen(pose)) / step
                 d_stamped[:, k] = (high.stamped(seen.time_s) - low.stamped(seen.time_s)) / step
                 d_late[:, k] = (high.stamped(true_events_s) - low.stamped(true_events_s)) / step
@@ -98,7 +98,7 @@ def _until_it_snaps(
     changed: StrawParameters,
     instrument: Instrument,
     unknowns: Sequence[Unknown],
-    about: Nearby | None,
+    about: tuple[Beside, ...] | None,
     tolerance_m: float,
 ) -> tuple[Prediction, Floats, tuple[list[int], Derivatives] | None, int]:
     """The simulation, a little longer where the recording shows more snaps, its snaps (`_events`), and its derivatives
@@ -115,12 +115,12 @@ def _until_it_snaps(
         raise ModelError(f"run {observed.name}: the clock is off by more than the run is long")
     start = min(first, observed.start_s)
     near, most = observed.rests.get(changed.form), most_steps_per_s(tolerance_m)
-    moving, directions = _directions(changed, unknowns, about, table, shown_s) if about else ([], [])
+    moving, directions = _directions(changed, unknowns, about, table, shown_s) if about is not None else ([], [])
     evaluations = 0
     for extra_s in (0.0, EXTRA_TIME_S):
         grid = np.arange(start, end + extra_s + 2 * SIMULATED_EVERY_S, SIMULATED_EVERY_S)
         by = None
-        if about:
+        if about is not None:
             by = differentiate(
                 changed,
                 pressure,
@@ -143,11 +143,11 @@ def _until_it_snaps(
 
 
 def _directions(
-    changed: StrawParameters, unknowns: Sequence[Unknown], about: Nearby, table: Table, shown_s: Floats
+    changed: StrawParameters, unknowns: Sequence[Unknown], about: tuple[Beside, ...], table: Table, shown_s: Floats
 ) -> tuple[list[int], list[Direction]]:
     """The unknowns that affect the straw, and the directions in its constants or driving pressure."""
     moving, directions = [], []
-    for k, (unknown, beside) in enumerate(zip(unknowns, about.beside, strict=True)):
+    for k, (unknown, beside) in enumerate(zip(unknowns, about, strict=True)):
         if beside.direction is not None:
             directions.append(beside.direction)
         elif unknown.target.startswith("instrument.gauge"):
