@@ -36,8 +36,8 @@ WITH_MODEL = {"test_plant_and_twin.py", "test_plugged.py", "test_rig_file.py"}
 FIRST = ("test_doubt.py", "test_discover_blind.py")
 #: Files that take longest, the longest first: the last of a run is then a short one, and no core waits for it.
 LONGEST = (
-    "test_readme.py", "test_diagnose.py", "test_derivative.py", "test_package.py", "test_energy_balance.py",
-    "test_examples.py", "test_missing.py", "test_executor.py",
+    "test_readme.py", "test_diagnose.py", "test_derivative.py", "test_energy_balance.py",
+    "test_examples.py", "test_executor.py",
 )  # fmt: skip
 COMPILES, WAITS_FOR_NOTHING, LONG, OTHERS = range(4)
 

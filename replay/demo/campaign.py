@@ -101,7 +101,7 @@ def record(
     film(video, motion, stands, protocol.duration_s, seed)
     # A late clock and a rolled camera enter through the tracker's inputs: the video's start and the rest pose.
     told_s = start_s + instrument.clock_offset_s
-    x_m, z_m, phi_rad = instrument.seen(np.array(model_rest(straw, protocol.initial_deployed)))
+    x_m, z_m, phi_rad = instrument.seen(np.array(model_rest(straw, protocol.initial_deployed)), np.zeros(1))
     rest = None if camera else (x_m, z_m, phi_rad)
     tracked = track_to_file(video, camera or lens_alone(), rest, tip, recorded, told_s)
     if tracked.record:

@@ -69,7 +69,8 @@ class Error:
 def errors_of(trace: TipTrace, motion: Motion, start_s: float, instrument: Instrument) -> dict[str, Error]:
     """Tracking error by channel against the painted truth; a concealed fault of the camera is not the tracker's."""
     valid = trace.valid
-    truth = instrument.seen(np.stack(motion(instrument.true_time(trace.time_s[valid]) - start_s)))
+    run_s = instrument.true_time(trace.time_s[valid])
+    truth = instrument.seen(np.stack(motion(run_s - start_s)), run_s)
     found = {}
     for channel, true in zip(CHANNELS, truth, strict=True):
         error = getattr(trace, channel)[valid] - true

@@ -198,6 +198,8 @@ BESIDE_UNKNOWN: dict[str, Range] = {
     "tether that turns the board back": Range(1e-3, 20e-3, "N m/rad", {
         "": _laws(TETHER=lambda s: s, TETHER_RAD=1.65)}),
     "gauge warms up": Range(300.0, 3e3, "Pa", {"": _fault("gauge_warms_pa")}),
+    "camera sinks": Range(0.2e-3, 2e-3, "m", {"": _fault("camera_sinks_m")}),
+    "camera slips": Range(4e-3, 20e-3, "rad", {"": _fault("camera_slips_rad")}),
 }  # fmt: skip
 
 EVERY = {**PHYSICS, **INSTRUMENT, **BESIDE}

@@ -10,6 +10,7 @@ from .straw import Motion
 
 FINE_S = 5e-4  # time step of the true pressure
 WARM_S = 1.5  # of a gauge that warms up
+SINKS_S, SLIPS_S = 2.0, 1.7  # of a camera that sinks, and when it slips
 FRAME_S, GAUGE_S = 1.0 / 240.0, 1.0 / 200.0
 SIGMA = np.array([25e-6, 25e-6, 1.5e-3])
 SIGMA_PA = 30.0
@@ -32,6 +33,8 @@ class Instrument:
     gauge_ceiling_pa: float = 1e9
     gauge_play_pa: float = 0.0
     gauge_warms_pa: float = 0.0  # its zero drifts by so much while it warms up in each run
+    camera_sinks_m: float = 0.0  # its picture drifts by so much along Z while the mount gives way in each run
+    camera_slips_rad: float = 0.0  # it turns by so much in its mount in each run
     hiccup_at_s: float = 0.0
     hiccup_s: float = 0.0
     rest_sigmas: float = 0.0  # residual of lens, board and straw that no model describes: smooth over the pose
@@ -46,8 +49,11 @@ class Instrument:
         x, z, phi = motion.at(self.true_time(stamp_s)).T
         x, z = x + self.tip_offset_m * np.sin(phi), z + self.tip_offset_m * np.cos(phi)
         x, z = x * (1.0 + self.length_scale), z * (1.0 + self.length_scale)
-        s, c = np.sin(self.camera_roll_rad), np.cos(self.camera_roll_rad)
-        seen = np.column_stack([c * x + s * z, c * z - s * x, phi + self.camera_roll_rad])
+        time_s = self.true_time(stamp_s)
+        roll = self.camera_roll_rad + self.camera_slips_rad * (time_s > SLIPS_S)
+        s, c = np.sin(roll), np.cos(roll)
+        seen = np.column_stack([c * x + s * z, c * z - s * x, phi + roll])
+        seen[:, 1] -= self.camera_sinks_m * np.expm1(-time_s / SINKS_S)
         return seen + self._rest(seen) if self.rest_sigmas else seen
 
     def _rest(self, seen: np.ndarray) -> np.ndarray:

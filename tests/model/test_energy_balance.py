@@ -21,14 +21,16 @@ from straw.model.typical import with_typical
 from tests.model.test_terms import DEPLOYMENT, some_frusta
 
 
-def balance(straw: StrawParameters, steady_pa: float, deployed: list[int], tolerance_m: float) -> tuple[float, float]:
+def balance(
+    straw: StrawParameters, steady_pa: float, deployed: list[int], tolerance_m: float, sample_s: float
+) -> tuple[float, float]:
     """Error of the energy balance over 1.6 s of a run, and the work of the pressure, J.
 
     In: the inside pressure times the volume rate. Stored: kinetic and potential. Out: everything else, from the
     residual force without inertia and pressure at the integrator's states.
     """
     c = straw.constants()
-    time_s = np.arange(0, 1.6, 2e-4)
+    time_s = np.arange(0, 1.6, sample_s)
     q = rest_state(straw, deployed)
     table = PressureTable(0.0, 2.5e-4, steady_pa * (1 - np.exp(-50 * np.arange(0, 1.7, 2.5e-4))))
     state = at_rest(c, q, 0.0, 0.0, 1e-4)
@@ -84,7 +86,7 @@ def _inertia_power(c, q: np.ndarray, v: np.ndarray) -> float:
 def test_energy_in_is_energy_stored_and_dissipated(name: str) -> None:
     """The balance closes to 0.2 % of the work of the pressure (1 % with friction), over every snap."""
     straw = DEPLOYMENT if name == "none" else with_typical(DEPLOYMENT, TERMS[name])
-    missing, worked = balance(straw, 35e3, [2, 3, 5, 6, 7, 8, 9], 1e-7)
-    assert worked > 0
     # friction is evaluated every 0.2 ms, in which a snap passes several of its 20 um slips: an error of half a percent
+    missing, worked = balance(straw, 35e3, [2, 3, 5, 6, 7, 8, 9], 1e-7, 2e-4 if name == "dry_friction" else 4e-4)
+    assert worked > 0
     assert abs(missing) < (1e-2 if name == "dry_friction" else 2e-3) * worked

@@ -2,50 +2,22 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 import pytest
 
 from straw.model.parameters import StrawParameters
 from straw.model.simulate import simulate
 from straw.model.straw_file import straw_from_toml
-from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.fit import fitted
 from straw.replay.diagnose.formula import Formula
 from straw.replay.diagnose.sparse import Tangent, deviations, sparse
-from straw.replay.diagnose.systems.straw.constants import applied, base_unknowns
+from straw.replay.diagnose.systems.straw.constants import applied
 from straw.replay.diagnose.systems.straw.dictionary import atoms
 from straw.replay.diagnose.systems.straw.instrument import Instrument, last_direction
-from straw.replay.diagnose.systems.straw.missing import missing_force
-from straw.replay.diagnose.systems.straw.observation import observe
 from straw.replay.diagnose.systems.straw.states import STATES
-from straw.replay.diagnose.systems.straw.system import StrawSystem
 from straw.replay.diagnose.systems.straw.tables import bent_points, formula_points, points
-from tests.apparatus.campaign import NONE, campaign
-from tests.apparatus.effects import Cause
 
 BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)
 BY_NAME = {state.name: state for state in STATES}
-
-
-def searched(runs, states):
-    """The laws found over these states beside a base of channel and damping."""
-    with ThreadPoolExecutor() as pool:
-        here, base = Campaign([observe(run) for run in runs], StrawSystem(BASE), pool), base_unknowns(BASE)[:3]
-        return missing_force(here, fitted(here, base, np.zeros(len(base)), rounds=5), states=states)
-
-
-def test_a_stop_is_found_where_it_is_with_its_stiffness_though_points_of_its_curve_lie_beside_it():
-    """In one run; `tests.benchmarks.missing_force` has six."""
-    runs = campaign((Cause("unknown", 1e-3, "board against a stop", 1),), 3, ("deploy-35kPa-1",), NONE)
-    found = searched(runs, [BY_NAME["tip X, along X"]])
-    law = found[-1].laws[0].formula
-    assert law is not None
-    (stop,) = law.atoms
-    assert stop.shape is not None
-    assert stop.shape.value == pytest.approx(51e-3, abs=max(3 * stop.shape.sigma, 0.05e-3))
-    assert law.coefficients[0] == pytest.approx(-800.0, abs=max(3 * float(law.sigmas[0]), 8.0))
 
 
 def test_a_straw_with_a_curve_can_be_saved_and_simulated():
@@ -178,15 +150,32 @@ def test_a_curve_of_the_camera_moves_what_it_sees_and_so_do_its_derivatives():
         {"camera_x_m@0.01": 0.0, "camera_x_m@0.03": 2e-4, "camera_x_m@0.06": 8e-4, "camera_z_m@0.01": 0.0}
         | {"camera_z_m@0.06": -5e-4, "camera_roll_rad": 0.02, "length_scale": 0.01, "tip_offset_m": 1e-3}
     )
-    pose, step = np.array([[0.02, 0.04, 0.07], [1e-3, -4e-3, -9e-3], [1.5, 1.6, 1.8]]), 1e-7
-    plain = Instrument(camera_roll_rad=0.02, length_scale=0.01, tip_offset_m=1e-3).seen(pose)
-    assert lens.seen(pose)[0] - plain[0] == pytest.approx(np.interp(plain[0], [0.01, 0.03, 0.06], [0.0, 2e-4, 8e-4]))
-    assert lens.seen(pose)[1] - plain[1] == pytest.approx(np.interp(plain[0], [0.01, 0.06], [0.0, -5e-4]))
-    ways = np.random.default_rng(1).normal(size=(3, 3, 4)) * np.array([1.0, 1.0, 50.0])[:, None, None]
-    differences = [
-        (lens.seen(pose + step * d) - lens.seen(pose - step * d)) / (2 * step) for d in ways.transpose(2, 0, 1)
-    ]
-    np.testing.assert_allclose(lens.seen_tangent(pose, ways), np.stack(differences, axis=2), rtol=1e-4, atol=1e-6)
+    pose, at_s = np.array([[0.02, 0.04, 0.07], [1e-3, -4e-3, -9e-3], [1.5, 1.6, 1.8]]), np.array([0.5, 1.0, 3.0])
+    plain = Instrument(camera_roll_rad=0.02, length_scale=0.01, tip_offset_m=1e-3).seen(pose, at_s)
+    excess = lens.seen(pose, at_s) - plain
+    assert excess[0] == pytest.approx(np.interp(plain[0], [0.01, 0.03, 0.06], [0.0, 2e-4, 8e-4]))
+    assert excess[1] == pytest.approx(np.interp(plain[0], [0.01, 0.06], [0.0, -5e-4]))
+    _same_as_differences(lens, pose, at_s)
+
+
+def test_a_camera_that_moves_in_its_mount_shifts_and_turns_what_it_sees_by_the_time():
+    moves = Instrument.of(
+        {"camera_x_wander_m@0": 0.0, "camera_x_wander_m@2": 4e-4, "camera_z_wander_m@0": 1e-4}
+        | {"camera_roll_wander_rad@1": 0.0, "camera_roll_wander_rad@3": 0.02, "camera_roll_rad": 0.01}
+    )
+    pose, at_s = np.array([[0.02, 0.04, 0.07], [1e-3, -4e-3, -9e-3], [1.5, 1.6, 1.8]]), np.array([0.5, 1.0, 3.0])
+    for k, roll in enumerate((0.01, 0.01, 0.03)):
+        turned = Instrument(camera_roll_rad=roll).seen(pose[:, k : k + 1], np.zeros(1))[:, 0]
+        shift = [2e-4 * min(at_s[k], 2.0), 1e-4, 0.0]
+        assert moves.seen(pose, at_s)[:, k] == pytest.approx(turned + shift)
+    _same_as_differences(moves, pose, at_s)
+
+
+def _same_as_differences(camera: Instrument, pose: np.ndarray, at_s: np.ndarray) -> None:
+    step, ways = 1e-7, np.random.default_rng(1).normal(size=(3, 3, 4)) * np.array([1.0, 1.0, 50.0])[:, None, None]
+    ends = [[camera.seen(pose + sign * step * way, at_s) for sign in (1, -1)] for way in ways.transpose(2, 0, 1)]
+    differences = np.stack([(high - low) / (2 * step) for high, low in ends], axis=2)
+    np.testing.assert_allclose(camera.seen_tangent(pose, ways, at_s), differences, rtol=1e-4, atol=1e-6)
 
 
 def test_deviations_are_those_of_the_inverse_and_finite_where_two_constants_are_nearly_degenerate():

@@ -76,7 +76,7 @@ def _filmed(
         true_s = np.arange(group.motion.shape[-1]) * FRAME_S
         motion = group.motion[specimen, k].astype(np.float64)
         at_s = np.clip(instrument.true_time(stamped_s), 0.0, true_s[np.flatnonzero(np.isfinite(motion[0]))[-1]])
-        tip = instrument.seen(np.stack([np.interp(at_s, true_s, channel) for channel in motion]))
+        tip = instrument.seen(np.stack([np.interp(at_s, true_s, channel) for channel in motion]), at_s)
         tip += ratio * NOISE[:, None] * _noise(rng, len(stamped_s), lasting)
         pressure_pa = protocol.regulated(stamped_s, group.settling_s)
         shown_pa = (1 + instrument.gauge_gain) * pressure_pa + instrument.gauge_offset_pa

@@ -2,13 +2,40 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
+from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.fit import fitted
+from straw.replay.diagnose.systems.straw.constants import base_unknowns
+from straw.replay.diagnose.systems.straw.missing import missing_force
+from straw.replay.diagnose.systems.straw.observation import observe
 from straw.replay.diagnose.systems.straw.states import STATES
+from straw.replay.diagnose.systems.straw.system import StrawSystem
 from tests.apparatus.campaign import NONE, campaign
 from tests.apparatus.effects import Cause
-from tests.replay.test_missing import BY_NAME, searched
+from tests.replay.test_missing import BASE, BY_NAME
+
+
+def searched(runs, states):
+    """The laws found over these states beside a base of channel and damping."""
+    with ThreadPoolExecutor() as pool:
+        here, base = Campaign([observe(run) for run in runs], StrawSystem(BASE), pool), base_unknowns(BASE)[:3]
+        return missing_force(here, fitted(here, base, np.zeros(len(base)), rounds=5), states=states)
+
+
+def test_a_stop_is_found_where_it_is_with_its_stiffness_though_points_of_its_curve_lie_beside_it():
+    """In one run; `tests.benchmarks.missing_force` has six."""
+    runs = campaign((Cause("unknown", 1e-3, "board against a stop", 1),), 3, ("deploy-35kPa-1",), NONE)
+    found = searched(runs, [BY_NAME["tip X, along X"]])
+    law = found[-1].laws[0].formula
+    assert law is not None
+    (stop,) = law.atoms
+    assert stop.shape is not None
+    assert stop.shape.value == pytest.approx(51e-3, abs=max(3 * stop.shape.sigma, 0.05e-3))
+    assert law.coefficients[0] == pytest.approx(-800.0, abs=max(3 * float(law.sigmas[0]), 8.0))
 
 
 def test_a_gauge_that_saturates_is_found_as_an_error_over_its_reading_with_its_size():

@@ -30,7 +30,7 @@ def atoms(state: State, at: Floats) -> tuple[Atom, ...]:
             Atom(f"sign {x}", 0, lambda v, _: np.ones_like(v), code_words="1.0"),
         )
     if state.state_unit == "s":
-        return (*_powers(x, 2), *(_step(x, t, at) for t in _middles(at)[1:-1]))
+        return (*_powers(x, 2), *_relaxing(x, at), *(_step(x, t, at) for t in _middles(at)[1:-1]))
     if state.state_unit == "cycles":
         return (*_powers(x, 2), Atom(f"(1 + {x})^-0.5", 0, lambda n, _: (1 + n) ** -0.5))
     if state.zero:  # a loss: through zero, either direction its own; through an orifice by the root
@@ -80,6 +80,18 @@ def fading_softly(power: int, x: str = "r") -> Atom:
 
 def _middles(at: Floats) -> Floats:
     return np.asarray((at[1:] + at[:-1]) / 2)
+
+
+def _relaxing(x: str, at: Floats) -> tuple[Atom, ...]:
+    """What warms up, sinks or fades: exponentials of time that reach their end within the runs."""
+    spread = float(at[-1] - at[0])
+    return tuple(
+        Atom(
+            f"exp(-{x}/{{}})", 0, lambda t, tau: np.exp(-t / tau), 2,
+            shape=Shape(spread * share, 1.0, spread * share / 2, 2 * spread * share, "s", ratio=True),
+        )
+        for share in (1 / 20, 1 / 5)
+    )  # fmt: skip
 
 
 def _step(x: str, edge: float, at: Floats) -> Atom:

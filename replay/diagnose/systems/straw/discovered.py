@@ -33,6 +33,9 @@ PLACES = {
     "clock over time": ("instrument:clock", "time"),
     "camera X over X": ("instrument:x", "tip_x"),
     "camera Z over X": ("instrument:z", "tip_x"),
+    "camera X over time": ("instrument:x", "time"),
+    "camera Z over time": ("instrument:z", "time"),
+    "camera roll over time": ("instrument:phi", "time"),
 }
 #: A frustum's law from its state x and the formula f(x): state, force and moment, whether it stores energy.
 FRUSTUM_LAWS = {

@@ -147,4 +147,4 @@ def _played(base: StrawParameters, contestant: Contestant, protocol: PressurePro
         return None
     pose = np.stack([seen.x_m, seen.z_m, seen.phi_rad])
     at = np.clip(instrument.true_time(grid), 0.0, grid[-1])
-    return instrument.seen(np.stack([np.interp(at, grid, row) for row in pose]))
+    return instrument.seen(np.stack([np.interp(at, grid, row) for row in pose]), at)

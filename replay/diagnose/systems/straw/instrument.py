@@ -27,7 +27,8 @@ class Instrument:
     growing Phi, stretched by 1 + ``length_scale``, and the tip is taken ``tip_offset_m`` too far along its axis.
     Faults without a law are curves: the gauge's excess over its reading (Pa), over the run's time and over the
     direction in which the reading moved last (`last_direction`), the lateness of the camera's stamps over the stamp
-    (s), and the excess of X and of Z (m) over X, as of a lens or a board askew.
+    (s), the excess of X and of Z (m) over X, as of a lens or a board askew, and the excess of X, of Z (m) and of the
+    roll (rad) over the run's time, as of a camera that slips or sinks in its mount.
     """
 
     clock_offset_s: float = 0.0
@@ -43,6 +44,9 @@ class Instrument:
     clock_curve_s: Curve = ()
     camera_x_m: Curve = ()
     camera_z_m: Curve = ()
+    camera_x_wander_m: Curve = ()
+    camera_z_wander_m: Curve = ()
+    camera_roll_wander_rad: Curve = ()
 
     @classmethod
     def of(cls, faults: Mapping[str, float]) -> Self:
@@ -77,24 +81,33 @@ class Instrument:
         """The gauge's reading (Pa) at a pressure (Pa)."""
         return (1 + self.gauge_gain) * true_pa + self.gauge_offset_pa
 
-    def seen(self, pose: Floats) -> Floats:
-        """Tip X, Z, Phi as tracked, (3, n), of a tip at X, Z (m), Phi (rad), (3, n)."""
+    def seen(self, pose: Floats, time_s: Floats) -> Floats:
+        """Tip X, Z, Phi as tracked, (3, n), of a tip at X, Z (m), Phi (rad), (3, n), at times (n,) of its run."""
         x, z, phi = pose
         x, z = x + self.tip_offset_m * np.sin(phi), z + self.tip_offset_m * np.cos(phi)
-        c, s = np.cos(self.camera_roll_rad), np.sin(self.camera_roll_rad)
-        scale = 1 + self.length_scale
-        x, z = scale * (c * x + s * z), scale * (c * z - s * x)
-        return np.stack([x + _at(self.camera_x_m, x), z + _at(self.camera_z_m, x), phi + self.camera_roll_rad])
+        roll, c, s = self._turned(time_s)
+        x, z = c * x + s * z, c * z - s * x
+        return np.stack(
+            [
+                x + _at(self.camera_x_m, x) + _at(self.camera_x_wander_m, time_s),
+                z + _at(self.camera_z_m, x) + _at(self.camera_z_wander_m, time_s),
+                phi + roll,
+            ]
+        )
 
-    def seen_tangent(self, pose: Floats, d_pose: Floats) -> Floats:
+    def seen_tangent(self, pose: Floats, d_pose: Floats, time_s: Floats) -> Floats:
         """Derivative of `seen`, (3, n, columns), along derivatives of the pose, (3, n, columns)."""
         (x, z, phi), (dx, dz, dphi) = pose[:, :, None], d_pose
         x, z = x + self.tip_offset_m * np.sin(phi), z + self.tip_offset_m * np.cos(phi)
         dx, dz = dx + self.tip_offset_m * np.cos(phi) * dphi, dz - self.tip_offset_m * np.sin(phi) * dphi
-        c, s = np.cos(self.camera_roll_rad), np.sin(self.camera_roll_rad)
-        scale = 1 + self.length_scale
-        x, dx, dz = scale * (c * x + s * z), scale * (c * dx + s * dz), scale * (c * dz - s * dx)
+        _, c, s = self._turned(time_s[:, None])
+        x, dx, dz = c * x + s * z, c * dx + s * dz, c * dz - s * dx
         return np.stack([dx + _slope(self.camera_x_m, x) * dx, dz + _slope(self.camera_z_m, x) * dx, dphi])
+
+    def _turned(self, time_s: Floats) -> tuple[Floats | float, Floats | float, Floats | float]:
+        """The picture's roll, rad, and scale times its cosine and sine."""
+        roll, scale = self.camera_roll_rad + _at(self.camera_roll_wander_rad, time_s), 1 + self.length_scale
+        return roll, scale * np.cos(roll), scale * np.sin(roll)
 
 
 def last_direction(shown_pa: Floats) -> Floats:

@@ -85,7 +85,7 @@ def instrument_law(cause: str, straw: StrawParameters, fit: Fit, covariance: Flo
         at, row = np.linspace(0.0, long_m, POINTS), int(cause == "camera_roll")
         pose = np.stack([at, np.zeros(POINTS), np.full(POINTS, straw.phi_0_rad)])
         shows = f"{'XZ'[row]} shown too much / mm"
-        curve = ("X of the tip / mm", shows, 1e3 * at, lambda _, i: 1e3 * (i.seen(pose) - pose)[row])
+        curve = ("X of the tip / mm", shows, 1e3 * at, lambda _, i: 1e3 * (i.seen(pose, np.zeros(POINTS)) - pose)[row])
     return Law(formula, "", dict.fromkeys(names, about), _banded(straw, curve, fit, covariance))
 
 

@@ -66,19 +66,19 @@ def simulated(
     seen, true_events_s, by, evaluations = _until_it_snaps(observed, changed, instrument, unknowns, near, tolerance_m)
     pose = np.stack([seen.x_m, seen.z_m, seen.phi_rad])
     stamped_s = instrument.stamped(seen.time_s)
-    shown = instrument.seen(pose)
+    shown = instrument.seen(pose, seen.time_s)
     none = 0 if by is None else len(unknowns)
     d_shown, d_true_s = np.zeros((*pose.shape, none)), np.zeros((len(true_events_s), none))
     d_stamped, d_late = np.zeros((len(stamped_s), none)), np.zeros((len(true_events_s), none))
     if near is not None and by is not None:
         moving, columns = by
         d_pose = np.stack([columns.x_m, columns.z_m, columns.phi_rad])
-        d_shown[:, :, moving] = instrument.seen_tangent(pose, d_pose)
+        d_shown[:, :, moving] = instrument.seen_tangent(pose, d_pose, seen.time_s)
         d_true_s[:, moving] = _events_tangent(observed, seen, instrument, true_events_s, columns)
         for k, unknown in enumerate(unknowns):
             if unknown.target.startswith("instrument.") and k not in moving:
                 low, high, step = near[k].below, near[k].above, near[k].step
-                d_shown[:, :, k] = (high.seen(pose) - low.seen(pose)) / step
+                d_shown[:, :, k] = (high.seen(pose, seen.time_s) - low.seen(pose, seen.time_s)) / step
                 d_stamped[:, k] = (high.stamped(seen.time_s) - low.stamped(seen.time_s)) / step
                 d_late[:, k] = (high.stamped(true_events_s) - low.stamped(true_events_s)) / step
         # at a fixed stamped time: a shift of the clock moves the tip by its rate
