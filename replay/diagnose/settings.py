@@ -84,8 +84,8 @@ DRAWN, WIDENED = 64, 10.0
 STEP_U = 4e-4
 #: A derivative's cost in plain simulations (`python -m tests.benchmarks.derivatives`: 16 cost 4 to 5), and after how
 #: many evaluations of the equations, derivatives at that cost, a straw's search ends with what it has found. 13 opened
-#: cases that spend 60 million, or nearly, end alike with 48 (README of the benchmarks). Two threads on two idle cores
-#: did 230,000 to 320,000 a second, so that these take 150 to 210 s where 180 are asked.
+#: cases that spent 64 million, or nearly, end alike with 48 (README of the benchmarks), which take 170 s of two threads
+#: on two idle cores where 180 are asked (`python -m tests.benchmarks.diagnosing`).
 COLUMN_COSTS, MOST_WORK = 0.25, 4.8e7
 
 # -- reporting -------------------------------------------------------------------------------------------------------
