@@ -1,6 +1,6 @@
 """Laws outside the library, concealed by an independent apparatus: the curve and formula found for the missing force.
 
-    python -m tests.benchmarks.missing_force [--ablated] [--only "side wind" ...] [--out FILE] [--write]
+    python -m tests.benchmarks.missing_force [--ablated] [--seed N] [--only "side wind" ...] [--out FILE] [--write]
 
 Per law: the state it acts over, the state chosen, the share of the misfit that the curve explains, the curve's largest
 error against the law where it is determined, as a share of the law's largest value, and the formula. 40 to 1,030 s of
@@ -153,10 +153,10 @@ def error(found: MissingLaw, law: Callable[[np.ndarray], np.ndarray]) -> float:
     return min(float(np.max(np.abs(found.values - sign * want)[known])) / size for sign in (1, -1))
 
 
-def left_by_the_law(cause: Cause, runs: Sequence[str]) -> float:
+def left_by_the_law(cause: Cause, seed: int, runs: Sequence[str]) -> float:
     """Residual of X with the concealed law and the specimen's mean constants, m, RMS: noise and scatter of repeats."""
     alike = replace(SCATTER, repeat_young=0.0, repeat_damping=0.0, repeat_angle_rad=0.0)
-    repeat, mean = (make((cause,), SEED, tuple(runs), s, straw=specimen(SEED)) for s in (SCATTER, alike))
+    repeat, mean = (make((cause,), seed, tuple(runs), s, straw=specimen(seed)) for s in (SCATTER, alike))
     squares = [
         np.mean((a.motion.at(stamp)[:, 0] - b.motion.at(stamp)[:, 0]) ** 2)
         for a, b in zip(repeat, mean, strict=True)
@@ -165,10 +165,10 @@ def left_by_the_law(cause: Cause, runs: Sequence[str]) -> float:
     return float(np.sqrt(np.mean(squares) + SIGMA[0] ** 2))
 
 
-def searched(planted: Planted, states: Sequence[State]) -> Row:
+def searched(planted: Planted, seed: int, states: Sequence[State]) -> Row:
     """Conceal, fit, print what was found."""
     name = planted.name
-    observations = [observe(run) for run in campaign((planted.cause,), SEED, SIX)]
+    observations = [observe(run) for run in campaign((planted.cause,), seed, SIX)]
     with ThreadPoolExecutor() as pool:
         here = Campaign(observations, StrawSystem(BASE), pool)
         here.system.ready(observations)
@@ -183,7 +183,7 @@ def searched(planted: Planted, states: Sequence[State]) -> Row:
     assert held is not None
     cpu, over = time.process_time() - start, [law.state.name for law in found.laws] if found.tells else []
     x = [row["x_m"] for row in (held.before, held.after, held.floor)]
-    row = Row(name, over, *x, left_by_the_law(planted.cause, held.heldout), bool(found.tells and held.better))
+    row = Row(name, over, *x, left_by_the_law(planted.cause, seed, held.heldout), bool(found.tells and held.better))
     print(f"{name}: the base leaves {left:.0f} sigmas squared; over {planted.state!r} it should be")
     print(f"  {found.says}")
     shown = "shown" if row.shown else "not shown as an improvement"
@@ -226,13 +226,14 @@ def main() -> None:
     ask.add_argument("--only", nargs="*", default=[])
     ask.add_argument("--states", nargs="*", default=[])
     ask.add_argument("--ablated", action="store_true", help="each cause of the library, taken out of it")
+    ask.add_argument("--seed", type=int, default=SEED, help=f"of the specimen and its runs ({SEED})")
     ask.add_argument("--out", type=Path, metavar="FILE", help="results by law, continued (missing_force.jsonl)")
     write_option(ask)
     args = ask.parse_args()
-    if args.write and (args.only or args.states or args.ablated):
-        sys.exit("--write states the figures of all planted laws: leave out --only, --states and --ablated")
-    if args.states and not args.out:
-        sys.exit("--states gives other results: name a file for them with --out")
+    if args.write and (args.only or args.states or args.ablated or args.seed != SEED):
+        sys.exit("--write states the figures of all planted laws: leave out --only, --states, --seed and --ablated")
+    if (args.states or args.seed != SEED) and not args.out:
+        sys.exit("--states and --seed give other results: name a file for them with --out")
     path = args.out or Path("missing_force.jsonl")
     states = [s for s in STATES if not args.states or s.name in args.states]
     laws = [one for one in (ABLATED if args.ablated else PLANTED) if not args.only or one.name in args.only]
@@ -240,7 +241,7 @@ def main() -> None:
     rows = {row.law: row for row in (Row(**json.loads(line)) for line in lines)}
     for planted in laws:
         if planted.name not in rows:
-            rows[planted.name] = searched(planted, states)
+            rows[planted.name] = searched(planted, args.seed, states)
             with path.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(asdict(rows[planted.name])) + "\n")
     publish("missing_force", figures(laws, rows), args.write)
