@@ -158,14 +158,15 @@ def test_a_curve_of_the_camera_moves_what_it_sees_and_so_do_its_derivatives():
     _same_as_differences(lens, pose, at_s)
 
 
-def test_a_camera_that_moves_in_its_mount_shifts_and_turns_what_it_sees_by_the_time():
+def test_a_camera_or_a_board_that_moves_in_its_mount_shifts_and_turns_what_is_seen_by_the_time():
     moves = Instrument.of(
         {"camera_x_wander_m@0": 0.0, "camera_x_wander_m@2": 4e-4, "camera_z_wander_m@0": 1e-4}
         | {"camera_roll_wander_rad@1": 0.0, "camera_roll_wander_rad@3": 0.02, "camera_roll_rad": 0.01}
+        | {"tip_offset_m": 1e-3, "tip_offset_wander_m@1": 0.0, "tip_offset_wander_m@3": 5e-4}
     )
     pose, at_s = np.array([[0.02, 0.04, 0.07], [1e-3, -4e-3, -9e-3], [1.5, 1.6, 1.8]]), np.array([0.5, 1.0, 3.0])
-    for k, roll in enumerate((0.01, 0.01, 0.03)):
-        turned = Instrument(camera_roll_rad=roll).seen(pose[:, k : k + 1], np.zeros(1))[:, 0]
+    for k, (roll, off) in enumerate(((0.01, 1e-3), (0.01, 1e-3), (0.03, 1.5e-3))):
+        turned = Instrument(camera_roll_rad=roll, tip_offset_m=off).seen(pose[:, k : k + 1], np.zeros(1))[:, 0]
         shift = [2e-4 * min(at_s[k], 2.0), 1e-4, 0.0]
         assert moves.seen(pose, at_s)[:, k] == pytest.approx(turned + shift)
     _same_as_differences(moves, pose, at_s)

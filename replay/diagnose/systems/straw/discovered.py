@@ -36,6 +36,7 @@ PLACES = {
     "camera X over time": ("instrument:x", "time"),
     "camera Z over time": ("instrument:z", "time"),
     "camera roll over time": ("instrument:phi", "time"),
+    "board over time": ("instrument:board", "time"),
 }
 #: A frustum's law from its state x and the formula f(x): state, force and moment, whether it stores energy.
 FRUSTUM_LAWS = {

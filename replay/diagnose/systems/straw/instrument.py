@@ -27,8 +27,9 @@ class Instrument:
     growing Phi, stretched by 1 + ``length_scale``, and the tip is taken ``tip_offset_m`` too far along its axis.
     Faults without a law are curves: the gauge's excess over its reading (Pa), over the run's time and over the
     direction in which the reading moved last (`last_direction`), the lateness of the camera's stamps over the stamp
-    (s), the excess of X and of Z (m) over X, as of a lens or a board askew, and the excess of X, of Z (m) and of the
-    roll (rad) over the run's time, as of a camera that slips or sinks in its mount.
+    (s), the excess of X and of Z (m) over X, as of a lens or a board askew, and and over the run's time the excess of
+    X, of Z (m) and of the roll (rad), as of a camera that slips or sinks in its mount, and of the tip's offset (m), as
+    of a board that slips along the tip.
     """
 
     clock_offset_s: float = 0.0
@@ -47,6 +48,7 @@ class Instrument:
     camera_x_wander_m: Curve = ()
     camera_z_wander_m: Curve = ()
     camera_roll_wander_rad: Curve = ()
+    tip_offset_wander_m: Curve = ()
 
     @classmethod
     def of(cls, faults: Mapping[str, float]) -> Self:
@@ -84,7 +86,8 @@ class Instrument:
     def seen(self, pose: Floats, time_s: Floats) -> Floats:
         """Tip X, Z, Phi as tracked, (3, n), of a tip at X, Z (m), Phi (rad), (3, n), at times (n,) of its run."""
         x, z, phi = pose
-        x, z = x + self.tip_offset_m * np.sin(phi), z + self.tip_offset_m * np.cos(phi)
+        off_m = self._off_m(time_s)
+        x, z = x + off_m * np.sin(phi), z + off_m * np.cos(phi)
         roll, c, s = self._turned(time_s)
         x, z = c * x + s * z, c * z - s * x
         return np.stack(
@@ -97,12 +100,16 @@ class Instrument:
 
     def seen_tangent(self, pose: Floats, d_pose: Floats, time_s: Floats) -> Floats:
         """Derivative of `seen`, (3, n, columns), along derivatives of the pose, (3, n, columns)."""
-        (x, z, phi), (dx, dz, dphi) = pose[:, :, None], d_pose
-        x, z = x + self.tip_offset_m * np.sin(phi), z + self.tip_offset_m * np.cos(phi)
-        dx, dz = dx + self.tip_offset_m * np.cos(phi) * dphi, dz - self.tip_offset_m * np.sin(phi) * dphi
+        (x, z, phi), (dx, dz, dphi), off_m = pose[:, :, None], d_pose, self._off_m(time_s[:, None])
+        x, z = x + off_m * np.sin(phi), z + off_m * np.cos(phi)
+        dx, dz = dx + off_m * np.cos(phi) * dphi, dz - off_m * np.sin(phi) * dphi
         _, c, s = self._turned(time_s[:, None])
         x, dx, dz = c * x + s * z, c * dx + s * dz, c * dz - s * dx
         return np.stack([dx + _slope(self.camera_x_m, x) * dx, dz + _slope(self.camera_z_m, x) * dx, dphi])
+
+    def _off_m(self, time_s: Floats) -> Floats | float:
+        """How much too far along its axis the tip is taken, m."""
+        return self.tip_offset_m + _at(self.tip_offset_wander_m, time_s)
 
     def _turned(self, time_s: Floats) -> tuple[Floats | float, Floats | float, Floats | float]:
         """The picture's roll, rad, and scale times its cosine and sine."""
