@@ -239,7 +239,8 @@ STATES: tuple[State, ...] = (
         "instrument.camera_roll_wander_rad@{}", "", 1e-3, lambda straw, o, p: p.time_s,
     ),
     State(
-        "board over time", "t", "s", "shift", "m", "a shift of the board along the tip that depends on the time in a run",
+        "board over time", "t", "s", "shift", "m",
+        "a shift of the board along the tip that depends on the time in a run",
         "instrument.tip_offset_wander_m@{}", "", 1e-4, lambda straw, o, p: p.time_s,
     ),
 )  # fmt: skip
