@@ -33,6 +33,7 @@ PLACES = {
     "clock over time": ("instrument:clock", "time"),
     "camera X over X": ("instrument:x", "tip_x"),
     "camera Z over X": ("instrument:z", "tip_x"),
+    "camera roll over X": ("instrument:phi", "tip_x"),
     "camera X over time": ("instrument:x", "time"),
     "camera Z over time": ("instrument:z", "time"),
     "camera roll over time": ("instrument:phi", "time"),

@@ -26,10 +26,10 @@ class Instrument:
     (1 + ``gauge_gain``) p + ``gauge_offset_pa``. The camera's picture is turned by ``camera_roll_rad`` in the sense of
     growing Phi, stretched by 1 + ``length_scale``, and the tip is taken ``tip_offset_m`` too far along its axis.
     Faults without a law are curves: the gauge's excess over its reading (Pa), over the run's time and over the
-    direction in which the reading moved last (`last_direction`), the lateness of the camera's stamps over the stamp
-    (s), the excess of X and of Z (m) over X, as of a lens or a board askew, and and over the run's time the excess of
-    X, of Z (m) and of the roll (rad), as of a camera that slips or sinks in its mount, and of the tip's offset (m), as
-    of a board that slips along the tip.
+    direction in which the reading moved last (`last_direction`); the lateness of the camera's stamps over the stamp
+    (s); the excess of X, of Z (m) and of the roll (rad) over X, as of a lens or a board askew or a clamp that gives
+    way; and over the run's time that of X, of Z and of the roll, as of a camera that slips or sinks in its mount, and
+    of the tip's offset (m), as of a board that slips along the tip.
     """
 
     clock_offset_s: float = 0.0
@@ -45,6 +45,7 @@ class Instrument:
     clock_curve_s: Curve = ()
     camera_x_m: Curve = ()
     camera_z_m: Curve = ()
+    camera_turn_rad: Curve = ()
     camera_x_wander_m: Curve = ()
     camera_z_wander_m: Curve = ()
     camera_roll_wander_rad: Curve = ()
@@ -88,7 +89,7 @@ class Instrument:
         x, z, phi = pose
         off_m = self._off_m(time_s)
         x, z = x + off_m * np.sin(phi), z + off_m * np.cos(phi)
-        roll, c, s = self._turned(time_s)
+        roll, c, s = self._turned(x, time_s)
         x, z = c * x + s * z, c * z - s * x
         return np.stack(
             [
@@ -103,17 +104,19 @@ class Instrument:
         (x, z, phi), (dx, dz, dphi), off_m = pose[:, :, None], d_pose, self._off_m(time_s[:, None])
         x, z = x + off_m * np.sin(phi), z + off_m * np.cos(phi)
         dx, dz = dx + off_m * np.cos(phi) * dphi, dz - off_m * np.sin(phi) * dphi
-        _, c, s = self._turned(time_s[:, None])
-        x, dx, dz = c * x + s * z, c * dx + s * dz, c * dz - s * dx
-        return np.stack([dx + _slope(self.camera_x_m, x) * dx, dz + _slope(self.camera_z_m, x) * dx, dphi])
+        (_, c, s), d_roll = self._turned(x, time_s[:, None]), _slope(self.camera_turn_rad, x) * dx
+        x, z, dx, dz = c * x + s * z, c * z - s * x, c * dx + s * dz, c * dz - s * dx
+        dx, dz = dx + z * d_roll, dz - x * d_roll
+        return np.stack([dx + _slope(self.camera_x_m, x) * dx, dz + _slope(self.camera_z_m, x) * dx, dphi + d_roll])
 
     def _off_m(self, time_s: Floats) -> Floats | float:
         """How much too far along its axis the tip is taken, m."""
         return self.tip_offset_m + _at(self.tip_offset_wander_m, time_s)
 
-    def _turned(self, time_s: Floats) -> tuple[Floats | float, Floats | float, Floats | float]:
+    def _turned(self, x: Floats, time_s: Floats) -> tuple[Floats | float, Floats | float, Floats | float]:
         """The picture's roll, rad, and scale times its cosine and sine."""
-        roll, scale = self.camera_roll_rad + _at(self.camera_roll_wander_rad, time_s), 1 + self.length_scale
+        roll = self.camera_roll_rad + _at(self.camera_turn_rad, x) + _at(self.camera_roll_wander_rad, time_s)
+        scale = 1 + self.length_scale
         return roll, scale * np.cos(roll), scale * np.sin(roll)
 
 

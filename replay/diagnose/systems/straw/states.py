@@ -227,6 +227,10 @@ STATES: tuple[State, ...] = (
         "instrument.camera_z_m@{}", "", 1e-4, lambda straw, o, p: o.tip[0],
     ),
     State(
+        "camera roll over X", "X", "m", "roll", "rad", "a roll of the camera or of the clamp that depends on X",
+        "instrument.camera_turn_rad@{}", "", 1e-3, lambda straw, o, p: o.tip[0],
+    ),
+    State(
         "camera X over time", "t", "s", "error", "m", "an error of the camera's X that depends on the time in a run",
         "instrument.camera_x_wander_m@{}", "", 1e-4, lambda straw, o, p: p.time_s,
     ),
@@ -235,7 +239,7 @@ STATES: tuple[State, ...] = (
         "instrument.camera_z_wander_m@{}", "", 1e-4, lambda straw, o, p: p.time_s,
     ),
     State(
-        "camera roll over time", "t", "s", "roll", "rad", "a roll of the camera that depends on the time in a run",
+        "camera roll over time", "t", "s", "roll", "rad", "a roll of the camera or of the clamp that depends on the time in a run",
         "instrument.camera_roll_wander_rad@{}", "", 1e-3, lambda straw, o, p: p.time_s,
     ),
     State(
