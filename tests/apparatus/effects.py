@@ -200,6 +200,8 @@ BESIDE_UNKNOWN: dict[str, Range] = {
     "gauge warms up": Range(300.0, 3e3, "Pa", {"": _fault("gauge_warms_pa")}),
     "camera sinks": Range(0.2e-3, 2e-3, "m", {"": _fault("camera_sinks_m")}),
     "camera slips": Range(4e-3, 20e-3, "rad", {"": _fault("camera_slips_rad")}),
+    "board slips": Range(0.3e-3, 2e-3, "m", {"": _fault("board_slips_m")}),
+    "frame bends": Range(4e-3, 20e-3, "rad", {"": _fault("frame_bends_rad")}),
 }  # fmt: skip
 
 EVERY = {**PHYSICS, **INSTRUMENT, **BESIDE}

@@ -35,6 +35,8 @@ class Instrument:
     gauge_warms_pa: float = 0.0  # its zero drifts by so much while it warms up in each run
     camera_sinks_m: float = 0.0  # its picture drifts by so much along Z while the mount gives way in each run
     camera_slips_rad: float = 0.0  # it turns by so much in its mount in each run
+    board_slips_m: float = 0.0  # it is pushed along the tip by so much at the same moment
+    frame_bends_rad: float = 0.0  # the camera stands on it and turns by so much where X is 50 mm, linearly
     hiccup_at_s: float = 0.0
     hiccup_s: float = 0.0
     rest_sigmas: float = 0.0  # residual of lens, board and straw that no model describes: smooth over the pose
@@ -46,11 +48,12 @@ class Instrument:
 
     def film(self, motion: Motion, stamp_s: np.ndarray) -> np.ndarray:
         """Tip (n, 3) as tracked without noise at the camera's stamps."""
-        x, z, phi = motion.at(self.true_time(stamp_s)).T
-        x, z = x + self.tip_offset_m * np.sin(phi), z + self.tip_offset_m * np.cos(phi)
-        x, z = x * (1.0 + self.length_scale), z * (1.0 + self.length_scale)
         time_s = self.true_time(stamp_s)
-        roll = self.camera_roll_rad + self.camera_slips_rad * (time_s > SLIPS_S)
+        x, z, phi = motion.at(time_s).T
+        roll = self.camera_roll_rad + self.camera_slips_rad * (time_s > SLIPS_S) + self.frame_bends_rad * x / 50e-3
+        off_m = self.tip_offset_m + self.board_slips_m * (time_s > SLIPS_S)
+        x, z = x + off_m * np.sin(phi), z + off_m * np.cos(phi)
+        x, z = x * (1.0 + self.length_scale), z * (1.0 + self.length_scale)
         s, c = np.sin(roll), np.cos(roll)
         seen = np.column_stack([c * x + s * z, c * z - s * x, phi + roll])
         seen[:, 1] -= self.camera_sinks_m * np.expm1(-time_s / SINKS_S)

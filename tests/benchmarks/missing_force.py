@@ -114,6 +114,8 @@ PLANTED = (
     Planted(_unknown("gauge warms up", 2e3), "gauge over time", lambda t: 2e3 * -np.expm1(-t / 1.5)),
     Planted(_unknown("camera sinks", 1e-3), "camera Z over time", lambda t: 1e-3 * -np.expm1(-t / 2.0)),
     Planted(_unknown("camera slips", 10e-3), "camera roll over time", None),
+    Planted(_unknown("board slips", 1e-3), "board over time", None),
+    Planted(_unknown("frame bends", 15e-3), "camera roll over X", lambda x: 15e-3 * x / 50e-3),
     Planted(Cause("cohesion", 6.0, "binding curve", 1), "height", _binding),
     Planted(Cause("squeeze_film", 2000.0, "disk with gap floor, h^-3", 1), "damping over height", _film),
 )

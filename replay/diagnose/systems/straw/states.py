@@ -239,7 +239,8 @@ STATES: tuple[State, ...] = (
         "instrument.camera_z_wander_m@{}", "", 1e-4, lambda straw, o, p: p.time_s,
     ),
     State(
-        "camera roll over time", "t", "s", "roll", "rad", "a roll of the camera or of the clamp that depends on the time in a run",
+        "camera roll over time", "t", "s", "roll", "rad",
+        "a roll of the camera or of the clamp that depends on the time in a run",
         "instrument.camera_roll_wander_rad@{}", "", 1e-3, lambda straw, o, p: p.time_s,
     ),
     State(
