@@ -83,15 +83,13 @@ def _middles(at: Floats) -> Floats:
 
 
 def _relaxing(x: str, at: Floats) -> tuple[Atom, ...]:
-    """What warms up, sinks or fades: exponentials of time that reach their end within the runs."""
-    spread = float(at[-1] - at[0])
-    return tuple(
-        Atom(
-            f"exp(-{x}/{{}})", 0, lambda t, tau: np.exp(-t / tau), 2,
-            shape=Shape(spread * share, 1.0, spread * share / 2, 2 * spread * share, "s", ratio=True),
-        )
-        for share in (1 / 20, 1 / 5)
-    )  # fmt: skip
+    """What fades, and what warms up or sinks: exponentials of time that come near their end within the runs."""
+    spread, out = float(at[-1] - at[0]), []
+    for share in (1 / 20, 1 / 5, 4 / 5):
+        shape = Shape(spread * share, 1.0, spread * share / 2, 2 * spread * share, "s", ratio=True)
+        out.append(Atom(f"exp(-{x}/{{}})", 0, lambda t, tau: np.exp(-t / tau), 2, shape=shape))
+        out.append(Atom(f"(1 - exp(-{x}/{{}}))", 0, lambda t, tau: -np.expm1(-t / tau), 2, shape=shape))
+    return tuple(out)
 
 
 def _step(x: str, edge: float, at: Floats) -> Atom:
