@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 import pytest
 
+from straw.model.continuation import Branch, follow
 from straw.model.errors import ModelError
 from straw.model.parameters import StrawParameters
 from straw.model.rest import rest_state
@@ -82,3 +85,25 @@ def test_a_cell_without_the_requested_state_is_named() -> None:
     h_m[3, 1] = 5e-3
     with pytest.raises(ModelError, match="cell 4 has no deployed state"):
         rest_state(STRAW.replace(h_m=h_m), [1, 4])
+
+
+class _Kinked:
+    """A branch of one coordinate that leaves its tangent by a fifth of every step, and by rounding at least."""
+
+    def __init__(self) -> None:
+        self.free, self.cells, self.load_length = np.arange(1), 1, 1.0
+
+    def place(self, y: np.ndarray) -> tuple[np.ndarray, float, float]:
+        return y[:-1], float(y[-1]), 0.0
+
+    def jacobian(self, y: np.ndarray) -> np.ndarray:
+        return np.array([[-1.0, 0.0]])
+
+    def correct(self, guess: np.ndarray, direction: np.ndarray, reach: float) -> np.ndarray:
+        return guess + np.array([max(0.2 * reach, 1e-12), 0.0])
+
+
+def test_a_branch_that_bends_at_every_step_is_given_up_where_it_came_to() -> None:
+    end = follow(cast(Branch, _Kinked()))
+    assert 0 < end.load < 1
+    assert end.share is not None
