@@ -38,18 +38,18 @@ def test_a_planted_straw_is_recovered_from_its_readings(held: bool) -> None:
 
 
 def test_sigmas_agree_with_the_scatter_of_readings_within_their_resolution() -> None:
-    """Pressures alone, which dominate in h and E. A sigma from 16 draws is itself known to 1 / sqrt(2 * 15) = 18 %."""
+    """Pressures alone, which dominate in h and E. A sigma from 9 draws is itself known to 1 / sqrt(2 * 8) = 25 %."""
     straw = STRAW.replace(cells=1)
     best = Readings(1.5e-3, 5.8e-3, -13.5e3, 24e3, length_resolution_m=0.0)
     stated = identify_geometry(best, straw)
     rng = np.random.default_rng(1)
     draws = [
         identify_geometry(Readings(1.5e-3, 5.8e-3, -13.5e3 + a, 24e3 + b, 0.0), straw)
-        for a, b in rng.uniform(-250, 250, (16, 2))
+        for a, b in rng.uniform(-250, 250, (9, 2))
     ]
-    assert np.std([d.h_m for d in draws], ddof=1) == pytest.approx(stated.h_sigma_m, rel=0.55)
-    assert np.std([d.E_pa for d in draws], ddof=1) == pytest.approx(stated.E_sigma_pa, rel=0.55)
-    assert np.std([d.zeta02_m for d in draws], ddof=1) == pytest.approx(stated.zeta02_sigma_m, rel=0.55)
+    assert np.std([d.h_m for d in draws], ddof=1) == pytest.approx(stated.h_sigma_m, rel=0.75)
+    assert np.std([d.E_pa for d in draws], ddof=1) == pytest.approx(stated.E_sigma_pa, rel=0.75)
+    assert np.std([d.zeta02_m for d in draws], ddof=1) == pytest.approx(stated.zeta02_sigma_m, rel=0.75)
 
 
 @pytest.mark.parametrize(

@@ -55,14 +55,14 @@ def paint(changes_s: list[float], seed: int = 0, glowing: float = 90.0) -> Itera
     """What a camera sees: an LED of a few pixels among moving, flickering and noisy things, exposed for 1/500 s."""
     random = np.random.default_rng(seed)
     last_s = A_S + B * (changes_s[-1] + 0.4)
-    yy, xx = np.mgrid[0:216, 0:384]
+    yy, xx = np.ogrid[0:216, 0:384]
     glow = glowing * np.exp(-((yy - 61) ** 2 + (xx - 250) ** 2) / (2 * 4.0**2))
     for k in range(int(last_s * FPS)):
         time_s = float(k / FPS)
         fine_s = (time_s + np.linspace(0, 1 / 500, 20, endpoint=False) + 1 / 40000 - A_S) / B
         lit = np.mean(np.searchsorted(changes_s, fine_s, side="right") % 2)
         scene = 80 + 40 * np.sin(xx / 9 + 3 * time_s) + 30 * (np.sin(2 * np.pi * 6.3 * time_s) > 0) * (yy > 150)
-        noisy = scene + glow * lit + random.normal(0, 3, scene.shape)
+        noisy = scene + glow * lit + 3 * random.standard_normal(scene.shape, np.float32)
         yield Frame(k, time_s, np.clip(noisy, 0, 255).astype(np.uint8))
 
 

@@ -1,8 +1,8 @@
-"""A short version of the concealed cases: a null against the whole library, and a law of another form.
+"""A short version of the concealed cases: a law of another form.
 
 The apparatus shares no code with the model; `python -m tests.benchmarks.concealed` is the long version, with sealed
 labels and all runs of specimens of any damping. Those drawn here are damped strongly and simulated in half the time.
-`tests/benchmarks/proofs` has more searches.
+`tests/benchmarks/proofs` has whole searches.
 """
 
 from __future__ import annotations
@@ -13,8 +13,6 @@ import numpy as np
 
 from straw.model.parameters import StrawParameters
 from straw.replay.diagnose.campaign import Campaign
-from straw.replay.diagnose.diagnosis import inquire
-from straw.replay.diagnose.findings import Findings, conclude
 from straw.replay.diagnose.fit import fitted
 from straw.replay.diagnose.judge import unexplained
 from straw.replay.diagnose.random_effects import linearise
@@ -28,17 +26,8 @@ from tests.apparatus.effects import Cause
 
 BASE = StrawParameters(r_ch_m=0.40e-3, c_zeta_n_s_per_m=20.0, c_phi_n_m_s_per_rad=2e-3)
 RUNS = ("fold-25kPa", "deploy-35kPa-1", "staircase", "deploy-35kPa-3")
-#: Damping 4.6 and 3.0 times the base's, and 1.5 and 4.4 times (axial, bending).
-SPECIMEN, ANOTHER = 39, 47
-
-
-def diagnosed(
-    cause: Cause | None, seed: int, library: tuple[str, ...] | None = None, runs: tuple[str, ...] = RUNS
-) -> Findings:
-    """Findings on a random specimen with random scatter between repeats; by default with the whole library."""
-    seen = [observe(run) for run in campaign((cause,) if cause else (), seed, runs)]
-    with ThreadPoolExecutor(2) as pool:
-        return conclude(inquire(seen, StrawSystem(BASE), library=library, executor=pool), brief=True)
+#: Damping 4.6 and 3.0 times the base's (axial, bending).
+SPECIMEN = 39
 
 
 def test_a_law_of_relaxation_fits_two_relaxation_times_and_leaves_bending_elastic() -> None:
@@ -58,10 +47,3 @@ def test_a_law_of_relaxation_fits_two_relaxation_times_and_leaves_bending_elasti
         left, missing = unexplained(whole, found), unexplained(whole, without)
     assert left < NOISE_LEAVES < missing
     assert found.values["term.viscoelasticity&viscoelasticity_slow.bending"] < 0.2
-
-
-def test_deviating_damping_and_geometry_of_a_specimen_are_not_called_missing_physics() -> None:
-    findings = diagnosed(None, ANOTHER)
-    assert findings.verdict == "complete"
-    assert findings.causes == []
-    assert "cohesion" in findings.smallest
