@@ -144,7 +144,7 @@ def follow(branch: Branch) -> Followed:
             return Followed(branch.place(new)[0], 1.0, None)
         bend = float(np.linalg.norm(new - guess)) / step
         y, direction = new, _tangent(J, direction)
-        # at a kink of a law every step bends, however short; by halves alone it would not be passed
+        # where every step bends, however short, halves alone would end at a step of zero
         step = min(LONGEST_STEP, max(SHORTEST_STEP, step * (2 if bend < 0.02 else 1 if bend < 0.1 else 0.5)))
     return _ended(branch, y)
 

@@ -87,7 +87,7 @@ def test_a_cell_without_the_requested_state_is_named() -> None:
         rest_state(STRAW.replace(h_m=h_m), [1, 4])
 
 
-class _Kinked:
+class _Bending:
     """A branch of one coordinate that leaves its tangent by a fifth of every step, and by rounding at least."""
 
     def __init__(self) -> None:
@@ -104,6 +104,6 @@ class _Kinked:
 
 
 def test_a_branch_that_bends_at_every_step_is_given_up_where_it_came_to() -> None:
-    end = follow(cast(Branch, _Kinked()))
+    end = follow(cast(Branch, _Bending()))
     assert 0 < end.load < 1
     assert end.share is not None

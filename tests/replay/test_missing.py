@@ -173,7 +173,8 @@ def test_a_camera_or_a_board_that_moves_in_its_mount_shifts_and_turns_what_is_se
 
 
 def test_a_clamp_that_gives_way_turns_what_is_seen_by_how_far_out_the_tip_is():
-    clamp = Instrument.of({"camera_turn_rad@0.02": 0.0, "camera_turn_rad@0.08": 0.03, "camera_roll_rad": 0.01})
+    curve = {"camera_roll_curve_rad@0.02": 0.0, "camera_roll_curve_rad@0.08": 0.03}
+    clamp = Instrument.of({**curve, "camera_roll_rad": 0.01})
     pose, at_s = np.array([[0.02, 0.05, 0.06], [1e-3, -4e-3, 5e-3], [1.5, 1.6, 1.7]]), np.zeros(3)
     for k, roll in enumerate((0.01, 0.025, 0.03)):
         turned = Instrument(camera_roll_rad=roll).seen(pose[:, k : k + 1], at_s[:1])

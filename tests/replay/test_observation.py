@@ -12,8 +12,8 @@ from straw.replay.diagnose.systems.straw.snaps import cell_snaps, crossings, lev
 
 def test_faults_of_clock_camera_and_gauge_are_cancelled_by_their_opposites():
     pose = np.array([[0.05, 0.03], [-0.01, 0.02], [1.6, 1.2]])
-    turned = Instrument(camera_roll_rad=0.02, length_scale=0.01).seen(pose, np.zeros(pose.shape[1]))
-    back = Instrument(camera_roll_rad=-0.02, length_scale=1 / 1.01 - 1).seen(turned, np.zeros(pose.shape[1]))
+    turned = Instrument(camera_roll_rad=0.02, length_scale=0.01).seen(pose, np.zeros(2))
+    back = Instrument(camera_roll_rad=-0.02, length_scale=1 / 1.01 - 1).seen(turned, np.zeros(2))
     np.testing.assert_allclose(back, pose, atol=1e-15)
     late = Instrument(clock_offset_s=0.06, clock_drift=0.01)
     np.testing.assert_allclose(late.true_time(np.array([0.06, 1.07])), [0.0, 1.0])
@@ -24,9 +24,8 @@ def test_faults_of_clock_camera_and_gauge_are_cancelled_by_their_opposites():
 
 def test_the_tip_offset_lies_along_the_tip_axis():
     pose = np.array([[0.0], [0.0], [np.pi / 2]])
-    np.testing.assert_allclose(
-        Instrument(tip_offset_m=1e-3).seen(pose, np.zeros(pose.shape[1]))[:2, 0], [1e-3, 0.0], atol=1e-18
-    )
+    seen = Instrument(tip_offset_m=1e-3).seen(pose, np.zeros(1))
+    np.testing.assert_allclose(seen[:2, 0], [1e-3, 0.0], atol=1e-18)
 
 
 def test_noise_of_a_track_is_white_with_unit_variance_once_whitened():

@@ -45,7 +45,7 @@ class Instrument:
     clock_curve_s: Curve = ()
     camera_x_m: Curve = ()
     camera_z_m: Curve = ()
-    camera_turn_rad: Curve = ()
+    camera_roll_curve_rad: Curve = ()
     camera_x_wander_m: Curve = ()
     camera_z_wander_m: Curve = ()
     camera_roll_wander_rad: Curve = ()
@@ -104,7 +104,7 @@ class Instrument:
         (x, z, phi), (dx, dz, dphi), off_m = pose[:, :, None], d_pose, self._off_m(time_s[:, None])
         x, z = x + off_m * np.sin(phi), z + off_m * np.cos(phi)
         dx, dz = dx + off_m * np.cos(phi) * dphi, dz - off_m * np.sin(phi) * dphi
-        (_, c, s), d_roll = self._turned(x, time_s[:, None]), _slope(self.camera_turn_rad, x) * dx
+        (_, c, s), d_roll = self._turned(x, time_s[:, None]), _slope(self.camera_roll_curve_rad, x) * dx
         x, z, dx, dz = c * x + s * z, c * z - s * x, c * dx + s * dz, c * dz - s * dx
         dx, dz = dx + z * d_roll, dz - x * d_roll
         return np.stack([dx + _slope(self.camera_x_m, x) * dx, dz + _slope(self.camera_z_m, x) * dx, dphi + d_roll])
@@ -115,7 +115,7 @@ class Instrument:
 
     def _turned(self, x: Floats, time_s: Floats) -> tuple[Floats | float, Floats | float, Floats | float]:
         """The picture's roll, rad, and scale times its cosine and sine."""
-        roll = self.camera_roll_rad + _at(self.camera_turn_rad, x) + _at(self.camera_roll_wander_rad, time_s)
+        roll = self.camera_roll_rad + _at(self.camera_roll_curve_rad, x) + _at(self.camera_roll_wander_rad, time_s)
         scale = 1 + self.length_scale
         return roll, scale * np.cos(roll), scale * np.sin(roll)
 

@@ -228,7 +228,7 @@ STATES: tuple[State, ...] = (
     ),
     State(
         "camera roll over X", "X", "m", "roll", "rad", "a roll of the camera or of the clamp that depends on X",
-        "instrument.camera_turn_rad@{}", "", 1e-3, lambda straw, o, p: o.tip[0],
+        "instrument.camera_roll_curve_rad@{}", "", 1e-3, lambda straw, o, p: o.tip[0],
     ),
     State(
         "camera X over time", "t", "s", "error", "m", "an error of the camera's X that depends on the time in a run",
