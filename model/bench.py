@@ -12,9 +12,10 @@ from straw.model.compiled import allocates_nothing, compiled
 from straw.model.constants import Constants
 from straw.model.frusta import MEMORIES
 from straw.model.given import Given
-from straw.model.kinematics import Chain, Motion, empty_chain, still_motion
+from straw.model.kinematics import Chain, empty_chain
 from straw.model.links import JOINT, JOINT_IN_WORLD, LAW_IN, LAW_OUT, Links, links_for
 from straw.model.load import Load, no_load
+from straw.model.motion import Motion, still_motion
 from straw.model.scheme import STAGES
 from straw.model.sweeps import Sweeps, sweeps_for, wide
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from straw.model.compiled import fused
 from straw.model.constants import Constants
-from straw.model.kinematics import Motion
+from straw.model.motion import Motion
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -23,8 +23,9 @@ from straw.model.frusta_slopes import frusta_slopes
 from straw.model.given import Given
 from straw.model.given_loads import add_given, add_per_pascal
 from straw.model.inlet_columns import advance_inlet
-from straw.model.kinematics import place, spread
+from straw.model.kinematics import place
 from straw.model.linearised import linearise
+from straw.model.motion import spread
 from straw.model.pushing import add_pushed, body_slopes
 from straw.model.scheme import COEFFICIENTS, GAMMA, STAGES, TIMES
 from straw.model.stages import Stages, State, copy, stages_for

@@ -26,6 +26,7 @@ from straw.model.channel import (
 from straw.model.columns import rest_columns
 from straw.model.compiled import compiled
 from straw.model.constants import Constants
+from straw.model.crossing import Crossing, crossings
 from straw.model.direction import SCALARS, Direction
 from straw.model.drive import Table
 from straw.model.frusta import MEMORIES, MEMORY_TERMS
@@ -53,16 +54,6 @@ Floats = NDArray[np.float64]
 
 #: Most snaps recorded of each cell, those of its ringing included.
 MOST_SNAPS = 100
-
-
-@dataclass(frozen=True)
-class Crossing:
-    """A channel passes a level: when, how fast (its unit a second), and that moment by each parameter (P,)."""
-
-    time_s: float
-    rate: float
-    by: Floats
-    cell: int | None = None
 
 
 @dataclass(frozen=True)
@@ -118,27 +109,9 @@ class Derivatives:
         return out
 
     def crossings(self, channel: str, level: float) -> list[Crossing]:
-        """Where "x_m", "z_m", "phi_rad", "pressure_pa" or "volume_m3" passes a level, in time.
-
-        From the cubic through values and rates at neighbouring outputs: dt/dp = -(dg/dp) / (dg/dt).
-        """
+        """Where "x_m", "z_m", "phi_rad", "pressure_pa" or "volume_m3" passes a level, in time."""
         value, rate = getattr(self.prediction, channel), getattr(self.by_time, channel)
-        return _crossings(self.prediction.time_s, value - level, rate, getattr(self, channel))
-
-
-def _crossings(time_s: Floats, value: Floats, rate: Floats, by: Floats) -> list[Crossing]:
-    found = []
-    for i in np.flatnonzero((value[1:] > 0) != (value[:-1] > 0)):
-        h = float(time_s[i + 1] - time_s[i])
-        d, v0, v1 = value[i + 1] - value[i], rate[i] * h, rate[i + 1] * h
-        roots = np.roots([v0 + v1 - 2 * d, 3 * d - 2 * v0 - v1, v0, value[i]])
-        inside = [r.real for r in roots if abs(r.imag) < 1e-9 and -1e-9 <= r.real <= 1 + 1e-9]
-        x = min(inside, default=-value[i] / d)
-        slope = (v0 + x * (2 * (3 * d - 2 * v0 - v1) + 3 * x * (v0 + v1 - 2 * d))) / h
-        # a shift in time changes slowly, while by and rate rise together in a snap
-        shifts = [-by[k] / rate[k] if rate[k] else -by[k] / slope for k in (i, i + 1)]
-        found.append(Crossing(float(time_s[i] + x * h), float(slope), (1 - x) * shifts[0] + x * shifts[1]))
-    return found
+        return crossings(self.prediction.time_s, value - level, rate, getattr(self, channel))
 
 
 def differentiate(

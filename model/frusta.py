@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from straw.model.compiled import allocates_nothing, called, composed
 from straw.model.constants import Constants
-from straw.model.kinematics import Motion
 from straw.model.load import Load
+from straw.model.motion import Motion
 from straw.model.term import Frustum
 from straw.model.terms import COLUMNS, TERMS
 from straw.model.terms.damping import damping_force

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from straw.model.compiled import allocates_nothing, called, composed
 from straw.model.constants import Constants
 from straw.model.frusta import MEMORIES, MEMORY_TERMS, beyond_base_law, frustum_at
-from straw.model.kinematics import Motion
+from straw.model.motion import Motion
 from straw.model.term import Frustum
 from straw.model.terms import COLUMNS, TERMS
 from straw.model.terms.elasticity import walls_force

@@ -227,8 +227,7 @@ def _by_constant(
 def _by_number(
     c: Constants, s: Stages, stage: int, i: int, j: int, number: int, e: float, hg: float, b: Bench
 ) -> tuple[float, float]:
-    """Derivative of a frustum's force and moment by one of the constants that all laws see, and of its memories
-    (remembering[2])."""
+    """Derivative of a frustum's force and moment by a constant that all laws see; of its memories: remembering[2]."""
     force, moment = 0.0, 0.0
     if number == 7:
         force = -b.motion.d_zeta[i, j]

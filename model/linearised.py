@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from straw.model.body import I0, I1, L0, L1, L2, MASS, T0, T1, T2, X0, X1, X2, Body, second, shape_of
 from straw.model.compiled import allocates_nothing, fused
 from straw.model.constants import Constants
-from straw.model.kinematics import Motion
 from straw.model.links import (
     ANGLE,
     AX,
@@ -35,6 +34,7 @@ from straw.model.links import (
     force_on,
     loads_of,
 )
+from straw.model.motion import Motion
 
 Floats = NDArray[np.float64]
 

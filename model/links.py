@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from straw.model.body import I0, L0, MASS, T0, X0, Body, shape_of
 from straw.model.compiled import compiled, fused
 from straw.model.constants import Constants
-from straw.model.kinematics import Motion
+from straw.model.motion import Motion
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]

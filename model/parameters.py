@@ -86,12 +86,10 @@ class StrawParameters:
         for name in positive:
             self._check(name, all_of(_numbers(getattr(self, name)) > 0), "above zero")
         self._check("r_ch_m", self.r_ch_m > 1e-60, "above 1e-60")  # the loss has its fourth power, 0 below 1e-81
-        for name in ("c_zeta_n_s_per_m", "c_phi_n_m_s_per_rad"):
-            self._check(name, all_of(getattr(self, name) >= 0), "zero or above")
+        for name in ("c_zeta_n_s_per_m", "c_phi_n_m_s_per_rad", "cycle", "zero_time_s"):
+            self._check(name, all_of(_numbers(getattr(self, name)) >= 0), "zero or above")
         for name in ("g_m_per_s2", "phi_0_rad", "F_X_n", "F_Z_n", "M_Y_n_m", "start_s", "zero_time_s"):
             self._check(name, math.isfinite(getattr(self, name)), "finite")
-        self._check("cycle", self.cycle >= 0, "zero or above")
-        self._check("zero_time_s", self.zero_time_s >= 0, "zero or above")
         object.__setattr__(self, "terms", checked(self.terms, self.cells))
         self._check("r_o_m", self.r_o_m > self.r_i_m, f"above r_i_m = {self.r_i_m}")
         # |zeta0_even| < zeta0_odd keeps every cell's volume, length and mass positive whichever way it snaps.
@@ -112,8 +110,7 @@ class StrawParameters:
 
     def _spread(self, name: str) -> Floats:
         try:
-            given = np.asarray(getattr(self, name), dtype=np.float64)
-            full = np.broadcast_to(given, (self.cells, 2)).copy()
+            full = np.broadcast_to(np.asarray(getattr(self, name), dtype=np.float64), (self.cells, 2)).copy()
         except (TypeError, ValueError):
             raise ModelError(
                 f"straw: {name} does not spread over {self.cells} cells: give a number, a pair (odd, even) "
@@ -208,8 +205,7 @@ class StrawParameters:
         the share is there.
         """
         rows = np.zeros((self.cells, 2, ROW))
-        given = self.terms.get("wall_elasticity", {}).get("share", 0.0)
-        share = per_frustum("share", given, "walls", self.cells)
+        share = per_frustum("share", self.terms.get("wall_elasticity", {}).get("share", 0.0), "walls", self.cells)
         share = share if self.elasticity == EQUATION_7 else 1 - share
         places = np.flatnonzero((share[:, 1] != 0) | everywhere)
         table = elasticity_of(self.walls_table) if len(places) else None

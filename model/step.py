@@ -13,7 +13,8 @@ from straw.model.compiled import allocates_nothing, called, inlined
 from straw.model.constants import Constants
 from straw.model.drive import Table, pressure_in, seen
 from straw.model.frusta import remember, tangent
-from straw.model.kinematics import place, spread
+from straw.model.kinematics import place
+from straw.model.motion import spread
 from straw.model.scheme import COEFFICIENTS, ERROR, GAMMA, GUESS, ORDER_BELOW, STAGES, TIMES
 from straw.model.stages import Limits, Stages, State, Work, copy, recall, remembered_rate
 from straw.model.straw import forces_left, volume_rate

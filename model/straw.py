@@ -13,18 +13,9 @@ from straw.model.compiled import allocates_nothing, called, compiled, composed, 
 from straw.model.constants import Constants
 from straw.model.frusta import MEMORIES, add_frusta, frusta_energy
 from straw.model.inertia import add_inertia, mass_matrix
-from straw.model.kinematics import (
-    Chain,
-    Motion,
-    chain_of,
-    empty_chain,
-    motion_of,
-    place,
-    spread,
-    still_motion,
-    tip_pose,
-)
+from straw.model.kinematics import Chain, chain_of, empty_chain, place, tip_pose
 from straw.model.load import Load, no_load, project, unload
+from straw.model.motion import Motion, motion_of, spread, still_motion
 from straw.model.terms import COLUMNS, TERMS
 from straw.model.terms.gravity import add_gravity
 from straw.model.terms.pressure import add_pressure, pressure_per_pa

@@ -13,7 +13,8 @@ from straw.replay.diagnose import figures
 from straw.replay.diagnose.diagnosis import inquire
 from straw.replay.diagnose.findings import Findings, conclude
 from straw.replay.diagnose.page.report import report
-from straw.replay.diagnose.system import Channel, System
+from straw.replay.diagnose.recording import Channel
+from straw.replay.diagnose.system import System
 from straw.replay.diagnose.systems.straw.observation import observe
 from straw.replay.diagnose.systems.straw.system import StrawSystem
 from straw.replay.diagnose.tolerance import parse_tolerance

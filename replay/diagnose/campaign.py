@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
+from straw.replay.diagnose.recording import Recording
 from straw.replay.diagnose.settings import COLUMN_COSTS, FAILED_SIGMAS
-from straw.replay.diagnose.system import Level, Misfit, Recording, System
+from straw.replay.diagnose.system import Level, Misfit, System
 
 Floats = NDArray[np.float64]
 

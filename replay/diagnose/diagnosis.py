@@ -13,9 +13,10 @@ from straw.replay.diagnose.inquiry import Inquiry, Told, silent
 from straw.replay.diagnose.one_thread import one_blas_thread
 from straw.replay.diagnose.pairs import nested
 from straw.replay.diagnose.random_effects import linearise_at_best, to_conditional_mode
+from straw.replay.diagnose.recording import Recording
 from straw.replay.diagnose.refine import finish, without_a_run
 from straw.replay.diagnose.settings import ROUNDS
-from straw.replay.diagnose.system import Recording, System
+from straw.replay.diagnose.system import System
 from straw.replay.diagnose.tournament import finished
 
 #: Share of the budget after which no further hypothesis is tried; the rest is for restarts, which would take nearly as

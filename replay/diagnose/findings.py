@@ -3,7 +3,7 @@ runs."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,12 +16,12 @@ from straw.replay.diagnose.fit import Contestant, Fit
 from straw.replay.diagnose.formed import Model
 from straw.replay.diagnose.heldout import Held, helpful, hold_out, moves, noise_floor, plain_rms
 from straw.replay.diagnose.inquiry import Inquiry, Told, silent
-from straw.replay.diagnose.judge import Judgement, by_cause, surviving
+from straw.replay.diagnose.judge import Judgement, surviving
 from straw.replay.diagnose.locate import Located, Wandering, locate, sentence, wandering
 from straw.replay.diagnose.one_thread import one_blas_thread
 from straw.replay.diagnose.said import Refuted, doubts, made_worse, says
-from straw.replay.diagnose.settings import NAMED_ALONE
 from straw.replay.diagnose.tolerance import Tolerance
+from straw.replay.diagnose.verdict import verdict_of
 
 Floats = NDArray[np.float64]
 
@@ -230,22 +230,3 @@ def _within(tolerance: Tolerance, campaign: Campaign, null: Fit, held: Held | No
     rms, floor = plain_rms(campaign, null.unknowns, null.u), noise_floor(campaign)
     left = {name: float(np.sqrt(max(0.0, value**2 - floor[name] ** 2))) for name, value in rms.items()}
     return tolerance.holds(left, moves(campaign))
-
-
-def verdict_of(probability: Mapping[str, float], faults: Collection[str]) -> tuple[str, list[str]]:
-    """The contract's verdict and the causes it names, from probabilities, largest first."""
-    top = next(iter(probability))
-    names = [n for n in surviving(probability) if n != "unknown"] or [top]
-    if top == "complete" and probability[top] > 0.5:  # more probable than not
-        return "complete", []
-    if top == "unknown" and probability[top] > 0.5:
-        return "unknown_physics", ["unknown"]
-    marginal = by_cause(probability)
-    certain = [cause for cause, p in marginal.items() if p >= NAMED_ALONE]
-    if probability[top] >= NAMED_ALONE or (certain and set(certain) == set(top.split("+"))):
-        causes = sorted(top.split("+"), key=lambda c: -marginal[c])
-        return ("measurement_fault" if set(causes) <= set(faults) else "missing_physics"), causes
-    if certain:  # one cause is certain, only the one beside it is not
-        return ("measurement_fault" if set(certain) <= set(faults) else "missing_physics"), certain
-    told = [cause for name in names if name != "complete" for cause in name.split("+")]
-    return "ambiguous", sorted(set(told), key=lambda c: -marginal.get(c, 0.0))

@@ -14,9 +14,10 @@ from straw.replay.diagnose.fit import fitted as fitted_unknowns
 from straw.replay.diagnose.formula import Sum
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.numerical import jacobian
+from straw.replay.diagnose.recording import Recording
 from straw.replay.diagnose.refine import refined
 from straw.replay.diagnose.settings import COARSE_ROUNDS, ROUNDS
-from straw.replay.diagnose.system import Level, Misfit, Recording
+from straw.replay.diagnose.system import Level, Misfit
 
 Floats = NDArray[np.float64]
 

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Fit
+from straw.replay.diagnose.recording import Channel, Recording
 from straw.replay.diagnose.robust import weights
-from straw.replay.diagnose.system import Channel, Misfit, Recording
+from straw.replay.diagnose.system import Misfit
 
 Floats = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from straw.replay.diagnose.heldout import Held
 from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.names import NO_CAUSE, words
+from straw.replay.diagnose.recording import Channel
 from straw.replay.diagnose.settings import BY_CHANCE, COVERED
-from straw.replay.diagnose.system import Channel
 
 
 @dataclass(frozen=True)

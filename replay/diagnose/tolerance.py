@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from straw.replay.diagnose.system import Channel
+from straw.replay.diagnose.recording import Channel
 from straw.replay.errors import ReplayError
 
 #: Factors to SI of units that may follow a number.

@@ -18,7 +18,6 @@ import numpy as np
 
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.diagnosis import inquire
-from straw.replay.diagnose.findings import verdict_of
 from straw.replay.diagnose.fit import Fit, fitted
 from straw.replay.diagnose.locate import kind_of
 from straw.replay.diagnose.systems.oscillator.system import (
@@ -31,6 +30,7 @@ from straw.replay.diagnose.systems.oscillator.system import (
     OscillatorSystem,
     Record,
 )
+from straw.replay.diagnose.verdict import verdict_of
 from tests.benchmarks.figures import publish, write_option
 
 #: The benchmark's constants: N s/m, N/m, N/m, 1/m, -, -; nu = 1.

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
-from straw.replay.diagnose.findings import verdict_of
 from straw.replay.diagnose.judge import by_cause, surviving, weighed
 from straw.replay.diagnose.systems.straw.constants import MEASUREMENT
 from straw.replay.diagnose.systems.straw.library import causes
+from straw.replay.diagnose.verdict import verdict_of
 from tests.apparatus.cases import Case
 
 Row = Mapping[str, Any]

@@ -10,7 +10,8 @@ import pytest
 from straw.model.drive import Table as PressureTable
 from straw.model.frusta import MEMORY_TERMS
 from straw.model.integrate import at_rest, integrate
-from straw.model.kinematics import chain_of, motion_of
+from straw.model.kinematics import chain_of
+from straw.model.motion import motion_of
 from straw.model.parameters import StrawParameters
 from straw.model.rest import rest_state
 from straw.model.simulate import MOST_STEPS_PER_S

@@ -9,8 +9,9 @@ from straw.model.channel import channel_at_rest, channel_of, inside_pressure
 from straw.model.constants import Constants
 from straw.model.errors import ModelError
 from straw.model.frusta import MEMORY_TERMS
-from straw.model.kinematics import Chain, chain_of, motion_of
+from straw.model.kinematics import Chain, chain_of
 from straw.model.load import no_load, project
+from straw.model.motion import motion_of
 from straw.model.parameters import StrawParameters
 from straw.model.rest import rest_state
 from straw.model.simulate import simulate

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from straw.replay.diagnose.findings import verdict_of
 from straw.replay.diagnose.judge import CALIBRATION, by_cause, decisive, surviving, weighed
 from straw.replay.diagnose.settings import NAMED_ALONE
 from straw.replay.diagnose.systems.straw.constants import MEASUREMENT
+from straw.replay.diagnose.verdict import verdict_of
 
 
 @pytest.mark.parametrize(("complete", "verdict"), [(0.6, "complete"), (0.45, "ambiguous")])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.page.pictures import AFTER, BAND, BEFORE, LEGEND, LINE, OTHERS, axes_of, svg, zero
 from straw.replay.diagnose.page.shown import LawCurve
-from straw.replay.diagnose.system import Channel, Recording
+from straw.replay.diagnose.recording import Channel, Recording
 
 Floats = NDArray[np.float64]
 

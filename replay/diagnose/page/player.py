@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.formed import Model
 from straw.replay.diagnose.page.moment import parting
-from straw.replay.diagnose.system import Recording
+from straw.replay.diagnose.recording import Recording
 from straw.replay.report.data import packed
 
 Floats = NDArray[np.float64]

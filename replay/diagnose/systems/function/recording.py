@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.replay.diagnose.system import Stretch
+from straw.replay.diagnose.recording import Stretch
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

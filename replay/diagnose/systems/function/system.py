@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Fit
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown, in_order
+from straw.replay.diagnose.recording import Channel
 from straw.replay.diagnose.settings import FIRST_ROUNDS, ROUNDS
 from straw.replay.diagnose.starts import logarithmic, scattered
-from straw.replay.diagnose.system import Channel, Differences, Level, System
+from straw.replay.diagnose.system import Differences, Level, System
 from straw.replay.diagnose.systems.function.encoding import Encoding, encoding
 from straw.replay.diagnose.systems.function.laws import Law, encoded
 from straw.replay.diagnose.systems.function.least import least

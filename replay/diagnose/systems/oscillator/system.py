@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from straw.model.compiled import compiled
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown, in_order
 from straw.replay.diagnose.numerical import jacobian
-from straw.replay.diagnose.system import Channel, Differences, Level, Stretch, System
+from straw.replay.diagnose.recording import Channel, Stretch
+from straw.replay.diagnose.system import Differences, Level, System
 
 Floats = NDArray[np.float64]
 

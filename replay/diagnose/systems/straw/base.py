@@ -11,9 +11,9 @@ from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Fit, fits_from, fitted
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.judge import run_by_run
+from straw.replay.diagnose.recording import Recording
 from straw.replay.diagnose.refine import refined
 from straw.replay.diagnose.settings import FIRST_ROUNDS, FOLLOWED, NOISE_LEAVES, ROUNDS
-from straw.replay.diagnose.system import Recording
 from straw.replay.diagnose.systems.straw.constants import base_unknowns
 from straw.replay.diagnose.systems.straw.of import straw_of
 

@@ -17,7 +17,7 @@ from straw.model.rest import rest_state
 from straw.model.simulate import sampled
 from straw.replay.compare.comparison import CHANNELS
 from straw.replay.compare.driving import driving_pressure
-from straw.replay.diagnose.system import Stretch
+from straw.replay.diagnose.recording import Stretch
 from straw.replay.diagnose.systems.straw.envelope import Envelope, envelope_of
 from straw.replay.diagnose.systems.straw.gauge import quieted
 from straw.replay.diagnose.systems.straw.snaps import Levels, crossings, levels_of, stretches

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from straw.replay.diagnose.system import Stretch
+from straw.replay.diagnose.recording import Stretch
 
 Floats = NDArray[np.float64]
 

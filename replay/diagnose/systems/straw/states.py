@@ -123,10 +123,6 @@ def _toward(x: float, z: float) -> State:
     )  # fmt: skip
 
 
-def _aside(straw: StrawParameters, o: Observation, p: Prediction) -> Floats:
-    return np.asarray(o.tip[1] / _length_m(straw))
-
-
 #: Unit of a fixed point's place in the search, in unloaded lengths: 3 mm on the paper's straw.
 POST = 0.05
 #: Where the search for it starts: beside the folded and the deployed tip, on either side, and beyond. From all of them,
@@ -177,7 +173,8 @@ STATES: tuple[State, ...] = (
     ),
     State(
         "tip Z, along Z", "Z", "m", "F_Z", "N", "a force along Z on the tip that depends on how far aside it is",
-        "term.missing_tip_force.aside_{}_n", "z_{}", 2e-3, _aside, scale=_length_m,
+        "term.missing_tip_force.aside_{}_n", "z_{}", 2e-3, lambda straw, o, p: o.tip[1] / _length_m(straw),
+        scale=_length_m,
     ),
     *(_toward(*at) for at in POSTS),
     State(

@@ -17,8 +17,9 @@ from straw.replay.diagnose.fit import Contestant, Fit, evaluated
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
 from straw.replay.diagnose.inquiry import Told
 from straw.replay.diagnose.page.shown import Shown
+from straw.replay.diagnose.recording import Channel
 from straw.replay.diagnose.settings import MOST_WORK
-from straw.replay.diagnose.system import Channel, Differences, Level, Misfit, System
+from straw.replay.diagnose.system import Differences, Level, Misfit, System
 from straw.replay.diagnose.systems.straw.base import base_fit, telling_runs
 from straw.replay.diagnose.systems.straw.constants import (
     MEASUREMENT,
