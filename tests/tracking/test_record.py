@@ -109,11 +109,11 @@ def test_one_frame_is_enough_when_the_cameras_pose_is_known(small_clip, tmp_path
 
 
 def test_memory_does_not_grow_with_the_video(small_clip, tmp_path):
-    """Five times the frames, in a separate process: the trace itself is 0.1 kB a frame, pictures would be 300 kB."""
+    """Three times the frames, in a separate process: the trace itself is 0.1 kB a frame, pictures would be 300 kB."""
     with VideoReader(small_clip.path) as old:
         lumas = [frame.luma.copy() for frame in old.frames()]
     peaks = []
-    for name, times in (("a", 1), ("b", 5)):
+    for name, times in (("a", 1), ("b", 3)):
         with VideoWriter(tmp_path / f"{name}.mp4", 640, 480, bitrate=15e6) as new:
             for luma in (lumas + lumas[::-1]) * times:
                 new.write(luma)
@@ -126,4 +126,4 @@ def test_memory_does_not_grow_with_the_video(small_clip, tmp_path):
         save_camera(tmp_path / "c.json", small_clip.camera)
         command = [sys.executable, "-c", script, str(tmp_path / f"{name}.mp4"), str(tmp_path / "c.json")]
         peaks.append(int(subprocess.run(command, capture_output=True, text=True, check=True).stdout))
-    assert peaks[1] - peaks[0] < 25_000  # kB; 416 more frames
+    assert peaks[1] - peaks[0] < 25_000  # kB; 208 more frames, 60,000 kB of pictures
