@@ -14,9 +14,9 @@ from straw.replay.cli import main
 from straw.replay.diagnose.systems.function.check import defects
 from straw.replay.diagnose.systems.function.model import load_model
 from straw.replay.diagnose.systems.function.noise import noise_of
-from straw.replay.diagnose.systems.function.places import passed, places
+from straw.replay.diagnose.systems.function.places import passed, places, typical
 from straw.replay.diagnose.systems.function.read_recordings import read_recordings
-from straw.replay.diagnose.systems.function.system import FunctionSystem
+from straw.replay.diagnose.systems.function.system import FunctionSystem, first_value
 from straw.replay.diagnose.systems.function.table import read_table
 from straw.replay.errors import ReplayError
 
@@ -266,3 +266,22 @@ def test_an_equation_that_only_defines_another_state_is_no_place_of_a_law_unless
         names = [one.name for one in places(system, seen)]
         assert ("rate:y" in names) == there
         assert ("rate:v" in names) == (not there)
+
+
+@pytest.mark.parametrize("fall", [9.81, 0.05, 0.1])
+def test_an_equation_that_is_constant_is_a_place_of_the_size_of_its_constant(fall):
+    """Rounding gives equal values a standard deviation of some 1e-17, by which nothing would be found there."""
+    assert typical(np.full(77, -fall)) == pytest.approx(fall)
+    assert typical(np.zeros(5)) == 1.0
+    assert typical(np.array([1.0, 3.0, np.nan])) == pytest.approx(1.0)
+
+
+def test_a_channel_that_moves_starts_where_it_is_first_seen_and_one_faulty_reading_does_no_harm():
+    t = np.array([0.0, 0.5, 1.0, 1.5, 2.0])
+    moving = 3.0 + 4.0 * t
+    assert first_value(t, moving) == pytest.approx(3.0)
+    for faulty in range(len(t)):
+        readings = moving.copy()
+        readings[faulty] += 50.0
+        assert first_value(t, readings) == pytest.approx(3.0)
+    assert first_value(t[:2], moving[:2]) == 3.0  # too few to tell

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.discover.trial import Trial
 from straw.replay.diagnose.systems.function.codes import CLOCK, DELAY
+from straw.replay.diagnose.systems.function.places import typical
 from straw.replay.diagnose.systems.function.recording import Recorded
 
 Floats = NDArray[np.float64]
@@ -36,8 +37,8 @@ def written_otherwise(one: Trial, other: Trial, base: Trial, recordings: Sequenc
         at = np.arange(0, len(recording.time_s) - 1, every)
         states = one.system.played(recording, one.values, one.system.profiled(recording, one.values)[1])[1]
         rows = [right_hand_side(trial, recording, states, at) for trial in (one, other, base)]
-        size = np.std(rows[0], axis=1, keepdims=True)
-        mine, theirs, bare = (row / np.where(size > 0, size, 1.0) for row in rows)
+        size = np.array([[typical(row)] for row in rows[0]])
+        mine, theirs, bare = (row / size for row in rows)
         good = np.isfinite(mine + theirs + bare)
         apart += float(np.sum((mine - theirs)[good] ** 2))
         changed += float(np.sum((mine - bare)[good] ** 2))

@@ -39,6 +39,9 @@ FUNCTION_BINS, FUNCTION = 20, 0.02
 #: distance: peaks of oscillations count, single faulty readings do not.
 VISITED, BEYOND = (0.002, 0.998), 0.5
 
+#: Values whose standard deviation is a smaller share of them are constant: rounding leaves some 1e-16.
+CONSTANT = 1e-12
+
 
 @dataclass(frozen=True, eq=False)
 class Passed:
@@ -86,7 +89,7 @@ def places(system: FunctionSystem, seen: Sequence[Passed]) -> list[Place]:
     for i, name in enumerate(model.states):
         if wanted is None and _is_a_state(i, seen):
             continue  # it defines that state, as a height's rate the speed: nothing can be missing
-        size = float(np.std(np.concatenate([p.rates[i] for p in seen]))) or 1.0
+        size = typical(np.concatenate([p.rates[i] for p in seen]))
         unit = f"{model.unit(name)}/s"
         out.append(Place(RATE, i, f"rate:{name}", f"the rate of {model.named(name)}", unit, size))
     optional = system.optional
@@ -100,13 +103,13 @@ def places(system: FunctionSystem, seen: Sequence[Passed]) -> list[Place]:
             says = model.says.get(constant.name, f"the constant {constant.name}")
             out.append(Place(FACTOR, i, f"constant:{constant.name}", says, "1", 0.3))
     for i, channel in enumerate(model.channels):
-        size = float(np.std(np.concatenate([p.recording.seen[i][np.isfinite(p.recording.seen[i])] for p in seen])))
+        size = typical(np.concatenate([p.recording.seen[i] for p in seen]))
         says = model.named(channel.name)
-        out.append(Place(CHANNEL, i, f"channel:{channel.name}", f"the reading of {says}", channel.unit, size or 1.0))
+        out.append(Place(CHANNEL, i, f"channel:{channel.name}", f"the reading of {says}", channel.unit, size))
         step = float(np.median(np.concatenate([np.diff(p.recording.time_s) for p in seen])))
         out.append(Place(CLOCK, i, f"clock:{channel.name}", f"the clock of {says}", "s", step))
     for i, signal in enumerate(model.inputs):
-        size = float(np.std(np.concatenate([p.recording.inputs[i] for p in seen]))) or 1.0
+        size = typical(np.concatenate([p.recording.inputs[i] for p in seen]))
         says = model.named(signal.name)
         out.append(Place(INPUT, i, f"input:{signal.name}", f"the input {says}", signal.unit, size))
         if not all(np.ptp(p.recording.inputs[i]) == 0 for p in seen):
@@ -151,6 +154,15 @@ def states(system: FunctionSystem, seen: Sequence[Passed]) -> list[State]:
                 out.append(replace(one, lag_s=float(lag), longest_s=longest))
     wanted = model.get("depends_on")
     return out if wanted is None else [s for s in out if s.name in (*wanted, "nothing")]
+
+
+def typical(values: Floats) -> float:
+    """The size of a change of values (n,): their standard deviation, or, where they are constant but for rounding, what
+    they are; 1 where that is zero."""
+    values = values[np.isfinite(values)]
+    most = float(np.max(np.abs(values), initial=0.0))
+    size = float(np.std(values)) if len(values) else 0.0
+    return (size if size > CONSTANT * most else most) or 1.0
 
 
 def visited(values: Floats) -> tuple[float, float]:

@@ -131,9 +131,10 @@ class FunctionSystem(System):
         for i, one in enumerate(self.model.starts):
             if one.channel is not None:
                 row = recording.seen[names.index(one.channel)]
-                good = row[np.isfinite(row)]
-                start[i] = float(np.median(good[:3]))
-                scale[i] = max(float(recording.noise[names.index(one.channel)]), START_SHARE * float(np.ptp(good)))
+                good = np.isfinite(row)
+                start[i] = first_value(recording.time_s[good], row[good])
+                noise = float(recording.noise[names.index(one.channel)])
+                scale[i] = max(noise, START_SHARE * float(np.ptp(row[good])))
             elif one.value is not None:
                 start[i] = one.value
                 scale[i] = (one.high - one.low) / 4 or 1.0
@@ -230,3 +231,15 @@ def unknown_of(constant: Constant, *, strength: bool = False) -> Unknown:
     scale = (constant.high - constant.low) / 2
     ends = constant.low / scale, constant.high / scale
     return Unknown(target, scale, kind="linear", mean=constant.value / scale, sd=1.0, low=ends[0], high=ends[1])
+
+
+def first_value(t: Floats, row: Floats) -> float:
+    """The value at the first of times (n,) from the first readings of a channel (n,), one of which may be faulty.
+
+    The median of the first reading and of two lines, through the next two and the two after: a channel that moves from
+    the start on has passed on by the second reading.
+    """
+    if len(t) < 4:
+        return float(row[0])
+    lines = [row[k] + (row[k + 1] - row[k]) * (t[0] - t[k]) / (t[k + 1] - t[k]) for k in (1, 2)]
+    return float(np.median([row[0], *lines]))
