@@ -8,13 +8,15 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 
-from straw.replay.diagnose.discover.choose import drifts, fitting, forms_of, picked, rivals, written
+from straw.replay.diagnose.discover import choose
+from straw.replay.diagnose.discover.choose import drifts, fitting, forms_of, picked, rivals, same_channels, written
 from straw.replay.diagnose.discover.screen import Candidate, told_ahead
 from straw.replay.diagnose.systems.function.codes import CHANNEL, CLOCK, OF_STATE, OF_TIME, RATE
 from straw.replay.diagnose.systems.function.laws import Law, Place, State
 from straw.replay.diagnose.systems.function.recording import HeldOut
-from straw.replay.diagnose.systems.function.shapes import CUBE, LINEAR, POWER, SQUARE, TABLE
+from straw.replay.diagnose.systems.function.shapes import CUBE, LINEAR, POWER, QUADRATIC, SIGN, SQUARE, TABLE
 
 LEAK = Place(RATE, 0, "rate:p", "the rate of the pressure", "bar/s", 1.0)
 SENSOR = Place(CHANNEL, 0, "channel:p", "the reading of the pressure", "bar", 1.0)
@@ -22,9 +24,14 @@ PRESSURE = State(OF_STATE, 0, "the pressure", "bar", 1.0, 7.0)
 TIME = State(OF_TIME, 0, "time", "s", 0.0, 100.0)
 
 
-def trial(law: Law, *errors: float) -> Any:
-    """A fit with its squared errors by block."""
-    return SimpleNamespace(laws=(law,), error=np.array(errors), predicts=float(sum(errors)))
+def trial(law: Law, *errors: float, fit: Any = None) -> Any:
+    """A fit with its squared errors by block, of ten independent samples each."""
+
+    def evidence(worth: float) -> float:
+        return worth * float(np.log(sum(errors)))
+
+    total, worth = float(sum(errors)), 10.0 * len(errors)
+    return SimpleNamespace(laws=(law,), error=np.array(errors), predicts=total, worth=worth, evidence=evidence, fit=fit)
 
 
 def test_a_law_over_a_state_comes_before_a_drift_from_which_it_cannot_be_distinguished():
@@ -57,6 +64,34 @@ def test_other_forms_of_a_law_that_explain_as_much_are_named_and_no_others():
     ]
     assert forms_of(found, every) == ("cube",)
     assert forms_of(every[-1], every) == ()
+
+
+def test_a_form_that_is_far_worse_in_one_block_only_is_no_other_form():
+    """No difference of blocks shows it: all of it is in one; but it leaves twenty times the error."""
+    found, poor = trial(Law(LEAK, PRESSURE, LINEAR), 1.0, 1.0, 1.0), trial(Law(LEAK, PRESSURE, CUBE), 1.0, 1.0, 58.0)
+    slightly = trial(Law(LEAK, PRESSURE, SIGN), 1.0, 1.0, 1.2)
+    assert forms_of(found, [found, poor, slightly]) == ("sign",)
+
+
+@pytest.mark.parametrize(("exponent", "named"), [(2.03, ()), (2.2, ("power",))])
+def test_one_form_written_twice_is_not_named_as_another(exponent, named, monkeypatch):
+    """A square with sign of a pressure that is never negative; a power whose exponent is two within its deviation."""
+    monkeypatch.setattr(choose, "covariance_of", lambda trial: np.diag([1.0, 0.02**2]))
+    power = Law(LEAK, PRESSURE, POWER)
+    unknowns = power.unknowns(0)
+    at = SimpleNamespace(unknowns=unknowns, u=np.array([0.0, np.log(exponent / 1.5) / unknowns[1].scale]))
+    assert unknowns[1].value(float(at.u[1])) == pytest.approx(exponent)
+    square, signed = (trial(Law(LEAK, PRESSURE, shape), 1.0, 1.2, 0.9) for shape in (QUADRATIC, SQUARE))
+    assert forms_of(square, [square, signed, trial(power, 1.0, 1.1, 0.9, fit=at)]) == named
+    both = replace(PRESSURE, low=-1.0)
+    square, signed = (trial(Law(LEAK, both, shape), 1.0, 1.2, 0.9) for shape in (QUADRATIC, SQUARE))
+    assert forms_of(square, [square, signed]) == ("square with sign",)
+
+
+@pytest.mark.parametrize(("also", "rival"), [((4.0, 0.1), False), ((0.2, 4.0), True)])
+def test_what_explains_another_channel_is_no_rival(also, rival):
+    current, accepted, other = (SimpleNamespace(squared=np.array(s)) for s in ((4.0, 4.0), (0.1, 4.0), also))
+    assert same_channels(other, accepted, current) == rival
 
 
 def test_the_same_law_over_history_and_an_equation_over_time_are_no_rivals_but_a_drift_of_the_sensor_is():

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.discover.screen import Candidate
-from straw.replay.diagnose.discover.trial import Trial
+from straw.replay.diagnose.discover.trial import Trial, covariance_of
 from straw.replay.diagnose.systems.function.codes import (
     CHANNEL,
     CLOCK,
@@ -22,7 +22,16 @@ from straw.replay.diagnose.systems.function.codes import (
     STRENGTH,
 )
 from straw.replay.diagnose.systems.function.laws import Law
-from straw.replay.diagnose.systems.function.shapes import SHAPES, TABLE
+from straw.replay.diagnose.systems.function.shapes import (
+    CUBE,
+    LINEAR,
+    POWER,
+    QUADRATIC,
+    ROOT,
+    SHAPES,
+    SQUARE,
+    TABLE,
+)
 
 Floats = NDArray[np.float64]
 
@@ -36,6 +45,8 @@ STRONG = 10.0
 FITTED, ALIKE = 9, 3
 #: Standard deviations of the blockwise difference within which two laws explain equally well.
 TOLD_APART = 2.0
+#: Shapes that are powers of the state's magnitude.
+EXPONENTS = {ROOT: 0.5, LINEAR: 1.0, SQUARE: 2.0, QUADRATIC: 2.0, CUBE: 3.0}
 #: Laws whose prediction errors differ by less are the same in another form.
 OF_NEARLY = 0.95
 
@@ -77,7 +88,10 @@ def rivals(law: Law, accepted: Law) -> bool:
 
 
 def forms_of(accepted: Trial, trials: Sequence[Trial]) -> tuple[str, ...]:
-    """Names of other shapes that cannot be distinguished from an accepted formula, the best first."""
+    """Names of other shapes that cannot be distinguished from an accepted formula, the best first.
+
+    At one place and over one state, Schwarz's criterion distinguishes forms, too.
+    """
     law = accepted.laws[-1]
     if law.shape == TABLE:
         return ()
@@ -85,9 +99,26 @@ def forms_of(accepted: Trial, trials: Sequence[Trial]) -> tuple[str, ...]:
     for one in trials:
         other = one.laws[-1]
         here = (other.place.name, other.over) == (law.place.name, law.over)
-        if here and other.shape not in (TABLE, law.shape) and not apart(one, accepted):
-            out.append(SHAPES[other.shape].name)
+        if here and other.shape not in (TABLE, law.shape) and not same_form(one, accepted):
+            worth = min(one.worth, accepted.worth)
+            unlikely = one.evidence(worth) > accepted.evidence(worth) + STRONG
+            if not apart(one, accepted) and not (unlikely and OF_NOTE * one.predicts > accepted.predicts):
+                out.append(SHAPES[other.shape].name)
     return tuple(dict.fromkeys(out))
+
+
+def same_form(one: Trial, accepted: Trial) -> bool:
+    """Whether a shape is that of an accepted formula: a square with sign of a state that has one sign, or a power whose
+    exponent is determined as that of the formula."""
+    law, other = accepted.laws[-1], one.laws[-1]
+    exponent, state = EXPONENTS.get(law.shape), law.state
+    if exponent is None or (law.shape == QUADRATIC and state.low < 0 < state.high):
+        return False
+    if other.shape == POWER:
+        k = next(k for k, unknown in enumerate(one.fit.unknowns) if unknown.target.endswith(".exponent"))
+        unknown, u, sd = one.fit.unknowns[k], float(one.fit.u[k]), float(np.sqrt(covariance_of(one)[k, k]))
+        return unknown.value(u - TOLD_APART * sd) <= exponent <= unknown.value(u + TOLD_APART * sd)
+    return EXPONENTS.get(other.shape) == exponent and not state.low < 0 < state.high
 
 
 def of_note(one: Trial, current: Trial) -> bool:
@@ -128,6 +159,13 @@ def simplest(one: Trial) -> tuple[float, ...]:
     own = law.place.kind == CHANNEL and law.state.kind == OF_SHOWN
     constants = len(law.unknowns(0)) + 2 * (law.state.lag_s is not None)
     return float(drifts(law)), float(law.shape == TABLE), float(constants), float(order + 4 * own), one.predicts
+
+
+def same_channels(one: Trial, accepted: Trial, current: Trial) -> bool:
+    """Whether a trial improves a channel, by a relevant share, that the accepted one improves: what explains another
+    channel is no rival, but perhaps the next law."""
+    improved, also = (trial.squared < OF_NOTE * current.squared for trial in (accepted, one))
+    return bool(np.any(improved & also))
 
 
 def apart(one: Trial, other: Trial) -> bool:

@@ -25,6 +25,7 @@ from straw.replay.diagnose.discover.choose import (
     picked,
     refusals,
     rivals,
+    same_channels,
     written,
 )
 from straw.replay.diagnose.discover.formulas import formulas
@@ -162,7 +163,8 @@ def one_round(current: Trial, unit: Floats, pool: Executor, stop: Callable[[], b
     if last.predicts < accepted.predicts:
         every[every.index(accepted)] = left[0] = accepted = last
     accepted = without_lag(accepted)
-    alike = [one for one in left if rivals(one.laws[-1], accepted.laws[-1]) and not apart(one, accepted)]
+    other = [one for one in left if rivals(one.laws[-1], accepted.laws[-1]) and same_channels(one, accepted, current)]
+    alike = [one for one in other if not apart(one, accepted)]
     same = [one for one in alike if written_otherwise(accepted, one, current, runs)]
     alike = [one for one in alike if one not in same]
     forms = forms_of(accepted, every)

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.discover.blocks import blocks, how_asked, predicted
-from straw.replay.diagnose.discover.trial import Trial, rough
+from straw.replay.diagnose.discover.trial import Trial, rough, row_scale
+from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.inquiry import Told
 from straw.replay.diagnose.systems.function.codes import OF_INPUT, OF_NOTHING, OF_RATE, OF_STATE, OF_TIME
 from straw.replay.diagnose.systems.function.laws import Law
@@ -49,8 +50,17 @@ def screened(trial: Trial, pool: Executor, told: Told) -> tuple[list[Candidate],
     alone = base.encoding(())
     shown, starts, stack = stacked(base, extended).profiled(base, alone, alone.at(np.zeros(0)), fresh=True)
     jobs = [pool.submit(_columns, base, stack, (shown, starts), _measured(system, law), number) for law in laws]
-    without = blocks(campaign, trial.fit.residual, trial.fit.slopes, fine=True)
-    own = float(predicted(without, unknowns, trial.fit.u)[0].sum())
+    # errors count as they do where a law is accepted, so that a channel that the fit still misses comes first
+    to_unit = row_scale(campaign, np.array(system.sigma) / trial.unit)
+
+    def error_with(columns: Floats, every: Sequence[Unknown], u: Floats, smooth: Floats | None) -> tuple[float, Floats]:
+        slopes = np.hstack([trial.fit.slopes, columns])
+        of = blocks(campaign, trial.fit.residual, slopes, fine=True)
+        reported = blocks(campaign, to_unit * trial.fit.residual, to_unit[:, None] * slopes, fine=True)
+        error, step = predicted(of, every, u, smooth, reported)
+        return float(error.sum()), step
+
+    own, _ = error_with(np.empty((len(to_unit), 0)), unknowns, trial.fit.u, None)
     out = []
     for k, (law, job) in enumerate(zip(laws, jobs, strict=True)):
         told(f"{law.says}", k, len(laws))
@@ -59,9 +69,8 @@ def screened(trial: Trial, pool: Executor, told: Told) -> tuple[list[Candidate],
             continue
         every = (*unknowns, *law.unknowns(number)[: columns.shape[1]])
         u = np.concatenate([trial.fit.u, np.zeros(columns.shape[1])])
-        both = blocks(campaign, trial.fit.residual, np.hstack([trial.fit.slopes, columns]), fine=True)
-        error, step = predicted(both, every, u, rough(every, (*system.laws, law)))
-        out.append(Candidate(law, float(error.sum()) / max(own, 1e-300), step))
+        error, step = error_with(columns, every, u, rough(every, (*system.laws, law)))
+        out.append(Candidate(law, error / max(own, 1e-300), step))
     return sorted(out, key=lambda c: c.leaves), seen
 
 

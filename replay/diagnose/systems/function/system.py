@@ -34,6 +34,8 @@ Floats = NDArray[np.float64]
 #: Scale of a start about a channel's first readings: its noise, or this share of the channel's span, and the largest
 #: distance in these; a farther start would compensate for a missing law.
 START_SHARE, START_UNITS = 2e-3, 5.0
+#: A first reading is faulty if it alone is off by this many times the median second difference of so many readings.
+FAULTY, FIRST = 10.0, 20
 #: Starts of the base that are followed.
 FOLLOWED = 3
 
@@ -234,12 +236,12 @@ def unknown_of(constant: Constant, *, strength: bool = False) -> Unknown:
 
 
 def first_value(t: Floats, row: Floats) -> float:
-    """The value at the first of times (n,) from the first readings of a channel (n,), one of which may be faulty.
+    """The value at the first of times (n,) from the readings of a channel (n,).
 
-    The median of the first reading and of two lines, through the next two and the two after: a channel that moves from
-    the start on has passed on by the second reading.
+    It is the first reading, unless that one alone is off the course of the next ones: its second difference is far
+    larger than usual and than the next, which has half of it where the second reading is the faulty one. Then it is
+    where the next two lead.
     """
-    if len(t) < 4:
-        return float(row[0])
-    lines = [row[k] + (row[k + 1] - row[k]) * (t[0] - t[k]) / (t[k + 1] - t[k]) for k in (1, 2)]
-    return float(np.median([row[0], *lines]))
+    bend = np.abs(np.diff(row[:FIRST], 2))
+    faulty = len(bend) > 2 and bend[0] > FAULTY * np.median(bend) and bend[1] < bend[0] / 4
+    return float(row[1] + (row[2] - row[1]) * (t[0] - t[1]) / (t[2] - t[1])) if faulty else float(row[0])
