@@ -11,7 +11,16 @@ import numpy as np
 import pytest
 
 from straw.replay.diagnose.discover import choose
-from straw.replay.diagnose.discover.choose import drifts, fitting, forms_of, picked, rivals, same_channels, written
+from straw.replay.diagnose.discover.choose import (
+    apart,
+    drifts,
+    fitting,
+    forms_of,
+    picked,
+    rivals,
+    same_channels,
+    written,
+)
 from straw.replay.diagnose.discover.screen import Candidate, told_ahead
 from straw.replay.diagnose.systems.function.codes import CHANNEL, CLOCK, OF_STATE, OF_TIME, RATE
 from straw.replay.diagnose.systems.function.laws import Law, Place, State
@@ -71,6 +80,12 @@ def test_a_form_that_is_far_worse_in_one_block_only_is_no_other_form():
     found, poor = trial(Law(LEAK, PRESSURE, LINEAR), 1.0, 1.0, 1.0), trial(Law(LEAK, PRESSURE, CUBE), 1.0, 1.0, 58.0)
     slightly = trial(Law(LEAK, PRESSURE, SIGN), 1.0, 1.0, 1.2)
     assert forms_of(found, [found, poor, slightly]) == ("sign",)
+
+
+def test_a_law_that_leaves_twice_the_error_is_no_rival_though_one_block_has_all_of_it():
+    found, poor, near = (trial(Law(LEAK, PRESSURE, LINEAR), *errors) for errors in ((1, 1, 1), (1, 1, 18), (1, 1, 4)))
+    assert apart(poor, found)
+    assert not apart(near, found)
 
 
 @pytest.mark.parametrize(("exponent", "named"), [(2.03, ()), (2.2, ("power",))])

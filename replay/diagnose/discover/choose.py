@@ -45,6 +45,8 @@ STRONG = 10.0
 FITTED, ALIKE = 9, 3
 #: Standard deviations of the blockwise difference within which two laws explain equally well.
 TOLD_APART = 2.0
+#: Squared error of twice the error.
+TWICE = 4.0
 #: Shapes that are powers of the state's magnitude.
 EXPONENTS = {ROOT: 0.5, LINEAR: 1.0, SQUARE: 2.0, QUADRATIC: 2.0, CUBE: 3.0}
 #: Laws whose prediction errors differ by less are the same in another form.
@@ -100,9 +102,8 @@ def forms_of(accepted: Trial, trials: Sequence[Trial]) -> tuple[str, ...]:
         other = one.laws[-1]
         here = (other.place.name, other.over) == (law.place.name, law.over)
         if here and other.shape not in (TABLE, law.shape) and not same_form(one, accepted):
-            worth = min(one.worth, accepted.worth)
-            unlikely = one.evidence(worth) > accepted.evidence(worth) + STRONG
-            if not apart(one, accepted) and not (unlikely and OF_NOTE * one.predicts > accepted.predicts):
+            worse = OF_NOTE * one.predicts > accepted.predicts and against(one, accepted)
+            if not worse and not apart(one, accepted):
                 out.append(SHAPES[other.shape].name)
     return tuple(dict.fromkeys(out))
 
@@ -112,19 +113,18 @@ def same_form(one: Trial, accepted: Trial) -> bool:
     exponent is determined as that of the formula."""
     law, other = accepted.laws[-1], one.laws[-1]
     exponent, state = EXPONENTS.get(law.shape), law.state
-    if exponent is None or (law.shape == QUADRATIC and state.low < 0 < state.high):
+    if exponent is None or (law.shape == QUADRATIC and state.signed):
         return False
     if other.shape == POWER:
         k = next(k for k, unknown in enumerate(one.fit.unknowns) if unknown.target.endswith(".exponent"))
         unknown, u, sd = one.fit.unknowns[k], float(one.fit.u[k]), float(np.sqrt(covariance_of(one)[k, k]))
         return unknown.value(u - TOLD_APART * sd) <= exponent <= unknown.value(u + TOLD_APART * sd)
-    return EXPONENTS.get(other.shape) == exponent and not state.low < 0 < state.high
+    return EXPONENTS.get(other.shape) == exponent and not state.signed
 
 
 def of_note(one: Trial, current: Trial) -> bool:
     """Whether a trial predicts better by a relevant share, beyond the cost of its constants."""
-    worth = min(one.worth, current.worth)
-    return one.predicts < OF_NOTE * current.predicts and one.evidence(worth) < current.evidence(worth) - STRONG
+    return one.predicts < OF_NOTE * current.predicts and against(current, one)
 
 
 def fitting(trials: Sequence[Trial], current: Trial) -> list[Trial]:
@@ -168,10 +168,19 @@ def same_channels(one: Trial, accepted: Trial, current: Trial) -> bool:
     return bool(np.any(improved & also))
 
 
+def against(one: Trial, other: Trial) -> bool:
+    """Whether Schwarz's criterion is strong evidence against the first."""
+    worth = min(one.worth, other.worth)
+    return one.evidence(worth) > other.evidence(worth) + STRONG
+
+
 def apart(one: Trial, other: Trial) -> bool:
-    """Whether the first is worse than the second: by a relevant share, and blockwise by more than chance."""
+    """Whether the first is worse than the second: by a relevant share, and blockwise by more than chance; or by twice
+    the error, with Schwarz's criterion strongly against it, as one block may have all of it."""
     if OF_NOTE * one.predicts <= other.predicts:
         return False
+    if one.predicts > TWICE * other.predicts and against(one, other):
+        return True
     difference = (one.error - other.error)[one.error > 0]
     spread = float(np.std(difference, ddof=1)) * np.sqrt(len(difference)) if len(difference) > 1 else 0.0
     return float(np.sum(difference)) > TOLD_APART * spread

@@ -134,7 +134,8 @@ def formula(law: Law, values: dict[str, float], number: int) -> str:
         inner = [f"{values[prefix + c]:.4g} {law.state.unit if of else ''}".strip() for c, *_, of in shape.constants]
         inner.append(f"{law.state.span:.4g} {law.state.unit}")
         inner = [one.removesuffix(" 1") for one in inner]
-        text = shape.text.replace("span", f"{{{len(inner) - 1}}}")
+        text = (law.state.positive and shape.positive) or shape.text
+        text = text.replace("span", f"{{{len(inner) - 1}}}")
         for k, one in enumerate(inner):  # a number with its unit is one denominator
             text = text.replace(f"/ {{{k}}}", f"/ ({one})" if " " in one else f"/ {one}")
         text = text.format(*inner, s=symbol(law))

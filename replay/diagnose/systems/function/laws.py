@@ -54,6 +54,16 @@ class State:
         """Length of the visited span."""
         return self.high - self.low
 
+    @property
+    def positive(self) -> bool:
+        """Whether it is never negative, but for a fiftieth of the span, as noise may make it."""
+        return self.low >= -self.span / 50
+
+    @property
+    def signed(self) -> bool:
+        """Whether it has both signs, by more than that."""
+        return not self.positive and self.high > self.span / 50
+
 
 @dataclass(frozen=True)
 class Law:

@@ -20,7 +20,7 @@ class Shape:
     """A formula over a state s: its text, its constants beside the strength, and their starts.
 
     ``constants`` are (name, start, low, high) in units of the state's span (``span``) or plain (""); ``unit`` is the
-    power of the state's unit that the strength is divided by. ``odd`` ones change their sign with the state.
+    power of the state's unit that the strength is divided by; ``positive`` its text for a state that is never negative.
     """
 
     number: int
@@ -28,6 +28,7 @@ class Shape:
     text: str  # {s} the state, {0} and {1} its constants
     constants: tuple[tuple[str, float, float, float, str], ...] = ()
     unit: float = 0.0
+    positive: str = ""
 
 
 #: The shortest first. Starts and bounds in units of the state's span, 0 to 1, or plain numbers.
@@ -36,13 +37,26 @@ SHAPES = {
     for shape in (
         Shape(CONSTANT, "constant", ""),
         Shape(LINEAR, "linear", "{s}", unit=1),
-        Shape(SQUARE, "square with sign", "|{s}| {s}", unit=2),
+        Shape(SQUARE, "square with sign", "|{s}| {s}", unit=2, positive="{s}^2"),
         Shape(QUADRATIC, "square", "{s}^2", unit=2),
         Shape(CUBE, "cube", "{s}^3", unit=3),
-        Shape(ROOT, "root with sign", "sign({s}) sqrt|{s}|", unit=0.5),
+        Shape(ROOT, "root with sign", "sign({s}) sqrt|{s}|", unit=0.5, positive="sqrt({s})"),
         Shape(SIGN, "sign", "tanh({s} / {0})", (("width", 0.02, 1e-4, 0.3, "span"),)),
-        Shape(POWER, "power", "sign({s}) |{s} / span|^{0}", (("exponent", 1.5, 0.1, 6.0, ""),)),
-        Shape(SATURATES, "saturating", "{s} / (1 + |{s}| / {0})", (("knee", 0.2, 0.005, 5.0, "span"),), unit=1),
+        Shape(
+            POWER,
+            "power",
+            "sign({s}) |{s} / span|^{0}",
+            (("exponent", 1.5, 0.1, 6.0, ""),),
+            positive="({s} / span)^{0}",
+        ),
+        Shape(
+            SATURATES,
+            "saturating",
+            "{s} / (1 + |{s}| / {0})",
+            (("knee", 0.2, 0.005, 5.0, "span"),),
+            unit=1,
+            positive="{s} / (1 + {s} / {0})",
+        ),
         Shape(ABOVE, "above a threshold", "max(0, {s} - {0})", (("threshold", 0.6, 0.0, 1.0, "place"),), unit=1),
         Shape(BELOW, "below a threshold", "max(0, {0} - {s})", (("threshold", 0.4, 0.0, 1.0, "place"),), unit=1),
         Shape(FADES, "fading", "exp(-({s} - {s}_0) / {0})", (("range", 0.3, 0.02, 5.0, "span"),)),
