@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -62,13 +63,17 @@ def gain(f: SystemFindings) -> str:
 
 
 def asides(f: SystemFindings) -> list[str]:
-    """Remarks on the first law, in sentences."""
-    remarks = {
+    """Remarks on the first law, and what the others cannot be distinguished from, in sentences."""
+    remarks: dict[str, Sequence[str]] = {
         "law 1 is the same law written in": f.same,
         "the form of law 1 is not determined; it may equally be": f.forms,
         "cannot be distinguished from law 1:": f.alike_places,
         "varies together with the state of law 1 in all recordings:": f.goes_with,
     }
+    for number, step in enumerate(f.discovery.steps[: len(f.discovery.accepted)], 1):
+        if number > 1 and step.accepted and len(step.accepted.laws) == number:
+            alike = dict.fromkeys(one.laws[-1].says for one in step.alike)
+            remarks[f"cannot be distinguished from law {number}:"] = list(alike)
     return [f"{words} {'; '.join(names)}" for words, names in remarks.items() if names]
 
 
