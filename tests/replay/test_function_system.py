@@ -11,10 +11,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from straw.replay.cli import main
+from straw.replay.diagnose.discover.trial import of_all
 from straw.replay.diagnose.systems.function.check import defects
 from straw.replay.diagnose.systems.function.model import load_model
 from straw.replay.diagnose.systems.function.noise import noise_of
-from straw.replay.diagnose.systems.function.places import passed, places, typical
+from straw.replay.diagnose.systems.function.passed import passed, still_speeds, typical
+from straw.replay.diagnose.systems.function.places import places
 from straw.replay.diagnose.systems.function.read_recordings import read_recordings
 from straw.replay.diagnose.systems.function.system import FunctionSystem, first_value
 from straw.replay.diagnose.systems.function.table import read_table
@@ -287,3 +289,32 @@ def test_a_channel_that_moves_starts_where_it_is_first_seen_and_one_faulty_readi
             if faulty or np.ptp(np.diff(course, 2)) < 0.2:  # a line leads back along a slow course only
                 assert first_value(t, readings) == pytest.approx(3.0, abs=0.2)
     assert first_value(t[:2], 3.0 + 4.0 * t[:2]) == 3.0  # too few to tell
+
+
+FALL = '''
+"""A ball thrown."""
+time = "t"
+channels = {"x": ("x", "m"), "y": ("y", "m")}
+start = {"x": "x", "y": "y", "vx": (8.0, 0.0, 20.0), "vy": (8.0, 0.0, 20.0)}
+
+def slopes(t, x, u, c):
+    return x.vx, x.vy, 0.0, -9.81
+'''
+
+
+def test_the_speed_of_a_body_without_forces_is_taken_from_what_is_measured(tmp_path):
+    """In the base's simulation it stays as it starts, and no law over it could be told from a constant."""
+    t = np.arange(0, 1.2, 1 / 60)
+    speed = 9.0 * np.exp(-0.8 * t)
+    columns = {"t": t, "x": (9.0 - speed) / 0.8, "y": 1.5 + 7.0 * t - 4.905 * t**2}
+    system = FunctionSystem(load_model(file(tmp_path, FALL)))
+    seen = passed(system, read_recordings(system.model, [written(tmp_path, "throw", columns)]), {})
+    assert still_speeds(system, seen) == {system.model.states.index("vx"): system.model.states.index("x")}
+    found = seen[0].states[system.model.states.index("vx")]
+    np.testing.assert_allclose(found[3:-3], speed[3:-3], rtol=0.02)
+
+
+def test_what_improves_one_channel_is_not_hidden_by_the_error_that_remains_in_another():
+    assert of_all(np.array([4.0])) == pytest.approx(4.0)
+    before, after = np.array([1e4, 9.0]), np.array([1e4, 1.0])
+    assert of_all(after) / of_all(before) == pytest.approx(1 / 3)

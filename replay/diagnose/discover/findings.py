@@ -16,7 +16,8 @@ from straw.replay.diagnose.discover.rounds import Discovery, Step
 from straw.replay.diagnose.discover.said import asides, gain, headline
 from straw.replay.diagnose.discover.trial import Trial
 from straw.replay.diagnose.discover.words import ReportedLaw, acts_in_recording, as_json, is_fault, law_text, told
-from straw.replay.diagnose.systems.function.places import makes_sense, passed, states, together
+from straw.replay.diagnose.systems.function.passed import passed
+from straw.replay.diagnose.systems.function.places import makes_sense, states, together
 from straw.replay.diagnose.systems.function.recording import Recorded
 
 Floats = NDArray[np.float64]

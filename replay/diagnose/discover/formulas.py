@@ -12,7 +12,8 @@ from scipy.optimize import least_squares
 from straw.replay.diagnose.discover.trial import Trial, tried
 from straw.replay.diagnose.systems.function.codes import CLOCK
 from straw.replay.diagnose.systems.function.laws import Law
-from straw.replay.diagnose.systems.function.places import Passed, values_over
+from straw.replay.diagnose.systems.function.passed import Passed
+from straw.replay.diagnose.systems.function.places import values_over
 from straw.replay.diagnose.systems.function.shapes import CONSTANT, CUBE, LINEAR, POWER, SHAPES, SIGN, STEP, TABLE
 
 Floats = NDArray[np.float64]

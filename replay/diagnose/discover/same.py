@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.discover.trial import Trial
 from straw.replay.diagnose.systems.function.codes import CLOCK, DELAY
-from straw.replay.diagnose.systems.function.places import typical
+from straw.replay.diagnose.systems.function.passed import typical
 from straw.replay.diagnose.systems.function.recording import Recorded
 
 Floats = NDArray[np.float64]

@@ -7,20 +7,21 @@ constants (a score test) and cross-validated in short blocks: to first order no 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.replay.diagnose.discover.blocks import blocks, how_asked, predicted
-from straw.replay.diagnose.discover.trial import Trial, rough, row_scale
+from straw.replay.diagnose.discover.blocks import how_asked
+from straw.replay.diagnose.discover.trial import Trial, of_all, predicted_errors, rough
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.inquiry import Told
 from straw.replay.diagnose.systems.function.codes import OF_INPUT, OF_NOTHING, OF_RATE, OF_STATE, OF_TIME
 from straw.replay.diagnose.systems.function.laws import Law
-from straw.replay.diagnose.systems.function.places import Passed, makes_sense, passed, places, points, smooth, states
+from straw.replay.diagnose.systems.function.passed import Passed, passed, smooth, still_speeds
+from straw.replay.diagnose.systems.function.places import makes_sense, places, points, states
 from straw.replay.diagnose.systems.function.recording import HeldOut, Recorded
 from straw.replay.diagnose.systems.function.shapes import CONSTANT, LINEAR, TABLE
 from straw.replay.diagnose.systems.function.stack import Stack, stacked
@@ -49,18 +50,16 @@ def screened(trial: Trial, pool: Executor, told: Told) -> tuple[list[Candidate],
     base = system.at(trial.values)
     alone = base.encoding(())
     shown, starts, stack = stacked(base, extended).profiled(base, alone, alone.at(np.zeros(0)), fresh=True)
-    jobs = [pool.submit(_columns, base, stack, (shown, starts), _measured(system, law), number) for law in laws]
-    # errors count as they do where a law is accepted, so that a channel that the fit still misses comes first
-    to_unit = row_scale(campaign, np.array(system.sigma) / trial.unit)
+    speeds = still_speeds(system, seen)
+    jobs = [pool.submit(_columns, base, stack, (shown, starts), _measured(system, law, speeds), number) for law in laws]
+    unit = np.array(system.sigma) / trial.unit  # errors count as they do where a law is accepted
 
     def error_with(columns: Floats, every: Sequence[Unknown], u: Floats, smooth: Floats | None) -> tuple[float, Floats]:
         slopes = np.hstack([trial.fit.slopes, columns])
-        of = blocks(campaign, trial.fit.residual, slopes, fine=True)
-        reported = blocks(campaign, to_unit * trial.fit.residual, to_unit[:, None] * slopes, fine=True)
-        error, step = predicted(of, every, u, smooth, reported)
-        return float(error.sum()), step
+        errors, step, _ = predicted_errors(campaign, trial.fit.residual, slopes, every, u, smooth, unit, fine=True)
+        return of_all(errors.sum(axis=1)), step
 
-    own, _ = error_with(np.empty((len(to_unit), 0)), unknowns, trial.fit.u, None)
+    own, _ = error_with(np.empty((len(trial.fit.residual), 0)), unknowns, trial.fit.u, None)
     out = []
     for k, (law, job) in enumerate(zip(laws, jobs, strict=True)):
         told(f"{law.says}", k, len(laws))
@@ -106,14 +105,19 @@ def _with_measured(of: Passed) -> Recorded:
     return replace(one, inputs=np.concatenate([one.inputs, rows, rates]))
 
 
-def _measured(system: FunctionSystem, law: Law) -> Law:
-    """The law over the state as measured, where a channel measures it."""
-    names = [y.name for y in system.model.channels]
-    if law.state.kind not in (OF_STATE, OF_RATE) or system.model.states[law.state.which] not in names:
+def _measured(system: FunctionSystem, law: Law, speeds: Mapping[int, int]) -> Law:
+    """The law over the state as measured, where a channel measures it or, of ``speeds``, that of which it is the
+    rate."""
+    names, state = [y.name for y in system.model.channels], law.state
+    if state.kind not in (OF_STATE, OF_RATE):
         return law
-    channel = names.index(system.model.states[law.state.which])
-    row = 2 * len(system.model.inputs) + channel + (len(names) if law.state.kind == OF_RATE else 0)
-    return replace(law, state=replace(law.state, kind=OF_INPUT, which=row))
+    speed = state.kind == OF_STATE and state.which in speeds
+    name = system.model.states[speeds[state.which] if speed else state.which]
+    if name not in names:
+        return law
+    rate = speed or state.kind == OF_RATE
+    row = 2 * len(system.model.inputs) + names.index(name) + (len(names) if rate else 0)
+    return replace(law, state=replace(state, kind=OF_INPUT, which=row))
 
 
 def _columns(base: FunctionSystem, stack: Stack, begun: tuple[Floats, Floats], law: Law, number: int) -> Floats | None:

@@ -44,18 +44,19 @@ NOISE = 1.0
 class Trial:
     """A fit of a system with laws.
 
-    ``squared`` (channels,) is the mean squared difference where it was fitted, ``error`` (blocks,) the cross-validated
-    squared error in sigmas of ``unit`` (channels,), ``worth`` the effective number of independent samples.
+    ``squared`` (channels,) is the mean squared difference where it was fitted, ``errors`` (channels, blocks) the
+    cross-validated squared error in sigmas of ``unit`` (channels,), ``worth`` the effective number of independent
+    samples.
     """
 
     campaign: Campaign
     fit: Fit
     squared: Floats
-    error: Floats
+    errors: Floats
     unit: Floats
     worth: float
-    noise: float  # the error of the recordings' noise alone, in the same sigmas
-    ahead: float = 0.0  # squared error, likewise, that undetermined constants make in recordings that are held out
+    noise: Floats  # the error of the recordings' noise alone, in the same sigmas, (channels,)
+    ahead: Floats  # squared error, likewise, that undetermined constants make in recordings that are held out
 
     @property
     def system(self) -> FunctionSystem:
@@ -69,19 +70,35 @@ class Trial:
         return self.system.laws
 
     @property
+    def error(self) -> Floats:
+        """Cross-validated squared error of each block, (blocks,)."""
+        return np.asarray(self.errors.sum(axis=0))
+
+    @property
     def predicts(self) -> float:
-        """Total cross-validated squared error, at least that of noise, and of constants where these are held out."""
-        return max(float(self.error.sum()), self.noise) + self.ahead
+        """Cross-validated squared error of all channels (`of_all`), at least that of noise, and of constants where
+        these are held out."""
+        return of_all(np.maximum(self.errors.sum(axis=1), self.noise) + self.ahead)
 
     def evidence(self, worth: float) -> float:
-        """Schwarz's criterion on n independent samples, smaller is better: n log(mean square) + constants log n."""
-        square = float(np.mean(self.squared / self.unit**2))
-        return worth * float(np.log(max(square, 1e-300))) + len(self.fit.u) * float(np.log(max(worth, 2.0)))
+        """Schwarz's criterion on n independent samples, smaller is better: n log(mean square) + constants log n, each
+        channel with a sigma of its own."""
+        square = float(np.mean(np.log(np.maximum(self.squared / self.unit**2, 1e-300))))
+        return worth * square + len(self.fit.u) * float(np.log(max(worth, 2.0)))
 
     @property
     def values(self) -> dict[str, float]:
         """All values by target."""
         return self.system.values(self.fit.unknowns, self.fit.u)
+
+
+def of_all(squares: Floats) -> float:
+    """Squared error of all channels from that of each, (channels,): their geometric mean times their number.
+
+    Each channel has an unknown sigma of its own, so its likelihood goes by the logarithm of its error: what improves
+    one channel is not hidden by the error that remains in another.
+    """
+    return float(len(squares) * np.exp(np.mean(np.log(np.maximum(squares, 1e-300)))))
 
 
 def rough(unknowns: Sequence[Unknown], laws: Sequence[Law]) -> Floats | None:
@@ -155,15 +172,36 @@ def weighed(campaign: Campaign, fit: Fit, squared: Floats, smooth: Floats | None
     """A fit with its predicted error."""
     system = campaign.system
     assert isinstance(system, FunctionSystem)
-    scale = row_scale(campaign, np.array(system.sigma) / unit)
-    own = blocks(campaign, fit.residual, fit.slopes)
-    told = blocks(campaign, fit.residual * scale, fit.slopes * scale[:, None])
-    error, _ = predicted(own, fit.unknowns, fit.u, smooth, told)
-    asked = float(np.sum(told.count[told.fold >= 0])) / len(unit)
-    noise = noise_in(campaign.observations)
-    least = asked * float(np.sum((NOISE * noise / unit) ** 2))
-    trial = Trial(campaign, fit, squared, error, unit, independent(campaign, fit.residual), least)
+    scale = np.array(system.sigma) / unit
+    errors, _, count = predicted_errors(campaign, fit.residual, fit.slopes, fit.unknowns, fit.u, smooth, scale)
+    asked = count / len(unit)
+    noise = asked * (NOISE * noise_in(campaign.observations) / unit) ** 2
+    worth = independent(campaign, fit.residual)
+    trial = Trial(campaign, fit, squared, errors, unit, worth, noise, np.zeros(len(unit)))
     return replace(trial, ahead=asked * spread_ahead(trial))
+
+
+def predicted_errors(
+    campaign: Campaign,
+    residual: Floats,
+    slopes: Floats,
+    unknowns: Sequence[Unknown],
+    u: Floats,
+    smooth: Floats | None,
+    scale: Floats,
+    *,
+    fine: bool = False,
+) -> tuple[Floats, Floats, float]:
+    """Squared error of each channel in each block, (channels, blocks), predicted without its fold's, in units of which
+    sigma is ``scale`` (channels,); the step from u with all blocks; and how many samples are predicted."""
+    own = blocks(campaign, residual, slopes, fine=fine)
+    out = []
+    for k in range(len(scale)):
+        by = row_scale(campaign, np.where(np.arange(len(scale)) == k, scale, 0.0))
+        told = blocks(campaign, by * residual, by[:, None] * slopes, fine=fine)
+        error, step = predicted(own, unknowns, u, smooth, told)
+        out.append(error)
+    return np.array(out), step, float(np.sum(own.count[own.fold >= 0]))
 
 
 def covariance_of(trial: Trial) -> Floats:
@@ -177,24 +215,24 @@ def covariance_of(trial: Trial) -> Floats:
     return np.asarray(np.linalg.pinv((fit.slopes * w[:, None]).T @ fit.slopes / spread + prior))
 
 
-def spread_ahead(trial: Trial) -> float:
-    """Variance of the prediction of recordings that are held out, from their inputs alone, in the trial's unit, summed
-    over channels: large where these go where the fitted ones leave a constant or a law undetermined."""
+def spread_ahead(trial: Trial) -> Floats:
+    """Variance of the prediction of recordings that are held out, from their inputs alone, in the trial's unit,
+    (channels,): large where these go where the fitted ones leave a constant or a law undetermined."""
     campaign, system = trial.campaign, trial.system
     assert isinstance(campaign, Stacked)
+    many = len(trial.unit)
     if not campaign.ahead or not len(trial.fit.u):
-        return 0.0
+        return np.zeros(many)
     stack, given = stacked(system, campaign.ahead), system.encoding(trial.fit.unknowns)
     shown, starts, known = stack.profiled(system, given, given.at(trial.fit.u), fresh=True)
     every = replace(known, fitted=np.ones_like(known.fitted), seen=np.zeros_like(known.seen))
     columns = every.varied(system, given, trial.fit.u, shown, starts)
     if not np.isfinite(columns).all():
-        return FAILED_SIGMAS**2
+        return np.full(many, FAILED_SIGMAS**2)
     variance = np.einsum("mk,kj,mj->m", columns, covariance_of(trial), columns)
-    scale = np.concatenate(
-        [np.append(np.repeat((np.array(system.sigma) / trial.unit) ** 2, len(o.time_s)), 0.0) for o in campaign.ahead]
-    )
-    return float(np.sum(variance * scale)) / len(known.t)
+    channel = np.concatenate([np.append(np.repeat(np.arange(many), len(o.time_s)), -1) for o in campaign.ahead])
+    scale = (np.array(system.sigma) / trial.unit) ** 2
+    return np.array([scale[k] * np.sum(variance[channel == k]) for k in range(many)]) / len(known.t)
 
 
 def row_scale(campaign: Campaign, by: Floats) -> Floats:

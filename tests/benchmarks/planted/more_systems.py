@@ -189,3 +189,51 @@ def quiet_battery(rng: np.random.Generator) -> Tables:
         shown = 3.7 - 0.05 * current + rng.normal(size=400) * 1e-3 * (1 + np.abs(current))
         out[f"pulse {k}"] = {"I": current, "U": shown}
     return out
+
+
+THROW = '''
+"""A ball of foam thrown, filmed from the side."""
+time = "t"
+channels = {"x": ("x", "m"), "y": ("y", "m")}
+start = {"x": "x", "y": "y", "vx": (8.0, 0.0, 20.0), "vy": (8.0, 0.0, 20.0)}
+units = {"x": "m", "y": "m", "vx": "m/s", "vy": "m/s"}
+says = {"x": "the distance", "y": "the height", "vx": "the speed along", "vy": "the speed up"}
+hold_out = ["throw 3"]
+
+def slopes(t, x, u, c):
+    return x.vx, x.vy, 0.0, -9.81
+'''
+
+
+def throw(rng: np.random.Generator, drag: float) -> Tables:
+    """Three throws, slowed in proportion to the speed along and up; readings start in flight."""
+    out, t = {}, np.arange(0, 1.2, 1 / 60)
+    for k in (1, 2, 3):
+        begin = 0.0, 1.5, rng.uniform(5, 12), rng.uniform(4, 10)
+        x = marched(lambda _, x: (x[2], x[3], -drag * x[2], -9.81 - drag * x[3]), begin, t, 4)
+        out[f"throw {k}"] = {"t": t, "x": noisy(rng, x[0], 5e-3), "y": noisy(rng, x[1], 5e-3)}
+    return out
+
+
+PREY = '''
+"""Prey and their hunters."""
+time = "t"
+channels = {"p": ("p", "1"), "q": ("q", "1")}
+constants = {"a": (0.7, "1", 0.3, 1.5), "b": (0.6, "1", 0.2, 1.5), "c": (0.5, "1", 0.2, 1.5), "d": (0.5, "1", 0.2, 1.5)}
+start = {"p": "p", "q": "q"}
+says = {"p": "the prey", "q": "the hunters", "a": "the prey's growth"}
+hold_out = ["year 3"]
+
+def slopes(t, x, u, c):
+    return x.p * (c.a - c.b * x.q), x.q * (c.c * x.p - c.d)
+'''
+
+
+def prey(rng: np.random.Generator, crowded: float) -> Tables:
+    """Three years from different beginnings; prey in crowds grow slower."""
+    out, t = {}, np.arange(0, 40, 0.25)
+    for k in (1, 2, 3):
+        begin = rng.uniform(0.5, 2.0), rng.uniform(0.3, 1.0)
+        x = marched(lambda _, x: (x[0] * (0.8 - crowded * x[0] - 0.6 * x[1]), x[1] * (0.5 * x[0] - 0.5)), begin, t, 4)
+        out[f"year {k}"] = {"t": t, "p": noisy(rng, x[0], 0.01), "q": noisy(rng, x[1], 0.01)}
+    return out

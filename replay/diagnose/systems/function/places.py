@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
 from straw.replay.diagnose.systems.function.codes import (
     CHANNEL,
@@ -26,7 +25,7 @@ from straw.replay.diagnose.systems.function.codes import (
     STRENGTH,
 )
 from straw.replay.diagnose.systems.function.laws import Place, State
-from straw.replay.diagnose.systems.function.recording import Recorded
+from straw.replay.diagnose.systems.function.passed import Passed, typical
 from straw.replay.diagnose.systems.function.system import FunctionSystem
 
 Floats = NDArray[np.float64]
@@ -38,48 +37,6 @@ FUNCTION_BINS, FUNCTION = 20, 0.02
 #: A state's span lies between its extremes, if these are not farther beyond these quantiles than this share of their
 #: distance: peaks of oscillations count, single faulty readings do not.
 VISITED, BEYOND = (0.002, 0.998), 0.5
-
-#: Values whose standard deviation is a smaller share of them are constant: rounding leaves some 1e-16.
-CONSTANT = 1e-12
-
-
-@dataclass(frozen=True, eq=False)
-class Passed:
-    """The course of a recording with a fit: states, their rates, channels and inputs, each (rows, n)."""
-
-    recording: Recorded
-    states: Floats
-    rates: Floats
-    shown: Floats
-    simulated: tuple[Floats, Floats]  # states and their rates, whether a channel measures them or not
-
-
-def passed(system: FunctionSystem, recordings: Sequence[Recorded], values: dict[str, float]) -> list[Passed]:
-    """Simulated with these values. A state that a channel measures is taken as measured, as the model is wrong."""
-    names = [y.name for y in system.model.channels]
-    out = []
-    for one in recordings:
-        start, _ = system.started(one)
-        shown = system.profiled(one, values)[0]
-        _, states, rates = system.played(one, values, start)
-        n = len(system.model.states)
-        simulated = states[:n], rates[:n]
-        states, rates = states[:n].copy(), rates[:n].copy()
-        for i, state in enumerate(system.model.starts):
-            if state.state in names:
-                states[i] = smooth(one, names.index(state.state), shown)
-                rates[i] = np.gradient(states[i], one.time_s)
-        out.append(Passed(one, states, rates, shown, simulated))
-    return out
-
-
-def smooth(recording: Recorded, channel: int, shown: Floats) -> Floats:
-    """A channel (n,) with noise smoothed, and gaps filled by a simulation's channels (channels, n) and its difference
-    on both sides."""
-    row, t = recording.seen[channel], recording.time_s
-    base = shown[channel] if np.isfinite(shown[channel]).all() else np.zeros_like(t)
-    good = np.isfinite(row)
-    return np.asarray(gaussian_filter1d(base + np.interp(t, t[good], (row - base)[good]), 1.0))
 
 
 def places(system: FunctionSystem, seen: Sequence[Passed]) -> list[Place]:
@@ -154,15 +111,6 @@ def states(system: FunctionSystem, seen: Sequence[Passed]) -> list[State]:
                 out.append(replace(one, lag_s=float(lag), longest_s=longest))
     wanted = model.get("depends_on")
     return out if wanted is None else [s for s in out if s.name in (*wanted, "nothing")]
-
-
-def typical(values: Floats) -> float:
-    """The size of a change of values (n,): their standard deviation, or, where they are constant but for rounding, what
-    they are; 1 where that is zero."""
-    values = values[np.isfinite(values)]
-    most = float(np.max(np.abs(values), initial=0.0))
-    size = float(np.std(values)) if len(values) else 0.0
-    return (size if size > CONSTANT * most else most) or 1.0
 
 
 def visited(values: Floats) -> tuple[float, float]:

@@ -1,0 +1,84 @@
+"""The course of recordings with a fit: states, rates and channels, as measured where a channel tells them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from straw.replay.diagnose.systems.function.recording import Recorded
+from straw.replay.diagnose.systems.function.system import FunctionSystem
+
+Floats = NDArray[np.float64]
+
+#: Values whose standard deviation is a smaller share of them are constant: rounding leaves some 1e-16.
+CONSTANT = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Passed:
+    """The course of a recording with a fit: states, their rates, channels and inputs, each (rows, n)."""
+
+    recording: Recorded
+    states: Floats
+    rates: Floats
+    shown: Floats
+    simulated: tuple[Floats, Floats]  # states and their rates, whether a channel measures them or not
+
+
+def passed(system: FunctionSystem, recordings: Sequence[Recorded], values: dict[str, float]) -> list[Passed]:
+    """Simulated with these values. A state that a channel measures is taken as measured, as the model is wrong."""
+    names = [y.name for y in system.model.channels]
+    out = []
+    for one in recordings:
+        start, _ = system.started(one)
+        shown = system.profiled(one, values)[0]
+        _, states, rates = system.played(one, values, start)
+        n = len(system.model.states)
+        simulated = states[:n], rates[:n]
+        states, rates = states[:n].copy(), rates[:n].copy()
+        for i, state in enumerate(system.model.starts):
+            if state.state in names:
+                states[i] = smooth(one, names.index(state.state), shown)
+                rates[i] = np.gradient(states[i], one.time_s)
+        out.append(Passed(one, states, rates, shown, simulated))
+    for speed, of in still_speeds(system, out).items():
+        for p in out:
+            p.states[speed] = p.rates[of]
+            p.rates[speed] = np.gradient(p.states[speed], p.recording.time_s)
+    return out
+
+
+def still_speeds(system: FunctionSystem, seen: Sequence[Passed]) -> dict[int, int]:
+    """States that stay as they start in every simulation, and are the rate of a state that a channel measures, by that
+    state: such a base, as of a body without any force, does not tell where a law over its speed would be visited."""
+    names, out = [y.name for y in system.model.channels], {}
+    for speed, name in enumerate(system.model.states):
+        rows = [p.simulated[0][speed] for p in seen]
+        if name in names or any(np.ptp(row) > CONSTANT * np.max(np.abs(row)) for row in rows):
+            continue
+        for of, other in enumerate(system.model.states):
+            if other in names and all(np.array_equal(p.simulated[1][of], p.simulated[0][speed]) for p in seen):
+                out[speed] = of
+    return out
+
+
+def smooth(recording: Recorded, channel: int, shown: Floats) -> Floats:
+    """A channel (n,) with noise smoothed, and gaps filled by a simulation's channels (channels, n) and its difference
+    on both sides."""
+    row, t = recording.seen[channel], recording.time_s
+    base = shown[channel] if np.isfinite(shown[channel]).all() else np.zeros_like(t)
+    good = np.isfinite(row)
+    return np.asarray(gaussian_filter1d(base + np.interp(t, t[good], (row - base)[good]), 1.0))
+
+
+def typical(values: Floats) -> float:
+    """The size of a change of values (n,): their standard deviation, or, where they are constant but for rounding, what
+    they are; 1 where that is zero."""
+    values = values[np.isfinite(values)]
+    most = float(np.max(np.abs(values), initial=0.0))
+    size = float(np.std(values)) if len(values) else 0.0
+    return (size if size > CONSTANT * most else most) or 1.0
