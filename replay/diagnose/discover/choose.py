@@ -116,7 +116,7 @@ def same_form(one: Trial, accepted: Trial) -> bool:
     if exponent is None or (law.shape == QUADRATIC and state.signed):
         return False
     if other.shape == POWER:
-        k = next(k for k, unknown in enumerate(one.fit.unknowns) if unknown.target.endswith(".exponent"))
+        k = [unknown.target for unknown in one.fit.unknowns].index(f"law.{len(one.laws) - 1}.exponent")
         unknown, u, sd = one.fit.unknowns[k], float(one.fit.u[k]), float(np.sqrt(covariance_of(one)[k, k]))
         return unknown.value(u - TOLD_APART * sd) <= exponent <= unknown.value(u + TOLD_APART * sd)
     return EXPONENTS.get(other.shape) == exponent and not state.signed
