@@ -13,6 +13,7 @@ import pytest
 from straw.replay.diagnose.discover import choose
 from straw.replay.diagnose.discover.choose import (
     apart,
+    distinguished,
     drifts,
     fitting,
     forms_of,
@@ -22,7 +23,7 @@ from straw.replay.diagnose.discover.choose import (
     written,
 )
 from straw.replay.diagnose.discover.screen import Candidate, told_ahead
-from straw.replay.diagnose.systems.function.codes import CHANNEL, CLOCK, OF_STATE, OF_TIME, RATE
+from straw.replay.diagnose.systems.function.codes import CHANNEL, CLOCK, OF_INPUT, OF_STATE, OF_TIME, RATE
 from straw.replay.diagnose.systems.function.laws import Law, Place, State
 from straw.replay.diagnose.systems.function.recording import HeldOut
 from straw.replay.diagnose.systems.function.shapes import CUBE, LINEAR, POWER, QUADRATIC, SIGN, SQUARE, TABLE
@@ -86,6 +87,23 @@ def test_a_law_that_leaves_twice_the_error_is_no_rival_though_one_block_has_all_
     found, poor, near = (trial(Law(LEAK, PRESSURE, LINEAR), *errors) for errors in ((1, 1, 1), (1, 1, 18), (1, 1, 4)))
     assert apart(poor, found)
     assert not apart(near, found)
+
+
+def test_a_law_over_the_rate_of_an_input_is_told_from_a_delay_by_twice_the_error_only():
+    fast = State(OF_INPUT, 1, "the rate of the near pressure", "bar/s", 0.0, 100.0)
+    clock = Place(CLOCK, 0, "clock:p", "the clock of the pressure", "s", 0.1)
+    law, late, far = (
+        trial(Law(*what), *errors)
+        for what, errors in (
+            ((LEAK, fast, LINEAR), (1.0, 1.0, 1.0)),
+            ((clock, TIME, LINEAR), (1.5, 1.5, 1.5)),
+            ((clock, TIME, LINEAR), (9.0, 9.0, 9.0)),
+        )
+    )
+    assert apart(late, law)
+    assert not distinguished(late, law, inputs=1)  # of one input the second row is its rate
+    assert distinguished(far, law, inputs=1)
+    assert distinguished(late, law, inputs=2)  # where it is another input
 
 
 @pytest.mark.parametrize(("exponent", "named"), [(2.03, ()), (2.2, ("power",))])

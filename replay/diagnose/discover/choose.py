@@ -15,6 +15,7 @@ from straw.replay.diagnose.systems.function.codes import (
     DELAY,
     FACTOR,
     INPUT,
+    OF_INPUT,
     OF_SHOWN,
     OF_TIME,
     RATE,
@@ -172,6 +173,16 @@ def against(one: Trial, other: Trial) -> bool:
     """Whether Schwarz's criterion is strong evidence against the first."""
     worth = min(one.worth, other.worth)
     return one.evidence(worth) > other.evidence(worth) + STRONG
+
+
+def distinguished(one: Trial, accepted: Trial, inputs: int) -> bool:
+    """Whether an accepted law can be told from another. Over the rate of one of so many inputs it is to first order a
+    delay, so a late clock or a delay is a rival unless it leaves twice the error."""
+    law, other = accepted.laws[-1], one.laws[-1]
+    of_rate = law.state.kind == OF_INPUT and law.state.which >= inputs
+    if of_rate and other.place.kind in (CLOCK, DELAY) and one.predicts <= TWICE * accepted.predicts:
+        return False
+    return apart(one, accepted)
 
 
 def apart(one: Trial, other: Trial) -> bool:

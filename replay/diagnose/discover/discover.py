@@ -18,7 +18,7 @@ from straw.replay.diagnose.discover.choose import (
     FITTED,
     OF_NEARLY,
     OF_NOTE,
-    apart,
+    distinguished,
     fitting,
     forms_of,
     of_note,
@@ -164,7 +164,7 @@ def one_round(current: Trial, unit: Floats, pool: Executor, stop: Callable[[], b
         every[every.index(accepted)] = left[0] = accepted = last
     accepted = without_lag(accepted)
     other = [one for one in left if rivals(one.laws[-1], accepted.laws[-1]) and same_channels(one, accepted, current)]
-    alike = [one for one in other if not apart(one, accepted)]
+    alike = [one for one in other if not distinguished(one, accepted, len(current.system.model.inputs))]
     same = [one for one in alike if written_otherwise(accepted, one, current, runs)]
     alike = [one for one in alike if one not in same]
     forms = forms_of(accepted, every)
