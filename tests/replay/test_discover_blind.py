@@ -138,10 +138,8 @@ def test_derivatives_are_those_of_the_residuals_with_starts_profiled_out(tmp_pat
 
 
 def test_the_last_laws_are_refused_until_one_improves_what_was_held_out():
-    unit = np.array([0.1])
-
     def kept(*held: float) -> int:
-        return len(held) - 1 - refusals(unit, [np.array([h]) for h in held])
+        return len(held) - 1 - refusals([np.array([h]) for h in held])
 
     assert kept(8.0, 4.0, 1.0) == 2
     assert kept(8.0, 1.0, 1.2) == 1  # the second increases the error
@@ -150,3 +148,8 @@ def test_the_last_laws_are_refused_until_one_improves_what_was_held_out():
     assert kept(8.0, 9.0, 8.5) == 0  # better than the first, worse than the base
     assert kept(8.0, 8.0) == 0
     assert kept(8.0) == 0
+
+
+def test_a_law_that_makes_a_channel_that_was_held_out_worse_is_refused_however_much_another_gains():
+    assert refusals([np.array([1.0, 9.0]), np.array([1.1, 3.0])]) == 0
+    assert refusals([np.array([1.0, 9.0]), np.array([3.0, 3.0])]) == 1

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.discover.screen import Candidate
-from straw.replay.diagnose.discover.trial import Trial, covariance_of
+from straw.replay.diagnose.discover.trial import Trial, covariance_of, of_all
+from straw.replay.diagnose.settings import WORSE
 from straw.replay.diagnose.systems.function.codes import (
     CHANNEL,
     CLOCK,
@@ -135,19 +136,19 @@ def fitting(trials: Sequence[Trial], current: Trial) -> list[Trial]:
     return sorted(better, key=lambda one: one.evidence(worth))
 
 
-def holds(unit: Floats, before: Floats, after: Floats) -> bool:
-    """Whether held-out RMS (channels,) is better after than before, in sigmas of ``unit`` (channels,)."""
-    told = [float(np.sqrt(np.mean((h / unit) ** 2))) for h in (before, after)]
-    return told[1] < HELD * told[0]
+def holds(before: Floats, after: Floats) -> bool:
+    """Whether held-out RMS (channels,) is better after than before, of all channels and clearly worse in none."""
+    better = of_all(after**2) < HELD**2 * of_all(before**2)
+    return better and not np.any(after > WORSE * before)
 
 
-def refusals(unit: Floats, held: Sequence[Floats]) -> int:
+def refusals(held: Sequence[Floats]) -> int:
     """How many of the last trials to refuse, by the held-out RMS (channels,) of the base and each: those that are no
     better than what they were added to, and all where what then remains is no better than the base."""
     kept = len(held) - 1
-    while kept and not holds(unit, held[kept - 1], held[kept]):
+    while kept and not holds(held[kept - 1], held[kept]):
         kept -= 1
-    if kept and not holds(unit, held[0], held[kept]):
+    if kept and not holds(held[0], held[kept]):
         kept = 0
     return len(held) - 1 - kept
 

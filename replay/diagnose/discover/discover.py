@@ -84,7 +84,7 @@ def discover(
     base = on_all(base, searched)
     chosen = [base, *(one.accepted for one in steps if one.accepted)]
     held = tuple(held_out(one, recordings) for one in chosen)
-    refused = refusals(base.unit, held) if any(one.held.any() for one in recordings) else 0
+    refused = refusals(held) if any(one.held.any() for one in recordings) else 0
     return Discovery(base, tuple(steps), noise, held, searched, refused, not stop())
 
 

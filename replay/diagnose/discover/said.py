@@ -9,6 +9,7 @@ import numpy as np
 
 from straw.replay.diagnose.discover.choose import drifts
 from straw.replay.diagnose.discover.discover import TO_NOISE
+from straw.replay.diagnose.discover.trial import of_all
 from straw.replay.diagnose.discover.words import acts_in_recording
 
 if TYPE_CHECKING:
@@ -57,9 +58,10 @@ def gain(f: SystemFindings) -> str:
     if f.verdict not in ("ambiguous", "measurement_fault", "missing_physics"):
         return ""
     d = f.discovery
-    before, after = (float(np.sqrt(np.mean((h / d.base.unit) ** 2))) for h in (d.held[0], d.held[-1]))
+    before, after = (float(np.sqrt(of_all(h**2))) for h in (d.held[0], d.held[-1]))
     form = "Its form is not determined. " if f.forms else ""
-    return f"{form}With it the error on what was held out is {100 * after / before:.2g} % of the base model's."
+    mean = ", a geometric mean of the channels," if len(d.noise) > 1 else ""
+    return f"{form}With it the error on what was held out{mean} is {100 * after / before:.2g} % of the base model's."
 
 
 def asides(f: SystemFindings) -> list[str]:
