@@ -29,7 +29,8 @@ AFTER = 0.9
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """Gram matrices of a campaign's blocks: r'r (b,), J'r (b, k), J'J (b, k, k), samples (b,), and each one's fold.
+    """Gram matrices of a campaign's blocks, channel by channel: r'r (c, b), J'r (c, b, k), J'J (c, b, k, k); samples of
+    all channels (b,), and each block's fold.
 
     A fold is predicted from all other blocks, or, where ``onwards``, from all earlier ones.
     """
@@ -67,7 +68,7 @@ def how_asked(campaign: Campaign) -> HeldOut:
 
 
 def bounds(campaign: Campaign, *, fine: bool = False) -> list[tuple[NDArray[np.int64], int]]:
-    """Rows and fold of each block: recordings cut in time, all channels of an interval together.
+    """Rows (channels, samples) and fold of each block: recordings cut in time, all channels of an interval together.
 
     A law must predict held-out samples, so folds are arranged like held-out and fitted samples, in blocks as long as
     held-out stretches (in shorter ones lasting errors are predicted by their neighbours); ``fine`` ones are short.
@@ -84,7 +85,7 @@ def bounds(campaign: Campaign, *, fine: bool = False) -> list[tuple[NDArray[np.i
         )
         channels, n = one.seen.shape
         for k, piece in enumerate(np.array_split(rows, many)):
-            at = np.concatenate([part.start + c * n + piece for c in range(channels)])
+            at = np.array([part.start + c * n + piece for c in range(channels)])
             thirds = 3 * k // many - 1
             out.append((at, {"recordings": recording % FOLDS, "after": thirds, "between": number % FOLDS}[how.lies]))
             number += 1
@@ -95,33 +96,33 @@ def bounds(campaign: Campaign, *, fine: bool = False) -> list[tuple[NDArray[np.i
 def blocks(campaign: Campaign, residual: Floats, slopes: Floats, *, fine: bool = False) -> Blocks:
     """Of residuals (m,) and their Jacobian (m, k) at a fit."""
     cut = bounds(campaign, fine=fine)
-    squares = np.array([float(residual[rows] @ residual[rows]) for rows, _ in cut])
-    g = np.array([slopes[rows].T @ residual[rows] for rows, _ in cut])
-    H = np.array([slopes[rows].T @ slopes[rows] for rows, _ in cut])
-    fold = np.array([fold for _, fold in cut])
-    return Blocks(squares, g, H, np.array([len(rows) for rows, _ in cut]), fold, how_asked(campaign).lies == "after")
+    by_channel = list(zip(*(rows for rows, _ in cut), strict=True))
+    squares = np.array([[float(residual[rows] @ residual[rows]) for rows in own] for own in by_channel])
+    g = np.array([[slopes[rows].T @ residual[rows] for rows in own] for own in by_channel])
+    H = np.array([[slopes[rows].T @ slopes[rows] for rows in own] for own in by_channel])
+    fold, count = np.array([fold for _, fold in cut]), np.array([rows.size for rows, _ in cut])
+    return Blocks(squares, g, H, count, fold, how_asked(campaign).lies == "after")
 
 
 def predicted(
-    of: Blocks, unknowns: Sequence[Unknown], u: Floats, smooth: Floats | None = None, told: Blocks | None = None
+    of: Blocks, unknowns: Sequence[Unknown], u: Floats, smooth: Floats | None = None
 ) -> tuple[Floats, Floats]:
-    """Squared error of each block, predicted without its fold's (b,), and the step from u with all blocks (k,).
-
-    ``told``: the same blocks in the units of reported errors, where these differ from the fit's.
-    """
+    """Squared error of each channel in each block, predicted without its fold's (c, b), and the step from u with all
+    blocks (k,)."""
     sd = np.array([k.sd for k in unknowns])
     mean = np.array([k.mean for k in unknowns])
     prior, pull = np.diag(1 / sd**2), (u - mean) / sd**2
     if smooth is not None:
         prior, pull = prior + smooth.T @ smooth, pull + smooth.T @ (smooth @ u)
-    H, g = of.H.sum(axis=0), of.g.sum(axis=0)
-    out = np.zeros(len(of.squares))
+    H_of, g_of = of.H.sum(axis=0), of.g.sum(axis=0)
+    H, g = H_of.sum(axis=0), g_of.sum(axis=0)
+    out = np.zeros(of.squares.shape)
     for fold in range(int(of.fold.max()) + 1):
         here = of.fold == fold
         out_of = of.fold >= fold if of.onwards else here
-        step = _solved(H - of.H[out_of].sum(axis=0) + prior, g - of.g[out_of].sum(axis=0) + pull)
-        t = told or of
-        out[here] = t.squares[here] + 2 * t.g[here] @ step + np.einsum("i,bij,j->b", step, t.H[here], step)
+        step = _solved(H - H_of[out_of].sum(axis=0) + prior, g - g_of[out_of].sum(axis=0) + pull)
+        bent = np.einsum("i,cbij,j->cb", step, of.H[:, here], step)
+        out[:, here] = of.squares[:, here] + 2 * of.g[:, here] @ step + bent
     return np.maximum(out, 0.0), _solved(H + prior, g + pull)
 
 
@@ -135,7 +136,7 @@ def independent(campaign: Campaign, residual: Floats) -> float:
     """The effective number of independent residuals: n over the integrated autocorrelation (Sokal 1997)."""
     total = 0.0
     for rows, _ in bounds(campaign, fine=True):
-        r = residual[rows]
+        r = residual[rows].ravel()
         n = len(r)
         power = float(r @ r)
         if n < 4 or power == 0:

@@ -72,8 +72,8 @@ def asides(f: SystemFindings) -> list[str]:
         "cannot be distinguished from law 1:": f.alike_places,
         "varies together with the state of law 1 in all recordings:": f.goes_with,
     }
-    for number, step in enumerate(f.discovery.steps[: len(f.discovery.accepted)], 1):
-        if number > 1 and step.accepted and len(step.accepted.laws) == number:
+    for number, step in enumerate(f.discovery.steps[1 : len(f.discovery.accepted)], 2):
+        if step.accepted and len(step.accepted.laws) == number:
             alike = dict.fromkeys(one.laws[-1].says for one in step.alike)
             remarks[f"cannot be distinguished from law {number}:"] = list(alike)
     return [f"{words} {'; '.join(names)}" for words, names in remarks.items() if names]

@@ -14,9 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.replay.diagnose.discover.blocks import how_asked
-from straw.replay.diagnose.discover.trial import Trial, of_all, predicted_errors, rough
-from straw.replay.diagnose.hypothesis import Unknown
+from straw.replay.diagnose.discover.blocks import blocks, how_asked, predicted
+from straw.replay.diagnose.discover.trial import Trial, of_all, rough
 from straw.replay.diagnose.inquiry import Told
 from straw.replay.diagnose.systems.function.codes import OF_INPUT, OF_NOTHING, OF_RATE, OF_STATE, OF_TIME
 from straw.replay.diagnose.systems.function.laws import Law
@@ -52,14 +51,8 @@ def screened(trial: Trial, pool: Executor, told: Told) -> tuple[list[Candidate],
     shown, starts, stack = stacked(base, extended).profiled(base, alone, alone.at(np.zeros(0)), fresh=True)
     speeds = still_speeds(system, seen)
     jobs = [pool.submit(_columns, base, stack, (shown, starts), _measured(system, law, speeds), number) for law in laws]
-    unit = np.array(system.sigma) / trial.unit  # errors count as they do where a law is accepted
-
-    def error_with(columns: Floats, every: Sequence[Unknown], u: Floats, smooth: Floats | None) -> tuple[float, Floats]:
-        slopes = np.hstack([trial.fit.slopes, columns])
-        errors, step, _ = predicted_errors(campaign, trial.fit.residual, slopes, every, u, smooth, unit, fine=True)
-        return of_all(errors.sum(axis=1)), step
-
-    own, _ = error_with(np.empty((len(trial.fit.residual), 0)), unknowns, trial.fit.u, None)
+    without = blocks(campaign, trial.fit.residual, trial.fit.slopes, fine=True)
+    own = of_all(predicted(without, unknowns, trial.fit.u)[0].sum(axis=1))
     out = []
     for k, (law, job) in enumerate(zip(laws, jobs, strict=True)):
         told(f"{law.says}", k, len(laws))
@@ -68,8 +61,9 @@ def screened(trial: Trial, pool: Executor, told: Told) -> tuple[list[Candidate],
             continue
         every = (*unknowns, *law.unknowns(number)[: columns.shape[1]])
         u = np.concatenate([trial.fit.u, np.zeros(columns.shape[1])])
-        error, step = error_with(columns, every, u, rough(every, (*system.laws, law)))
-        out.append(Candidate(law, error / max(own, 1e-300), step))
+        both = blocks(campaign, trial.fit.residual, np.hstack([trial.fit.slopes, columns]), fine=True)
+        errors, step = predicted(both, every, u, rough(every, (*system.laws, law)))
+        out.append(Candidate(law, of_all(errors.sum(axis=1)) / own, step))
     return sorted(out, key=lambda c: c.leaves), seen
 
 

@@ -172,36 +172,14 @@ def weighed(campaign: Campaign, fit: Fit, squared: Floats, smooth: Floats | None
     """A fit with its predicted error."""
     system = campaign.system
     assert isinstance(system, FunctionSystem)
-    scale = np.array(system.sigma) / unit
-    errors, _, count = predicted_errors(campaign, fit.residual, fit.slopes, fit.unknowns, fit.u, smooth, scale)
-    asked = count / len(unit)
+    own = blocks(campaign, fit.residual, fit.slopes)
+    errors, _ = predicted(own, fit.unknowns, fit.u, smooth)
+    errors = errors * ((np.array(system.sigma) / unit) ** 2)[:, None]
+    asked = float(np.sum(own.count[own.fold >= 0])) / len(unit)
     noise = asked * (NOISE * noise_in(campaign.observations) / unit) ** 2
     worth = independent(campaign, fit.residual)
     trial = Trial(campaign, fit, squared, errors, unit, worth, noise, np.zeros(len(unit)))
     return replace(trial, ahead=asked * spread_ahead(trial))
-
-
-def predicted_errors(
-    campaign: Campaign,
-    residual: Floats,
-    slopes: Floats,
-    unknowns: Sequence[Unknown],
-    u: Floats,
-    smooth: Floats | None,
-    scale: Floats,
-    *,
-    fine: bool = False,
-) -> tuple[Floats, Floats, float]:
-    """Squared error of each channel in each block, (channels, blocks), predicted without its fold's, in units of which
-    sigma is ``scale`` (channels,); the step from u with all blocks; and how many samples are predicted."""
-    own = blocks(campaign, residual, slopes, fine=fine)
-    out = []
-    for k in range(len(scale)):
-        by = row_scale(campaign, np.where(np.arange(len(scale)) == k, scale, 0.0))
-        told = blocks(campaign, by * residual, by[:, None] * slopes, fine=fine)
-        error, step = predicted(own, unknowns, u, smooth, told)
-        out.append(error)
-    return np.array(out), step, float(np.sum(own.count[own.fold >= 0]))
 
 
 def covariance_of(trial: Trial) -> Floats:
@@ -233,9 +211,3 @@ def spread_ahead(trial: Trial) -> Floats:
     channel = np.concatenate([np.append(np.repeat(np.arange(many), len(o.time_s)), -1) for o in campaign.ahead])
     scale = (np.array(system.sigma) / trial.unit) ** 2
     return np.array([scale[k] * np.sum(variance[channel == k]) for k in range(many)]) / len(known.t)
-
-
-def row_scale(campaign: Campaign, by: Floats) -> Floats:
-    """A factor of each channel, (channels,), for each row of a campaign's vector, (m,)."""
-    parts = [np.append(np.repeat(by, one.seen.shape[1]), 1.0) for one in campaign.observations]
-    return np.concatenate(parts)

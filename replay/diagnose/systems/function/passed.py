@@ -14,8 +14,8 @@ from straw.replay.diagnose.systems.function.system import FunctionSystem
 
 Floats = NDArray[np.float64]
 
-#: Values whose standard deviation is a smaller share of them are constant: rounding leaves some 1e-16.
-CONSTANT = 1e-12
+#: Values whose spread is a smaller share of them are constant: rounding leaves some 1e-16.
+ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,12 +58,18 @@ def still_speeds(system: FunctionSystem, seen: Sequence[Passed]) -> dict[int, in
     names, out = [y.name for y in system.model.channels], {}
     for speed, name in enumerate(system.model.states):
         rows = [p.simulated[0][speed] for p in seen]
-        if name in names or any(np.ptp(row) > CONSTANT * np.max(np.abs(row)) for row in rows):
+        if name in names or any(np.ptp(row) > ROUNDING * np.max(np.abs(row)) for row in rows):
             continue
         for of, other in enumerate(system.model.states):
-            if other in names and all(np.array_equal(p.simulated[1][of], p.simulated[0][speed]) for p in seen):
+            if other in names and defines(of, speed, seen):
                 out[speed] = of
     return out
+
+
+def defines(which: int, speed: int, seen: Sequence[Passed]) -> bool:
+    """Whether a state's rate is another state, as a height's is the speed."""
+    rate, row = (np.concatenate([p.simulated[k][i] for p in seen]) for k, i in ((1, which), (0, speed)))
+    return bool(np.max(np.abs(row - rate)) <= 1e-9 * np.max(np.abs(rate)))
 
 
 def smooth(recording: Recorded, channel: int, shown: Floats) -> Floats:
@@ -81,4 +87,4 @@ def typical(values: Floats) -> float:
     values = values[np.isfinite(values)]
     most = float(np.max(np.abs(values), initial=0.0))
     size = float(np.std(values)) if len(values) else 0.0
-    return (size if size > CONSTANT * most else most) or 1.0
+    return (size if size > ROUNDING * most else most) or 1.0

@@ -25,7 +25,7 @@ from straw.replay.diagnose.systems.function.codes import (
     STRENGTH,
 )
 from straw.replay.diagnose.systems.function.laws import Place, State
-from straw.replay.diagnose.systems.function.passed import Passed, typical
+from straw.replay.diagnose.systems.function.passed import Passed, defines, typical
 from straw.replay.diagnose.systems.function.system import FunctionSystem
 
 Floats = NDArray[np.float64]
@@ -152,10 +152,8 @@ def _off_a_line(x: Floats, y: Floats) -> float:
 
 
 def _is_a_state(which: int, seen: Sequence[Passed]) -> bool:
-    """Whether a rate is one of the states, as a height's is the speed: then it is searched once."""
-    rate = np.concatenate([p.simulated[1][which] for p in seen])
-    rows = np.concatenate([p.simulated[0] for p in seen], axis=1)
-    return bool(np.any(np.max(np.abs(rows - rate), axis=1) <= 1e-9 * np.max(np.abs(rate))))
+    """Whether a rate is one of the states: then it is searched once."""
+    return any(defines(which, speed, seen) for speed in range(len(seen[0].simulated[0])))
 
 
 def makes_sense(place: Place, state: State) -> bool:

@@ -34,7 +34,8 @@ Floats = NDArray[np.float64]
 #: Scale of a start about a channel's first readings: its noise, or this share of the channel's span, and the largest
 #: distance in these; a farther start would compensate for a missing law.
 START_SHARE, START_UNITS = 2e-3, 5.0
-#: A first reading is faulty if it alone is off by this many times the median second difference of so many readings.
+#: A first reading is faulty if it alone is off by this many times the median second difference of the first twenty. Of
+#: normal noise that is 6.7 standard deviations of a second difference, exceeded once in fifty thousand million.
 FAULTY, FIRST = 10.0, 20
 #: Starts of the base that are followed.
 FOLLOWED = 3
