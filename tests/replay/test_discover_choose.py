@@ -13,10 +13,13 @@ import pytest
 from straw.replay.diagnose.discover import choose
 from straw.replay.diagnose.discover.choose import (
     apart,
+    degenerate,
     distinguished,
     drifts,
+    elsewhere,
     fitting,
     forms_of,
+    of_note,
     picked,
     rivals,
     same_channels,
@@ -26,7 +29,17 @@ from straw.replay.diagnose.discover.screen import Candidate, told_ahead
 from straw.replay.diagnose.systems.function.codes import CHANNEL, CLOCK, OF_INPUT, OF_STATE, OF_TIME, RATE
 from straw.replay.diagnose.systems.function.laws import Law, Place, State
 from straw.replay.diagnose.systems.function.recording import HeldOut
-from straw.replay.diagnose.systems.function.shapes import CUBE, LINEAR, POWER, QUADRATIC, SIGN, SQUARE, TABLE
+from straw.replay.diagnose.systems.function.shapes import (
+    CUBE,
+    LINEAR,
+    POWER,
+    QUADRATIC,
+    SATURATES,
+    SHAPES,
+    SIGN,
+    SQUARE,
+    TABLE,
+)
 
 LEAK = Place(RATE, 0, "rate:p", "the rate of the pressure", "bar/s", 1.0)
 SENSOR = Place(CHANNEL, 0, "channel:p", "the reading of the pressure", "bar", 1.0)
@@ -72,15 +85,15 @@ def test_other_forms_of_a_law_that_explain_as_much_are_named_and_no_others():
         trial(law(POWER, TIME), 1.0, 1.2, 0.9),  # over something else
         trial(law(TABLE, at=(1.0, 4.0, 7.0)), 1.0, 1.2, 0.9),  # no formula
     ]
-    assert forms_of(found, every) == ("cube",)
-    assert forms_of(every[-1], every) == ()
+    assert forms_of(found, every) == [every[1]]
+    assert forms_of(every[-1], every) == []
 
 
 def test_a_form_that_is_far_worse_in_one_block_only_is_no_other_form():
     """No difference of blocks shows it: all of it is in one; but it leaves twenty times the error."""
     found, poor = trial(Law(LEAK, PRESSURE, LINEAR), 1.0, 1.0, 1.0), trial(Law(LEAK, PRESSURE, CUBE), 1.0, 1.0, 58.0)
     slightly = trial(Law(LEAK, PRESSURE, SIGN), 1.0, 1.0, 1.2)
-    assert forms_of(found, [found, poor, slightly]) == ("sign",)
+    assert forms_of(found, [found, poor, slightly]) == [slightly]
 
 
 def test_a_law_that_leaves_twice_the_error_is_no_rival_though_one_block_has_all_of_it():
@@ -115,10 +128,11 @@ def test_one_form_written_twice_is_not_named_as_another(exponent, named, monkeyp
     at = SimpleNamespace(unknowns=unknowns, u=np.array([0.0, np.log(exponent / 1.5) / unknowns[1].scale]))
     assert unknowns[1].value(float(at.u[1])) == pytest.approx(exponent)
     square, signed = (trial(Law(LEAK, PRESSURE, shape), 1.0, 1.2, 0.9) for shape in (QUADRATIC, SQUARE))
-    assert forms_of(square, [square, signed, trial(power, 1.0, 1.1, 0.9, fit=at)]) == named
+    others = forms_of(square, [square, signed, trial(power, 1.0, 1.1, 0.9, fit=at)])
+    assert tuple(SHAPES[one.laws[-1].shape].name for one in others) == named
     both = replace(PRESSURE, low=-1.0)
     square, signed = (trial(Law(LEAK, both, shape), 1.0, 1.2, 0.9) for shape in (QUADRATIC, SQUARE))
-    assert forms_of(square, [square, signed]) == ("square with sign",)
+    assert forms_of(square, [square, signed]) == [signed]
 
 
 @pytest.mark.parametrize(("also", "rival"), [((4.0, 0.1), False), ((0.2, 4.0), True)])
@@ -159,3 +173,33 @@ def test_a_curve_that_fits_but_does_not_predict_is_a_place_to_try_formulas_and_o
     base = fit(0.0, 45.0)
     bends, ahead, noise = fit(-170.0, 97.0), fit(-120.0, 12.0), fit(-8.0, 1.0)
     assert fitting([noise, ahead, bends], base) == [bends, ahead]
+
+
+def test_a_saturation_far_beyond_what_was_visited_is_a_degenerate_form_of_a_line():
+    """It has a constant more, or one at its bound; whether it is the same curve is asked of the equations."""
+    line, saturating, square = (Law(LEAK, PRESSURE, shape) for shape in (LINEAR, SATURATES, SQUARE))
+
+    def fitted(law: Law, *u: float) -> Any:
+        return trial(law, 1.0, 1.0, 1.0, fit=SimpleNamespace(unknowns=law.unknowns(0), u=np.array(u)))
+
+    found = fitted(line, 0.1)
+    assert degenerate(fitted(saturating, 0.1, 0.0), found)
+    assert not degenerate(fitted(square, 0.1), found)
+    knee = saturating.unknowns(0)[1]
+    assert degenerate(fitted(saturating, 0.1, knee.high), fitted(saturating, 0.1, 0.0))
+    assert not degenerate(fitted(saturating, 0.1, 0.0), fitted(saturating, 0.1, 0.1))
+
+
+def test_the_state_of_the_best_law_is_tried_at_places_where_it_was_not():
+    sensor, leak, over_time = (
+        Candidate(Law(place, state, LINEAR), leaves, np.zeros(1))
+        for place, state, leaves in ((SENSOR, PRESSURE, 0.5), (LEAK, PRESSURE, 0.7), (LEAK, TIME, 0.6))
+    )
+    assert elsewhere(sensor.law, [sensor, over_time, leak], [sensor]) == [leak]
+
+
+def test_a_drift_counts_where_it_halves_the_error_and_another_law_by_a_tenth():
+    base = trial(Law(LEAK, PRESSURE, LINEAR), 10.0, 10.0, 10.0)
+    assert of_note(trial(Law(LEAK, PRESSURE, SQUARE), 5.0, 5.0, 5.0), base)
+    assert not of_note(trial(Law(LEAK, TIME, SQUARE), 5.0, 5.0, 5.0), base)
+    assert of_note(trial(Law(LEAK, TIME, SQUARE), 2.0, 2.0, 2.0), base)

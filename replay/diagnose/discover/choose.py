@@ -30,7 +30,6 @@ from straw.replay.diagnose.systems.function.shapes import (
     POWER,
     QUADRATIC,
     ROOT,
-    SHAPES,
     SQUARE,
     TABLE,
 )
@@ -39,6 +38,8 @@ Floats = NDArray[np.float64]
 
 #: A law is relevant when it reduces the root mean square prediction error by a tenth; less would not count as found.
 OF_NOTE = 0.9**2
+#: A drift is relevant when it halves it: what changes once in a recording goes with time a little, whatever it is.
+OF_DRIFT = 0.5**2
 #: What was chosen is accepted if its held-out RMS is at most this share of the base's: half of a relevant improvement.
 HELD = 0.95
 #: Difference of Schwarz's criterion that is strong evidence (Kass and Raftery 1995: 6 to 10).
@@ -60,16 +61,21 @@ def written(trials: Sequence[Trial]) -> list[Trial]:
     """For each place and state the shortest formula that predicts nearly as well as the best there, or else the table;
     the best first, and among nearly equal ones those in an equation first."""
     groups: dict[tuple[str, str], list[Trial]] = {}
+    worth = min((one.worth for one in trials), default=1.0)
+
+    def order(one: Trial) -> tuple[float, ...]:
+        return *simplest(one), one.evidence(worth)
+
     for one in trials:
         groups.setdefault((one.laws[-1].place.name, one.laws[-1].over), []).append(one)
     out = []
     for group in groups.values():
         best = min(one.predicts for one in group)
-        out.append(min((one for one in group if OF_NOTE * one.predicts <= best), key=simplest))
+        out.append(min((one for one in group if OF_NOTE * one.predicts <= best), key=order))
     out.sort(key=lambda one: one.predicts)
     if out:
         near = [one for one in out if OF_NEARLY * one.predicts <= out[0].predicts]
-        out = [*sorted(near, key=simplest), *(one for one in out if one not in near)]
+        out = [*sorted(near, key=order), *(one for one in out if one not in near)]
         if drifts(out[0].laws[-1]):  # time is no cause: a law that is as good as a drift comes before it
             causes = [one for one in out if not drifts(one.laws[-1]) and not apart(one, out[0])]
             out = [*causes, *(one for one in out if one not in causes)]
@@ -92,22 +98,30 @@ def rivals(law: Law, accepted: Law) -> bool:
     return law.state.kind != OF_TIME or drifts(accepted) or law.place.kind in (CHANNEL, INPUT, CLOCK)
 
 
-def forms_of(accepted: Trial, trials: Sequence[Trial]) -> tuple[str, ...]:
-    """Names of other shapes that cannot be distinguished from an accepted formula, the best first.
+def forms_of(accepted: Trial, trials: Sequence[Trial]) -> list[Trial]:
+    """Trials of other shapes that cannot be distinguished from an accepted formula, the best first.
 
     At one place and over one state, Schwarz's criterion distinguishes forms, too.
     """
     law = accepted.laws[-1]
     if law.shape == TABLE:
-        return ()
+        return []
     out = []
     for one in trials:
         other = one.laws[-1]
         here = (other.place.name, other.over) == (law.place.name, law.over)
         another = here and other.shape not in (TABLE, law.shape) and not same_form(one, accepted)
         if another and not of_note(accepted, one) and not apart(one, accepted):
-            out.append(SHAPES[other.shape].name)
-    return tuple(dict.fromkeys(out))
+            out.append(one)
+    return out
+
+
+def degenerate(one: Trial, accepted: Trial) -> bool:
+    """Whether the last formula of a trial has more constants than an accepted one, or one of them at its bound: where
+    both are the same curve, it is that of the accepted, as a saturation far beyond what was visited is a line."""
+    last = [k for k, unknown in enumerate(one.fit.unknowns) if unknown.target.startswith(f"law.{len(one.laws) - 1}.")]
+    at_bound = any(one.fit.u[k] in (one.fit.unknowns[k].low, one.fit.unknowns[k].high) for k in last)
+    return at_bound or len(last) > len(accepted.laws[-1].unknowns(0))
 
 
 def same_form(one: Trial, accepted: Trial) -> bool:
@@ -125,8 +139,9 @@ def same_form(one: Trial, accepted: Trial) -> bool:
 
 
 def of_note(one: Trial, current: Trial) -> bool:
-    """Whether a trial predicts better by a relevant share, beyond the cost of its constants."""
-    return one.predicts < OF_NOTE * current.predicts and against(current, one)
+    """Whether a trial predicts better by a relevant share, beyond the cost of its constants; a drift, by half."""
+    share = OF_DRIFT if drifts(one.laws[-1]) else OF_NOTE
+    return one.predicts < share * current.predicts and against(current, one)
 
 
 def fitting(trials: Sequence[Trial], current: Trial) -> list[Trial]:
@@ -154,13 +169,14 @@ def refusals(held: Sequence[Floats]) -> int:
 
 
 def simplest(one: Trial) -> tuple[float, ...]:
-    """Among laws that predict equally well a formula comes before a table, fewer constants before more, and a law in an
-    equation before the same effect in a constant, an input or an instrument."""
+    """Among laws that predict equally well a formula comes before a table, fewer constants before more, a law over a
+    state before one over a rate, and one in an equation before the same effect in a constant, an input or an
+    instrument; what is equally simple, by Schwarz's criterion."""
     law = one.laws[-1]
     order = (SHIFT, RATE, CHANNEL, STRENGTH, FACTOR, DELAY, INPUT, CLOCK).index(law.place.kind)
     own = law.place.kind == CHANNEL and law.state.kind == OF_SHOWN
     constants = len(law.unknowns(0)) + 2 * (law.state.lag_s is not None)
-    return float(drifts(law)), float(law.shape == TABLE), float(constants), float(order + 4 * own), one.predicts
+    return drifts(law), law.shape == TABLE, constants, law.state.is_rate, order + 4 * own
 
 
 def same_channels(one: Trial, accepted: Trial, current: Trial) -> bool:
@@ -219,3 +235,11 @@ def picked(promised: Sequence[Candidate]) -> list[Candidate]:
         prompt = [x for x in own if x.law.state.lag_s is None and one.law.state.lag_s is not None]
         out.append([one, *prompt])
     return [one for group in out for one in group]
+
+
+def elsewhere(best: Law, promised: Sequence[Candidate], known: Sequence[Candidate]) -> list[Candidate]:
+    """Candidates over the state of the best law, at places where it was not tried: to first order about a base that is
+    far off, its own place may not be the most promising."""
+    tried = {one.law.place.name for one in known if one.law.over == best.over}
+    out = {one.law.place.name: one for one in reversed(promised) if one.law.over == best.over}
+    return [one for place, one in out.items() if place not in tried][::-1]

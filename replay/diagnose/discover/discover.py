@@ -18,7 +18,9 @@ from straw.replay.diagnose.discover.choose import (
     FITTED,
     OF_NEARLY,
     OF_NOTE,
+    degenerate,
     distinguished,
+    elsewhere,
     fitting,
     forms_of,
     of_note,
@@ -33,14 +35,16 @@ from straw.replay.diagnose.discover.inline import Inline, never
 from straw.replay.diagnose.discover.rounds import Discovery, Step
 from straw.replay.diagnose.discover.same import written_otherwise
 from straw.replay.diagnose.discover.samples import asked_as, held_out, longest_step, thinned, to_predict
-from straw.replay.diagnose.discover.screen import Candidate, screened
+from straw.replay.diagnose.discover.screen import Candidate, lines, screened
 from straw.replay.diagnose.discover.trial import LAST_ROUNDS, LAST_SHARE, Trial, noise_in, rough, tried
 from straw.replay.diagnose.fit import cost_at
 from straw.replay.diagnose.inquiry import Told, silent
 from straw.replay.diagnose.one_thread import one_blas_thread
 from straw.replay.diagnose.systems.function.codes import STRENGTH
+from straw.replay.diagnose.systems.function.laws import Law
+from straw.replay.diagnose.systems.function.passed import Passed
 from straw.replay.diagnose.systems.function.recording import Recorded
-from straw.replay.diagnose.systems.function.shapes import TABLE
+from straw.replay.diagnose.systems.function.shapes import SHAPES, TABLE
 from straw.replay.diagnose.systems.function.stack import Stacked
 from straw.replay.diagnose.systems.function.system import FunctionSystem
 
@@ -144,18 +148,13 @@ def one_round(current: Trial, unit: Floats, pool: Executor, stop: Callable[[], b
     """Screen, fit, write as formulas, choose one or none."""
     runs = [one for one in current.campaign.observations if isinstance(one, Recorded)]
     promised, seen = screened(current, pool, silent)
-    jobs = [pool.submit(_fitted, current, candidate, unit) for candidate in picked(promised)]
-    tables = sorted((job.result() for job in jobs), key=lambda one: one.predicts)
-    near = [one for one in tables if one.predicts < OF_NOTE * current.predicts][:FORMULAS]
-    late = {(one.laws[-1].place.name, one.laws[-1].state.name) for one in near if one.laws[-1].state.lag_s is not None}
-    near += [one for one in tables if one not in near and (one.laws[-1].place.name, one.laws[-1].over) in late]
-    # where a law over history predicts, or a curve of many values fits, a formula over the state itself may do both
-    near += [one for one in fitting(tables, current) if one not in near][:FORMULAS]
-    open_ = [one for one in near if one.laws[-1].shape == TABLE or one.laws[-1].state.lag_s]
-    more = [] if stop() else [pool.submit(formulas, one, current, seen) for one in open_]
-    every = [*tables, *(trial for job in more for trial in job.result())]
-    every.sort(key=lambda one: one.predicts)
+    first = picked(promised)
+    every = _tried(current, first, seen, unit, pool, stop)
     left = [one for one in written(every) if of_note(one, current)]
+    if left and not stop():
+        every += _tried(current, elsewhere(left[0].laws[-1], promised, first), seen, unit, pool, stop)
+        left = [one for one in written(every) if of_note(one, current)]
+    every.sort(key=lambda one: one.predicts)
     if not left:
         return Step(None, tuple(every), (), tuple(promised[:FITTED]))
     accepted = left[0]
@@ -167,10 +166,50 @@ def one_round(current: Trial, unit: Floats, pool: Executor, stop: Callable[[], b
     alike = [one for one in other if not distinguished(one, accepted, len(current.system.model.inputs))]
     same = [one for one in alike if written_otherwise(accepted, one, current, runs)]
     alike = [one for one in alike if one not in same]
-    forms = forms_of(accepted, every)
+    forms = dict.fromkeys(
+        SHAPES[one.laws[-1].shape].name
+        for one in forms_of(accepted, every)
+        if not (degenerate(one, accepted) and written_otherwise(accepted, one, current, runs))
+    )
     accepted = pruned(accepted)
     errors = np.array([one.error for one in (accepted, *alike)])
-    return Step(accepted, tuple(every), tuple(alike), tuple(promised[:FITTED]), tuple(same), forms, errors)
+    return Step(accepted, tuple(every), tuple(alike), tuple(promised[:FITTED]), tuple(same), tuple(forms), errors)
+
+
+def _tried(
+    current: Trial,
+    candidates: Sequence[Candidate],
+    seen: Sequence[Passed],
+    unit: Floats,
+    pool: Executor,
+    stop: Callable[[], bool],
+) -> list[Trial]:
+    """Candidates fitted beside the laws so far, tables also as straight lines, and the best of them as formulas."""
+    jobs = [pool.submit(_fitted, current, candidate, unit) for candidate in (*candidates, *lines(candidates))]
+    fits = sorted((job.result() for job in jobs), key=lambda one: one.predicts)
+    good = [one for one in fits if one.predicts < OF_NOTE * current.predicts]
+    # where a curve of many values fits, a formula may predict, too
+    chosen = [*_of_places(good), *_of_places([one for one in fitting(fits, current) if one not in good])]
+    late = {
+        (one.laws[-1].place.name, one.laws[-1].state.name) for one in chosen if one.laws[-1].state.lag_s is not None
+    }
+    # where a law over history predicts, one over the state itself may
+    known = {(one.laws[-1].place.name, one.laws[-1].over) for one in chosen} | late
+    open_ = [one for one in fits if _open(one.laws[-1]) and (one.laws[-1].place.name, one.laws[-1].over) in known]
+    more = [] if stop() else [pool.submit(formulas, one, current, seen) for one in open_]
+    return [*fits, *(trial for job in more for trial in job.result())]
+
+
+def _of_places(trials: Sequence[Trial]) -> list[Trial]:
+    """The best at each place and over each state, as many as are written as formulas."""
+    best: dict[tuple[str, str], Trial] = {}
+    for one in trials:
+        best.setdefault((one.laws[-1].place.name, one.laws[-1].over), one)
+    return list(best.values())[:FORMULAS]
+
+
+def _open(law: Law) -> bool:
+    return law.shape == TABLE or law.state.lag_s is not None
 
 
 def without_lag(trial: Trial) -> Trial:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,14 +15,28 @@ from straw.replay.diagnose.systems.function.codes import CLOCK
 from straw.replay.diagnose.systems.function.laws import Law
 from straw.replay.diagnose.systems.function.passed import Passed
 from straw.replay.diagnose.systems.function.places import values_over
-from straw.replay.diagnose.systems.function.shapes import CONSTANT, CUBE, LINEAR, POWER, SHAPES, SIGN, STEP, TABLE
+from straw.replay.diagnose.systems.function.shapes import (
+    CONSTANT,
+    CUBE,
+    LINEAR,
+    OUTSIDE,
+    POWER,
+    SHAPES,
+    SIGN,
+    STEP,
+    TABLE,
+    UNEQUAL,
+    WAVE,
+)
 
 Floats = NDArray[np.float64]
 
 #: Number of shapes, nearest to the table, that are fitted to the runs.
 FITTED = 6
-#: Starts of a shape's constants on the table, in units of their range.
+#: Starts of each of a shape's constants on the table, in units of its range.
 SCATTER = (0.15, 0.5, 0.85)
+#: Units of states over which a law may be a wave, as gravity on an arm or a motor's cogging.
+ANGLES = ("rad", "deg", "°")
 
 
 def formulas(trial: Trial, before: Trial, seen: Sequence[Passed]) -> list[Trial]:
@@ -86,7 +101,8 @@ def _shapes(table: Law) -> list[int]:
     if table.state.lag_s is not None:
         return [LINEAR, CUBE, POWER, SIGN]
     one_sided = table.state.low >= -0.02 * table.state.span
-    return [k for k in SHAPES if not (one_sided and k == SIGN)]
+    turns = table.state.unit in ANGLES
+    return [k for k in SHAPES if not (one_sided and k in (SIGN, OUTSIDE, UNEQUAL)) and (turns or k != WAVE)]
 
 
 def _laid(shape: int, table: Law, at: Floats, curve: Floats, root: Floats) -> tuple[float, Law, Floats]:
@@ -102,10 +118,9 @@ def _laid(shape: int, table: Law, at: Floats, curve: Floats, root: Floats) -> tu
 
     shapes = [k for k, one in enumerate(unknowns) if not one.target.endswith("strength")]
     best: tuple[float, Floats] | None = None
-    for share in SCATTER if shapes else (0.5,):
+    for shares in product(SCATTER, repeat=len(shapes)):
         start = law.start(0, 1.0)
-        for k in shapes:
-            start[k] = low[k] + share * (high[k] - low[k])
+        start[shapes] = low[shapes] + np.array(shares) * (high - low)[shapes]
         ones = differs(start) + root @ curve / size
         power = float(ones @ ones)
         start[0] = float(ones @ (root @ curve / size)) / power if power > 0 else 0.0

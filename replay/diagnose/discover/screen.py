@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from straw.replay.diagnose.discover.blocks import blocks, how_asked, predicted
 from straw.replay.diagnose.discover.trial import Trial, of_all, rough
 from straw.replay.diagnose.inquiry import Told
-from straw.replay.diagnose.systems.function.codes import OF_INPUT, OF_NOTHING, OF_RATE, OF_STATE, OF_TIME
+from straw.replay.diagnose.systems.function.codes import CHANNEL, OF_INPUT, OF_NOTHING, OF_RATE, OF_STATE, OF_TIME
 from straw.replay.diagnose.systems.function.laws import Law
 from straw.replay.diagnose.systems.function.passed import Passed, passed, smooth, still_speeds
 from straw.replay.diagnose.systems.function.places import makes_sense, places, points, states
@@ -67,6 +67,18 @@ def screened(trial: Trial, pool: Executor, told: Told) -> tuple[list[Candidate],
     return sorted(out, key=lambda c: c.leaves), seen
 
 
+def lines(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Tables as straight lines through zero, which have fewer constants to be undetermined."""
+    out = []
+    for one in candidates:
+        if one.law.shape != TABLE:
+            continue
+        law, at = replace(one.law, shape=LINEAR, at=()), np.array(one.law.at)
+        rest, values = one.step[: -len(at)], one.step[-len(at) :] * one.law.unit
+        out.append(replace(one, law=law, step=np.append(rest, values @ at / (at @ at) / law.unit)))
+    return out
+
+
 def told_ahead(law: Law, asked: HeldOut) -> bool:
     """Whether what is fitted can tell a law where it is asked: at later times it cannot tell one over time."""
     return not (asked.lies == "after" and law.state.kind == OF_TIME)
@@ -101,13 +113,15 @@ def _with_measured(of: Passed) -> Recorded:
 
 def _measured(system: FunctionSystem, law: Law, speeds: Mapping[int, int]) -> Law:
     """The law over the state as measured, where a channel measures it or, of ``speeds``, that of which it is the
-    rate."""
+    rate. A channel's own reading is not explained by itself as measured: that would fit any channel."""
     names, state = [y.name for y in system.model.channels], law.state
     if state.kind not in (OF_STATE, OF_RATE):
         return law
     speed = state.kind == OF_STATE and state.which in speeds
     name = system.model.states[speeds[state.which] if speed else state.which]
     if name not in names:
+        return law
+    if law.place.kind == CHANNEL and law.place.which == names.index(name):
         return law
     rate = speed or state.kind == OF_RATE
     row = 2 * len(system.model.inputs) + names.index(name) + (len(names) if rate else 0)

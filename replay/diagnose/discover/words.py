@@ -114,7 +114,7 @@ def unit_of(law: Law, constant: str) -> str:
             return "1"
         per = f"({law.state.unit})" if "/" in law.state.unit else law.state.unit
         return f"{law.place.unit}/{per}" + (f"^{power:g}" if power != 1 else "")
-    return {"lag_s": "s", "exponent": "1"}.get(constant, law.state.unit)
+    return {"lag_s": "s", "exponent": "1", "offset": "1", "phase": "1"}.get(constant, law.state.unit)
 
 
 def symbol(law: Law) -> str:
@@ -178,10 +178,13 @@ def law_text(trial: Trial, number: int) -> str:
         "{s}^3": "s**3",
         "sign({s}) sqrt|{s}|": "np.sign(s) * np.sqrt(abs(s))",
         "tanh({s} / {0})": "np.tanh(s / {0})",
+        "(tanh({s} / {0}) + {1})": "(np.tanh(s / {0}) + {1})",
         "sign({s}) |{s} / span|^{0}": f"np.sign(s) * abs(s / {law.state.span:.6g}) ** {{0}}",
         "{s} / (1 + |{s}| / {0})": "s / (1 + abs(s) / {0})",
         "max(0, {s} - {0})": "max(0.0, s - {0})",
         "max(0, {0} - {s})": "max(0.0, {0} - s)",
+        "sin(2 pi {s} / {0} + {1})": "np.sin(2 * np.pi * s / {0} + {1})",
+        "sign({s}) max(0, |{s}| - {0})": "np.sign(s) * max(0.0, abs(s) - {0})",
         "exp(-({s} - {s}_0) / {0})": f"np.exp(-(s - {law.state.low:.6g}) / {{0}})",
         "(1 + tanh(({s} - {0}) / {1})) / 2": "(1 + np.tanh((s - {0}) / {1})) / 2",
     }[shape.text].format(*inner)

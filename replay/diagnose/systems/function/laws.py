@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.hypothesis import Unknown
-from straw.replay.diagnose.systems.function.codes import STRENGTH
+from straw.replay.diagnose.systems.function.codes import OF_INPUT, OF_RATE, STRENGTH
 from straw.replay.diagnose.systems.function.shapes import CONSTANT, FADES, POWER, SHAPES, TABLE, values_of
 
 Floats = NDArray[np.float64]
@@ -53,6 +53,11 @@ class State:
     def span(self) -> float:
         """Length of the visited span."""
         return self.high - self.low
+
+    @property
+    def is_rate(self) -> bool:
+        """Whether it is the rate of a state or an input."""
+        return self.kind in (OF_RATE, OF_INPUT) and not self.symbol
 
     @property
     def positive(self) -> bool:
@@ -109,6 +114,8 @@ class Law:
             ends = (s.low + low * s.span) / s.span, (s.low + high * s.span) / s.span
             mean = (s.low + start * s.span) / s.span
             return Unknown(target, s.span, kind="linear", mean=mean, sd=1.0, low=ends[0], high=ends[1])
+        if low < 0:
+            return Unknown(target, 1.0, kind="linear", mean=start, sd=1.0, low=low, high=high)
         scale = s.span if of == "span" else 1.0
         return Unknown(target, 1.0, start * scale, "log", sd=2.0, low=np.log(low / start), high=np.log(high / start))
 

@@ -12,14 +12,16 @@ from straw.replay.diagnose.systems.function.compiled import compiled
 Floats = NDArray[np.float64]
 
 #: Shapes by their number in a law's row.
-TABLE, CONSTANT, LINEAR, SQUARE, CUBE, QUADRATIC, SIGN, ROOT, POWER, SATURATES, ABOVE, BELOW, FADES, STEP = range(14)
+TABLE, CONSTANT, LINEAR, SQUARE, CUBE, QUADRATIC, SIGN, ROOT = range(8)
+POWER, SATURATES, ABOVE, BELOW, FADES, STEP, OUTSIDE, UNEQUAL, WAVE = range(8, 17)
 
 
 @dataclass(frozen=True)
 class Shape:
     """A formula over a state s: its text, its constants beside the strength, and their starts.
 
-    ``constants`` are (name, start, low, high) in units of the state's span (``span``) or plain (""); ``unit`` is the
+    ``constants`` are (name, start, low, high, of) in units of the state's span (``span``), from its lower end
+    (``place``), or plain numbers (""), which have a logarithm unless they may be negative; ``unit`` is the
     power of the state's unit that the strength is divided by; ``positive`` its text for a state that is never negative.
     """
 
@@ -59,12 +61,32 @@ SHAPES = {
         ),
         Shape(ABOVE, "above a threshold", "max(0, {s} - {0})", (("threshold", 0.6, 0.0, 1.0, "place"),), unit=1),
         Shape(BELOW, "below a threshold", "max(0, {0} - {s})", (("threshold", 0.4, 0.0, 1.0, "place"),), unit=1),
+        Shape(
+            OUTSIDE,
+            "outside a dead band",
+            "sign({s}) max(0, |{s}| - {0})",
+            (("half_width", 0.25, 0.01, 1.0, "span"),),
+            unit=1,
+            positive="max(0, {s} - {0})",
+        ),
         Shape(FADES, "fading", "exp(-({s} - {s}_0) / {0})", (("range", 0.3, 0.02, 5.0, "span"),)),
         Shape(
             STEP,
             "step",
             "(1 + tanh(({s} - {0}) / {1})) / 2",
             (("place", 0.5, 0.0, 1.0, "place"), ("width", 0.05, 0.003, 0.5, "span")),
+        ),
+        Shape(
+            UNEQUAL,
+            "sign with offset",
+            "(tanh({s} / {0}) + {1})",
+            (("width", 0.02, 1e-4, 0.3, "span"), ("offset", 0.0, -0.95, 0.95, "")),
+        ),
+        Shape(
+            WAVE,
+            "wave",
+            "sin(2 pi {s} / {0} + {1})",
+            (("period", 1.0, 0.2, 6.0, "span"), ("phase", 0.0, -3.2, 3.2, "")),
         ),
     )
 }
@@ -113,8 +135,14 @@ def value(shape: int, p: Floats, at: int, many: int, s: float) -> float:
         return float(a * max(0.0, s - p[at + 1]))
     if shape == BELOW:
         return float(a * max(0.0, p[at + 1] - s))
+    if shape == OUTSIDE:
+        return float(a * np.sign(s) * max(0.0, abs(s) - p[at + 1]))
     if shape == FADES:
         return float(a * np.exp(-min(max((s - p[at + 2]) / p[at + 1], -50.0), 50.0)))
+    if shape == UNEQUAL:
+        return float(a * (np.tanh(s / p[at + 1]) + p[at + 2]))
+    if shape == WAVE:
+        return float(a * np.sin(2 * np.pi * s / p[at + 1] + p[at + 2]))
     return float(a * 0.5 * (1 + np.tanh((s - p[at + 1]) / p[at + 2])))
 
 
