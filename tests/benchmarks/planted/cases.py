@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 from tests.benchmarks.measured.cases import Effect
+from tests.benchmarks.planted.machines import ARM, DRONE, SERVO, SLIDE, arm, drone, servo, slide
 from tests.benchmarks.planted.more_systems import (
     BOAT,
     CAMERA,
@@ -90,6 +91,15 @@ CASES = (
             (_rate("the speed along", "the speed along", "linear"), _rate("the speed up", "the speed up", "linear"))),
     Planted("prey", PREY, partial(prey, crowded=0.12), 0.01,
             (Effect(("the (rate of the prey|prey's growth), over the prey",), (*SQUARES, "linear")),)),
+    Planted("servo", SERVO, partial(servo, limit=4.0), 0.1,
+            (Effect(("the (rate of the stroke|gain|input the command), over the command",),
+                    ("outside a dead band", "saturating")),)),
+    Planted("slide", SLIDE, partial(slide, dry=20.0, unequal=0.2), 1e-3,
+            (_rate("the speed", "the speed", "sign with offset"),)),
+    Planted("arm", ARM, partial(arm, gravity=15.0), 5e-3, (_rate("the speed", "the angle", "wave"),)),
+    Planted("drone", DRONE, partial(drone, near_ground=0.3), 3e-3,
+            (Effect(("the (thrust|rate of the climb), over the height",), ("fading",)),)),
+    Planted("servo, nothing", SERVO, partial(servo, limit=99.0), 0.1),
     Planted("prey, nothing", PREY, partial(prey, crowded=0.0), 0.01),
     Planted("pendulum, nothing", PENDULUM, partial(pendulum, drag=0.0), 5e-3),
     Planted("heater, nothing", HEATER, partial(heater, convection=0.0), 0.3),
