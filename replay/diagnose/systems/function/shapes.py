@@ -11,8 +11,9 @@ from straw.replay.diagnose.systems.function.compiled import compiled
 
 Floats = NDArray[np.float64]
 
-#: Shapes by their number in a law's row.
+#: Numbers of shapes in a law's row.
 TABLE, CONSTANT, LINEAR, SQUARE, CUBE, QUADRATIC, SIGN, ROOT = range(8)
+#: The same of shapes with constants of their own.
 POWER, SATURATES, ABOVE, BELOW, FADES, STEP, OUTSIDE, UNEQUAL, WAVE = range(8, 17)
 
 
