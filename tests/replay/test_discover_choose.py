@@ -16,21 +16,22 @@ from straw.replay.diagnose.discover.choose import (
     degenerate,
     distinguished,
     drifts,
-    elsewhere,
     fitting,
     forms_of,
     of_note,
-    picked,
     rivals,
     same_channels,
     written,
 )
+from straw.replay.diagnose.discover.pick import elsewhere, picked
+from straw.replay.diagnose.discover.said import partly
 from straw.replay.diagnose.discover.screen import Candidate, told_ahead
 from straw.replay.diagnose.systems.function.codes import CHANNEL, CLOCK, OF_INPUT, OF_STATE, OF_TIME, RATE
 from straw.replay.diagnose.systems.function.laws import Law, Place, State
 from straw.replay.diagnose.systems.function.recording import HeldOut
 from straw.replay.diagnose.systems.function.shapes import (
     CUBE,
+    FADES,
     LINEAR,
     POWER,
     QUADRATIC,
@@ -47,14 +48,16 @@ PRESSURE = State(OF_STATE, 0, "the pressure", "bar", 1.0, 7.0)
 TIME = State(OF_TIME, 0, "time", "s", 0.0, 100.0)
 
 
-def trial(law: Law, *errors: float, fit: Any = None) -> Any:
+def trial(law: Law, *errors: float, fit: Any = None, to_noise: bool = False, worth: float | None = None) -> Any:
     """A fit with its squared errors by block, of ten independent samples each."""
 
     def evidence(worth: float) -> float:
         return worth * float(np.log(sum(errors)))
 
-    total, worth = float(sum(errors)), 10.0 * len(errors)
-    return SimpleNamespace(laws=(law,), error=np.array(errors), predicts=total, worth=worth, evidence=evidence, fit=fit)
+    total, worth = float(sum(errors)), worth or 10.0 * len(errors)
+    return SimpleNamespace(
+        laws=(law,), error=np.array(errors), predicts=total, worth=worth, evidence=evidence, fit=fit, to_noise=to_noise
+    )
 
 
 def test_a_law_over_a_state_comes_before_a_drift_from_which_it_cannot_be_distinguished():
@@ -190,12 +193,20 @@ def test_a_saturation_far_beyond_what_was_visited_is_a_degenerate_form_of_a_line
     assert not degenerate(fitted(saturating, 0.1, 0.0), fitted(saturating, 0.1, 0.1))
 
 
-def test_the_state_of_the_best_law_is_tried_at_places_where_it_was_not():
-    sensor, leak, over_time = (
+def test_what_is_like_the_best_law_is_tried_too():
+    """Over its state at other places, and at its place over states that promise nearly as much."""
+    sensor, leak, over_time, drift = (
         Candidate(Law(place, state, LINEAR), leaves, np.zeros(1))
-        for place, state, leaves in ((SENSOR, PRESSURE, 0.5), (LEAK, PRESSURE, 0.7), (LEAK, TIME, 0.6))
+        for place, state, leaves in (
+            (SENSOR, PRESSURE, 0.5),
+            (LEAK, PRESSURE, 0.7),
+            (LEAK, TIME, 0.6),
+            (SENSOR, TIME, 0.9),
+        )
     )
-    assert elsewhere(sensor.law, [sensor, over_time, leak], [sensor]) == [leak]
+    assert elsewhere(sensor.law, [sensor, over_time, leak, drift], [sensor]) == [leak]
+    near = replace(drift, leaves=0.52)
+    assert elsewhere(sensor.law, [sensor, near, over_time, leak], [sensor]) == [near, leak]
 
 
 def test_a_drift_counts_where_it_halves_the_error_and_another_law_by_a_tenth():
@@ -203,3 +214,23 @@ def test_a_drift_counts_where_it_halves_the_error_and_another_law_by_a_tenth():
     assert of_note(trial(Law(LEAK, PRESSURE, SQUARE), 5.0, 5.0, 5.0), base)
     assert not of_note(trial(Law(LEAK, TIME, SQUARE), 5.0, 5.0, 5.0), base)
     assert of_note(trial(Law(LEAK, TIME, SQUARE), 2.0, 2.0, 2.0), base)
+
+
+def test_forms_are_told_apart_by_schwarzs_criterion_where_one_leaves_no_more_than_noise():
+    """Of two that predict nearly as well the shorter is reported, unless the longer explains what it cannot."""
+    short, right = Law(LEAK, PRESSURE, LINEAR), Law(LEAK, PRESSURE, FADES)
+    fits = trial(short, 1.2, 1.2, 1.2), trial(right, 1.0, 1.0, 1.0)
+    assert written(fits)[0].laws[-1].shape == LINEAR
+    to_noise = fits[0], trial(right, 1.0, 1.0, 1.0, to_noise=True)
+    assert written(to_noise)[0].laws[-1].shape == LINEAR
+    far = trial(short, 1.2, 1.2, 1.2, worth=300.0), trial(right, 1.0, 1.0, 1.0, to_noise=True, worth=300.0)
+    assert written(far)[0].laws[-1].shape == FADES
+
+
+@pytest.mark.parametrize(("after", "part"), [(0.5, True), (0.35, True), (0.3, False), (0.12, False)])
+def test_a_law_that_leaves_a_third_of_the_error_and_many_times_the_noise_explains_a_part(after, part):
+    held = np.array([1.0]), np.array([after])
+    found = SimpleNamespace(held=held, noise=np.array([0.05]), accepted=[object()])
+    assert partly(SimpleNamespace(discovery=found)) is part
+    found.noise = np.array([0.15])
+    assert partly(SimpleNamespace(discovery=found)) is False

@@ -13,11 +13,14 @@ from scipy.integrate import solve_ivp
 from straw.replay.cli import main
 from straw.replay.diagnose.discover.trial import of_all
 from straw.replay.diagnose.systems.function.check import defects
+from straw.replay.diagnose.systems.function.codes import ALONG, OF_SPEED
+from straw.replay.diagnose.systems.function.laws import Law
 from straw.replay.diagnose.systems.function.model import load_model
 from straw.replay.diagnose.systems.function.noise import noise_of
 from straw.replay.diagnose.systems.function.passed import passed, still_speeds, typical
-from straw.replay.diagnose.systems.function.places import places
+from straw.replay.diagnose.systems.function.places import places, states
 from straw.replay.diagnose.systems.function.read_recordings import read_recordings
+from straw.replay.diagnose.systems.function.shapes import QUADRATIC
 from straw.replay.diagnose.systems.function.system import FunctionSystem, first_value
 from straw.replay.diagnose.systems.function.table import read_table
 from straw.replay.errors import ReplayError
@@ -319,7 +322,59 @@ def test_an_equation_that_is_constant_is_a_place_of_the_size_of_its_constant(tmp
     assert typical(np.array([1.0, 3.0, np.nan])) == pytest.approx(1.0)
 
 
+PLANE = '''
+"""A ball, filmed in a plane."""
+time = "t"
+channels = {"x": ("x", "m"), "y": ("y", "m")}
+start = {"x": "x", "y": "y", "vx": (8.0, 0.0, 20.0), "vy": (8.0, -20.0, 20.0)}
+units = {"x": "m", "y": "m", "vx": "m/s", "vy": "m/s"}
+
+def slopes(t, x, u, c):
+    return x.vx, x.vy, 0.0, -9.81
+'''
+
+
+def test_a_drag_by_the_square_of_the_speed_acts_along_the_motion(tmp_path):
+    """The same path as by another integrator; the place and its state are among those of the search."""
+    t = np.linspace(0.0, 1.0, 61)
+    start, drag = (0.0, 1.5, 9.0, 6.0), 0.2
+
+    def slopes(_, x):
+        speed = np.hypot(x[2], x[3])
+        return x[2], x[3], -drag * speed * x[2], -9.81 - drag * speed * x[3]
+
+    truth = solve_ivp(slopes, (0.0, 1.0), start, t_eval=t, rtol=1e-10, atol=1e-12).y
+    path = written(tmp_path, "throw", {"t": t, "x": truth[0], "y": truth[1]})
+    system = FunctionSystem(load_model(file(tmp_path, PLANE)))
+    recordings = read_recordings(system.model, [path])
+    seen = passed(system, recordings, {})
+    (place,) = (one for one in places(system, seen) if one.kind == ALONG)
+    (state,) = (one for one in states(system, seen) if one.kind == OF_SPEED)
+    assert place.says == "the rate of vx and vy, in their direction"
+    assert state.name == "the magnitude of vx and vy"
+    added = system.with_laws(Law(place, state, QUADRATIC))
+    shown, _, _ = added.played(recordings[0], {"law.0.strength": -drag}, np.array(start))
+    assert shown == pytest.approx(truth[:2], abs=1e-6)  # steps of a sixtieth of a second
+
+
 def test_what_improves_one_channel_is_not_hidden_by_the_error_that_remains_in_another():
     assert of_all(np.array([4.0])) == pytest.approx(4.0)
     before, after = np.array([1e4, 9.0]), np.array([1e4, 1.0])
     assert of_all(after) / of_all(before) == pytest.approx(1 / 3)
+
+
+def test_starts_of_which_only_the_sum_is_seen_are_no_singular_matrix(tmp_path):
+    """Readings of a million with a noise of a millionth, beside which a prior is below rounding."""
+    text = PLANE[: PLANE.index("channels")] + (
+        'channels = {"y": ("y", "1")}\n'
+        'start = {"a": (0.0, -1e9, 1e9), "b": (0.0, -1e9, 1e9)}\n\n'
+        "def slopes(t, x, u, c):\n    return 0.0, 0.0\n\n"
+        "def shown(t, x, u, c):\n    return x.a + x.b\n"
+    )
+    t = np.linspace(0.0, 1.0, 30)
+    path = written(tmp_path, "sum", {"t": t, "y": 1e6 + 1e-6 * np.sin(40 * t)})
+    system = FunctionSystem(load_model(file(tmp_path, text)))
+    (recording,) = read_recordings(system.model, [path])
+    shown, start = system.profiled(recording, {})
+    assert shown == pytest.approx(np.full((1, 30), 1e6), abs=1.0)
+    assert np.isfinite(start).all()

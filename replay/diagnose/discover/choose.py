@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from straw.replay.diagnose.discover.screen import Candidate
 from straw.replay.diagnose.discover.trial import Trial, covariance_of, of_all
 from straw.replay.diagnose.settings import WORSE
 from straw.replay.diagnose.systems.function.codes import (
+    ALONG,
     CHANNEL,
     CLOCK,
     DELAY,
@@ -44,8 +44,6 @@ OF_DRIFT = 0.5**2
 HELD = 0.95
 #: Difference of Schwarz's criterion that is strong evidence (Kass and Raftery 1995: 6 to 10).
 STRONG = 10.0
-#: Candidates fitted, of each place and over each state at most.
-FITTED, ALIKE = 9, 3
 #: Standard deviations of the blockwise difference within which two laws explain equally well.
 TOLD_APART = 2.0
 #: Squared error of twice the error. Where that did not distinguish, 36 of 50 planted systems would be found in place of
@@ -58,8 +56,8 @@ OF_NEARLY = 0.95
 
 
 def written(trials: Sequence[Trial]) -> list[Trial]:
-    """For each place and state the shortest formula that predicts nearly as well as the best there, or else the table;
-    the best first, and among nearly equal ones those in an equation first."""
+    """For each place and state the one to report (`_shortest`); the best first, and among nearly equal ones those in an
+    equation first."""
     groups: dict[tuple[str, str], list[Trial]] = {}
     worth = min((one.worth for one in trials), default=1.0)
 
@@ -68,10 +66,7 @@ def written(trials: Sequence[Trial]) -> list[Trial]:
 
     for one in trials:
         groups.setdefault((one.laws[-1].place.name, one.laws[-1].over), []).append(one)
-    out = []
-    for group in groups.values():
-        best = min(one.predicts for one in group)
-        out.append(min((one for one in group if OF_NOTE * one.predicts <= best), key=order))
+    out = [min(_shortest(group, worth), key=order) for group in groups.values()]
     out.sort(key=lambda one: one.predicts)
     if out:
         near = [one for one in out if OF_NEARLY * one.predicts <= out[0].predicts]
@@ -80,6 +75,16 @@ def written(trials: Sequence[Trial]) -> list[Trial]:
             causes = [one for one in out if not drifts(one.laws[-1]) and not apart(one, out[0])]
             out = [*causes, *(one for one in out if one not in causes)]
     return out
+
+
+def _shortest(group: Sequence[Trial], worth: float) -> list[Trial]:
+    """Those that predict nearly as well as the best; of formulas those against which Schwarz's criterion is no strong
+    evidence for another that leaves no more than noise, so that likelihoods are right."""
+    best = min(one.predicts for one in group)
+    near = [one for one in group if OF_NOTE * one.predicts <= best]
+    right = [one for one in near if one.laws[-1].shape != TABLE and one.to_noise]
+    least = min((one.evidence(worth) for one in right), default=np.inf)
+    return [one for one in near if one.laws[-1].shape == TABLE or one.evidence(worth) <= least + STRONG]
 
 
 def drifts(law: Law) -> bool:
@@ -170,12 +175,14 @@ def refusals(held: Sequence[Floats]) -> int:
 
 def simplest(one: Trial) -> tuple[float, ...]:
     """Among laws that predict equally well a formula comes before a table, fewer constants before more, a law over a
-    state before one over a rate, and one in an equation before the same effect in a constant, an input or an
-    instrument; what is equally simple, by Schwarz's criterion."""
+    state before one over a rate, a constant beyond its range before any, and one in an equation before the same effect
+    in a constant, an input or an instrument; what is equally simple, by Schwarz's criterion."""
     law = one.laws[-1]
-    order = (SHIFT, RATE, CHANNEL, STRENGTH, FACTOR, DELAY, INPUT, CLOCK).index(law.place.kind)
+    order = (SHIFT, RATE, ALONG, CHANNEL, STRENGTH, FACTOR, DELAY, INPUT, CLOCK).index(law.place.kind)
     own = law.place.kind == CHANNEL and law.state.kind == OF_SHOWN
-    constants = len(law.unknowns(0)) + 2 * (law.state.lag_s is not None)
+    if law.beyond:
+        order = -1
+    constants = len(law.unknowns(0)) + 2 * (law.state.remembers)
     return drifts(law), law.shape == TABLE, constants, law.state.is_rate, order + 4 * own
 
 
@@ -214,32 +221,7 @@ def apart(one: Trial, other: Trial) -> bool:
     return float(np.sum(difference)) > TOLD_APART * spread
 
 
-def picked(promised: Sequence[Candidate]) -> list[Candidate]:
-    """The most promising, of different places and over different states.
-
-    A law over the history of a state is fitted from its best lag, and beside it the law over the state itself.
-    """
-    places: dict[str, int] = {}
-    states: dict[str, int] = {}
-    out: list[list[Candidate]] = []
-    known: set[tuple[str, str]] = set()
-    for one in promised:
-        place, state = one.law.place.name, one.law.state.name
-        if one.leaves > 0.98 or (place, state) in known or len(out) == FITTED:
-            continue
-        if places.get(place, 0) >= ALIKE or states.get(state, 0) >= ALIKE:
-            continue
-        known.add((place, state))
-        places[place], states[state] = places.get(place, 0) + 1, states.get(state, 0) + 1
-        own = [x for x in promised if (x.law.place.name, x.law.state.name) == (place, state)]
-        prompt = [x for x in own if x.law.state.lag_s is None and one.law.state.lag_s is not None]
-        out.append([one, *prompt])
-    return [one for group in out for one in group]
-
-
-def elsewhere(best: Law, promised: Sequence[Candidate], known: Sequence[Candidate]) -> list[Candidate]:
-    """Candidates over the state of the best law, at places where it was not tried: to first order about a base that is
-    far off, its own place may not be the most promising."""
-    tried = {one.law.place.name for one in known if one.law.over == best.over}
-    out = {one.law.place.name: one for one in reversed(promised) if one.law.over == best.over}
-    return [one for place, one in out.items() if place not in tried][::-1]
+def of_one_kind(one: Trial, trials: Sequence[Trial]) -> list[Trial]:
+    """A trial and all others whose last law has its place and state, in whatever form."""
+    law = one.laws[-1]
+    return [one, *(x for x in trials if (x.laws[-1].place.name, x.laws[-1].over) == (law.place.name, law.over))]

@@ -15,16 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.discover.choose import (
-    FITTED,
-    OF_NEARLY,
     OF_NOTE,
     degenerate,
     distinguished,
-    elsewhere,
     fitting,
     forms_of,
     of_note,
-    picked,
+    of_one_kind,
     refusals,
     rivals,
     same_channels,
@@ -32,15 +29,16 @@ from straw.replay.diagnose.discover.choose import (
 )
 from straw.replay.diagnose.discover.formulas import formulas
 from straw.replay.diagnose.discover.inline import Inline, never
+from straw.replay.diagnose.discover.pick import FITTED, elsewhere, picked
 from straw.replay.diagnose.discover.rounds import Discovery, Step
 from straw.replay.diagnose.discover.same import written_otherwise
 from straw.replay.diagnose.discover.samples import asked_as, held_out, longest_step, thinned, to_predict
 from straw.replay.diagnose.discover.screen import Candidate, lines, screened
+from straw.replay.diagnose.discover.simplify import merged, pruned, without_lag
 from straw.replay.diagnose.discover.trial import LAST_ROUNDS, LAST_SHARE, Trial, noise_in, rough, tried
 from straw.replay.diagnose.fit import cost_at
 from straw.replay.diagnose.inquiry import Told, silent
 from straw.replay.diagnose.one_thread import one_blas_thread
-from straw.replay.diagnose.systems.function.codes import STRENGTH
 from straw.replay.diagnose.systems.function.laws import Law
 from straw.replay.diagnose.systems.function.passed import Passed
 from straw.replay.diagnose.systems.function.recording import Recorded
@@ -52,8 +50,6 @@ Floats = NDArray[np.float64]
 
 #: Laws chosen at most; places and states of which a law is written as formulas.
 LAWS, FORMULAS = 3, 4
-#: The base explains a channel if its RMS is within this multiple of the noise.
-TO_NOISE = 1.3
 
 
 @one_blas_thread()
@@ -74,7 +70,7 @@ def discover(
     base = base_trial(system, asked_as(thinned(system, searched), recordings), to_predict(system, recordings))
     noise = noise_in(recordings)
     steps: list[Step] = []
-    if not np.all(np.sqrt(base.squared) <= TO_NOISE * noise):
+    if not base.to_noise:
         for k in range(LAWS):
             current = steps[-1].accepted if steps else base
             if stop() or current is None:
@@ -108,31 +104,14 @@ def base_trial(system: FunctionSystem, recordings: Sequence[Recorded], ahead: tu
 
 
 def polished(trial: Trial) -> Trial:
-    """A trial fitted to its end."""
-    start = trial.fit
-    return tried(trial.campaign, start.unknowns, start.u, trial.unit, rounds=LAST_ROUNDS, share=LAST_SHARE)
-
-
-def pruned(trial: Trial) -> Trial:
-    """The trial without earlier laws that its last law has made redundant (backward elimination)."""
-    for number in range(len(trial.laws) - 2, -1, -1):
-        if any(law.place.kind == STRENGTH for law in trial.laws[number + 1 :]):
-            continue  # it may multiply this one
-        laws = [law for k, law in enumerate(trial.laws) if k != number]
-        named = [(k, int(one.target.split(".")[1])) for k, one in enumerate(trial.fit.unknowns) if _of_law(one.target)]
-        keep = [k for k, of in named if of != number]
-        constants = [k for k, one in enumerate(trial.fit.unknowns) if not _of_law(one.target)]
-        unknowns = [trial.fit.unknowns[k] for k in constants]
-        unknowns += [one for k, law in enumerate(laws) for one in law.unknowns(k)]
-        campaign = trial.campaign.with_system(trial.system.with_laws(*laws))
-        fewer = tried(campaign, unknowns, trial.fit.u[[*constants, *keep]], trial.unit)
-        if OF_NEARLY * fewer.predicts <= trial.predicts:
-            trial = fewer
-    return trial
-
-
-def _of_law(target: str) -> bool:
-    return target.startswith("law.")
+    """A trial fitted to its end, integrated as finely as its laws need."""
+    start, system = trial.fit, trial.system
+    runs: Sequence[Any] = trial.campaign.observations
+    step = min(system.longest_s, longest_step(system.at(trial.values), runs))
+    campaign = trial.campaign
+    if step < system.longest_s:
+        campaign = campaign.with_system(replace(system, longest_s=step))
+    return tried(campaign, start.unknowns, start.u, trial.unit, rounds=LAST_ROUNDS, share=LAST_SHARE)
 
 
 def on_all(trial: Trial, recordings: Sequence[Recorded]) -> Trial:
@@ -150,10 +129,10 @@ def one_round(current: Trial, unit: Floats, pool: Executor, stop: Callable[[], b
     promised, seen = screened(current, pool, silent)
     first = picked(promised)
     every = _tried(current, first, seen, unit, pool, stop)
-    left = [one for one in written(every) if of_note(one, current)]
+    left = written([one for one in every if of_note(one, current)])
     if left and not stop():
         every += _tried(current, elsewhere(left[0].laws[-1], promised, first), seen, unit, pool, stop)
-        left = [one for one in written(every) if of_note(one, current)]
+        left = written([one for one in every if of_note(one, current)])
     every.sort(key=lambda one: one.predicts)
     if not left:
         return Step(None, tuple(every), (), tuple(promised[:FITTED]))
@@ -164,14 +143,21 @@ def one_round(current: Trial, unit: Floats, pool: Executor, stop: Callable[[], b
     accepted = without_lag(accepted)
     other = [one for one in left if rivals(one.laws[-1], accepted.laws[-1]) and same_channels(one, accepted, current)]
     alike = [one for one in other if not distinguished(one, accepted, len(current.system.model.inputs))]
-    same = [one for one in alike if written_otherwise(accepted, one, current, runs)]
+    best = min(of_one_kind(accepted, every), key=lambda one: one.predicts)
+    same = [
+        one
+        for one in alike
+        if written_otherwise(accepted, one, current, runs)
+        or written_otherwise(best, min(of_one_kind(one, every), key=lambda x: x.predicts), current, runs)
+    ]
     alike = [one for one in alike if one not in same]
+    same = [one for one in same if one.laws[-1].says != accepted.laws[-1].says]
     forms = dict.fromkeys(
         SHAPES[one.laws[-1].shape].name
         for one in forms_of(accepted, every)
         if not (degenerate(one, accepted) and written_otherwise(accepted, one, current, runs))
     )
-    accepted = pruned(accepted)
+    accepted = merged(pruned(accepted), current, seen)
     errors = np.array([one.error for one in (accepted, *alike)])
     return Step(accepted, tuple(every), tuple(alike), tuple(promised[:FITTED]), tuple(same), tuple(forms), errors)
 
@@ -209,20 +195,7 @@ def _of_places(trials: Sequence[Trial]) -> list[Trial]:
 
 
 def _open(law: Law) -> bool:
-    return law.shape == TABLE or law.state.lag_s is not None
-
-
-def without_lag(trial: Trial) -> Trial:
-    """The trial with its last law over the state itself, where a lag gives no relevant improvement."""
-    law, number = trial.laws[-1], len(trial.laws) - 1
-    if law.state.lag_s is None:
-        return trial
-    prompt = replace(law, state=replace(law.state, lag_s=None))
-    keep = [k for k, one in enumerate(trial.fit.unknowns) if one.target != f"law.{number}.lag_s"]
-    campaign = trial.campaign.with_system(trial.system.with_laws(*trial.laws[:-1], prompt))
-    unknowns = [trial.fit.unknowns[k] for k in keep]
-    fewer = tried(campaign, unknowns, trial.fit.u[keep], trial.unit)
-    return fewer if OF_NOTE * fewer.predicts <= trial.predicts else trial
+    return law.shape == TABLE or (law.state.lag_s is not None and not law.own)
 
 
 def _fitted(current: Trial, candidate: Candidate, unit: Floats) -> Trial:
@@ -235,6 +208,8 @@ def _fitted(current: Trial, candidate: Candidate, unit: Floats) -> Trial:
     campaign = current.campaign.with_system(system)
     low, high = (np.array([getattr(k, end) for k in unknowns]) for end in ("low", "high"))
     points = [np.clip(zero + share * step, low, high) for share in (0.0, 0.1, 0.4, 1.0)]
+    if candidate.law.own:  # late as a whole
+        points.append(np.append(current.fit.u, candidate.law.start(len(current.laws), 1 / candidate.law.unit)))
     smooth = rough(unknowns, laws)
     costs = [cost_at(unknowns, u, r, smooth) for u, r in zip(points, campaign.residuals(unknowns, points), strict=True)]
     return tried(campaign, unknowns, points[int(np.argmin(costs))], unit)

@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.discover.choose import drifts
-from straw.replay.diagnose.discover.discover import TO_NOISE
 from straw.replay.diagnose.discover.rounds import Discovery, Step
-from straw.replay.diagnose.discover.said import asides, gain, headline
-from straw.replay.diagnose.discover.trial import Trial
+from straw.replay.diagnose.discover.said import asides, gain, headline, partly
+from straw.replay.diagnose.discover.trial import TO_NOISE, Trial
 from straw.replay.diagnose.discover.words import ReportedLaw, acts_in_recording, as_json, is_fault, law_text, told
 from straw.replay.diagnose.systems.function.passed import passed
 from straw.replay.diagnose.systems.function.places import makes_sense, states, together
@@ -71,7 +70,7 @@ class SystemFindings:
         faults = [is_fault(one) for one in self.laws]
         first = [acts_in_recording(one.laws[-1]) for one in self.alike]
         others = any(one != acts_in_recording(d.best.laws[0]) for one in first) or len(self.alike_places) > 2
-        if others or faults[0] is None or self.goes_with or drifts(d.best.laws[0]):
+        if others or faults[0] is None or self.goes_with or drifts(d.best.laws[0]) or partly(self):
             return "ambiguous"
         return "measurement_fault" if all(faults) else "missing_physics"
 

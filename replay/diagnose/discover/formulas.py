@@ -13,13 +13,16 @@ from scipy.optimize import least_squares
 from straw.replay.diagnose.discover.trial import Trial, tried
 from straw.replay.diagnose.systems.function.codes import CLOCK
 from straw.replay.diagnose.systems.function.laws import Law
-from straw.replay.diagnose.systems.function.passed import Passed
+from straw.replay.diagnose.systems.function.passed import ANGLES, Passed
 from straw.replay.diagnose.systems.function.places import values_over
 from straw.replay.diagnose.systems.function.shapes import (
+    BUMP,
     CONSTANT,
     CUBE,
+    FOLLOWS,
     LINEAR,
     OUTSIDE,
+    PLAY,
     POWER,
     SHAPES,
     SIGN,
@@ -35,15 +38,13 @@ Floats = NDArray[np.float64]
 FITTED = 6
 #: Starts of each of a shape's constants on the table, in units of its range.
 SCATTER = (0.15, 0.5, 0.85)
-#: Units of states over which a law may be a wave, as gravity on an arm or a motor's cogging.
-ANGLES = ("rad", "deg", "°")
 
 
-def formulas(trial: Trial, before: Trial, seen: Sequence[Passed]) -> list[Trial]:
+def formulas(trial: Trial, before: Trial, seen: Sequence[Passed], *, fine: bool = False) -> list[Trial]:
     """Fits with the last law, a table, as each of the formulas nearest to it; the best first.
 
     ``before`` is the trial without the law: a formula fitted to a table has more misfit than the table, so sigma starts
-    from its value there.
+    from its value there. A bump is sought over a ``fine`` table only: over few points it follows anything.
     """
     *known, table = trial.laws
     number = len(known)
@@ -56,7 +57,7 @@ def formulas(trial: Trial, before: Trial, seen: Sequence[Passed]) -> list[Trial]
         at, weight = _where(table, seen)
         root, room = np.diag(weight), np.zeros((len(base_u), len(at)))
     curve = table.curve(number, trial.values, at)
-    laid = sorted((_laid(shape, table, at, curve, root) for shape in _shapes(table)), key=lambda one: one[0])
+    laid = sorted((_laid(shape, table, at, curve, root) for shape in _shapes(table, fine)), key=lambda one: one[0])
     out = []
     for _, law, u in laid[:FITTED]:
         system = replace(trial.system.with_laws(*known, law), sigma=before.system.sigma)
@@ -92,7 +93,7 @@ def _where(table: Law, seen: Sequence[Passed]) -> tuple[Floats, Floats]:
     return at, np.sqrt(count / count.max() + 0.02)
 
 
-def _shapes(table: Law) -> list[int]:
+def _shapes(table: Law, fine: bool) -> list[int]:
     """Shapes that apply over its state: signed ones need both signs."""
     if table.state.name == "nothing":
         return [CONSTANT]
@@ -101,8 +102,10 @@ def _shapes(table: Law) -> list[int]:
     if table.state.lag_s is not None:
         return [LINEAR, CUBE, POWER, SIGN]
     one_sided = table.state.low >= -0.02 * table.state.span
-    turns = table.state.unit in ANGLES
-    return [k for k in SHAPES if not (one_sided and k in (SIGN, OUTSIDE, UNEQUAL)) and (turns or k != WAVE)]
+    turns = table.state.unit in ANGLES  # as gravity on an arm, or a motor's cogging
+    other = {SIGN: not one_sided, OUTSIDE: not one_sided, UNEQUAL: not one_sided}
+    other |= {WAVE: turns, BUMP: fine, FOLLOWS: False, PLAY: False}
+    return [k for k in SHAPES if other.get(k, True)]
 
 
 def _laid(shape: int, table: Law, at: Floats, curve: Floats, root: Floats) -> tuple[float, Law, Floats]:

@@ -103,7 +103,7 @@ def _law(one: ReportedLaw, number: int, of: int) -> LawTold:
         Constant(n, "", v, v - INTERVAL * s, v + INTERVAL * s, unit) for n, (v, s, unit) in one.constants.items()
     ]
     picture = ""
-    if one.law.over != "nothing":
+    if one.law.curved:
         place, state = one.law.place, one.law.state
         labels = (
             f"{x} / {unit}".removesuffix(" / 1") for x, unit in ((state.name, state.unit), (place.says, place.unit))
@@ -157,7 +157,7 @@ def _unseen(f: SystemFindings) -> str:
         f" Nothing is known of {_the_law(f, k)} outside {one.law.state.name} = {sig(one.law.state.low)} to "
         f"{sig(one.law.state.high)} {one.law.state.unit}.".replace(" 1.", ".")
         for k, one in enumerate(f.laws, 1)
-        if one.law.over != "nothing"
+        if one.law.curved
     )
     return f"Effects smaller than the noise ({noise}).{rest}{states}"
 

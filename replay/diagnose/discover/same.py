@@ -28,7 +28,7 @@ def written_otherwise(one: Trial, other: Trial, base: Trial, recordings: Sequenc
     """
     for trial in (one, other):
         law = trial.laws[-1]
-        if law.place.kind in (CLOCK, DELAY) or law.state.lag_s is not None:
+        if law.place.kind in (CLOCK, DELAY) or law.state.remembers:
             return False
     total = sum(len(r.time_s) for r in recordings)
     apart = changed = 0.0

@@ -17,16 +17,35 @@ from numpy.typing import NDArray
 from straw.replay.diagnose.discover.blocks import blocks, how_asked, predicted
 from straw.replay.diagnose.discover.trial import Trial, of_all, rough
 from straw.replay.diagnose.inquiry import Told
-from straw.replay.diagnose.systems.function.codes import CHANNEL, OF_INPUT, OF_NOTHING, OF_RATE, OF_STATE, OF_TIME
+from straw.replay.diagnose.systems.function.codes import (
+    CHANNEL,
+    OF_INPUT,
+    OF_NOTHING,
+    OF_RATE,
+    OF_SPEED,
+    OF_STATE,
+    OF_TIME,
+)
 from straw.replay.diagnose.systems.function.laws import Law
 from straw.replay.diagnose.systems.function.passed import Passed, passed, smooth, still_speeds
-from straw.replay.diagnose.systems.function.places import makes_sense, places, points, states
+from straw.replay.diagnose.systems.function.places import (
+    as_simulated,
+    its_own,
+    makes_sense,
+    places,
+    points,
+    reads,
+    states,
+)
 from straw.replay.diagnose.systems.function.recording import HeldOut, Recorded
-from straw.replay.diagnose.systems.function.shapes import CONSTANT, LINEAR, TABLE
+from straw.replay.diagnose.systems.function.shapes import CONSTANT, FOLLOWS, LINEAR, PLAY, TABLE
 from straw.replay.diagnose.systems.function.stack import Stack, stacked
 from straw.replay.diagnose.systems.function.system import FunctionSystem
 
 Floats = NDArray[np.float64]
+
+#: Half widths of a play from which it is fitted, in units of the state's span.
+PLAYS = (0.03, 0.1, 0.3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +69,8 @@ def screened(trial: Trial, pool: Executor, told: Told) -> tuple[list[Candidate],
     alone = base.encoding(())
     shown, starts, stack = stacked(base, extended).profiled(base, alone, alone.at(np.zeros(0)), fresh=True)
     speeds = still_speeds(system, seen)
-    jobs = [pool.submit(_columns, base, stack, (shown, starts), _measured(system, law, speeds), number) for law in laws]
+    measured = [_measured(system, law, speeds, list(seen[0].speeds)) for law in laws]
+    jobs = [pool.submit(_columns, base, stack, (shown, starts), law, number) for law in measured]
     without = blocks(campaign, trial.fit.residual, trial.fit.slopes, fine=True)
     own = of_all(predicted(without, unknowns, trial.fit.u)[0].sum(axis=1))
     out = []
@@ -89,32 +109,40 @@ def candidates(system: FunctionSystem, seen: Sequence[Passed]) -> list[Law]:
     out = []
     for place in places(system, seen):
         for state in states(system, seen):
+            if its_own(place, state, system.model):
+                plays = [replace(state, play=share * state.span) for share in PLAYS] if state.lag_s is None else []
+                out += [Law(place, one, PLAY) for one in plays] or [Law(place, state, FOLLOWS)]
             if not makes_sense(place, state):
                 continue
+            own, here = as_simulated(state, seen) if reads(place, state, system.model) else (state, seen)
             if state.kind == OF_NOTHING:
                 law = Law(place, state, CONSTANT)
             elif state.lag_s is not None:
                 law = Law(place, state, LINEAR)
             else:
-                law = Law(place, state, TABLE, points(place, state, seen))
+                law = Law(place, own, TABLE, points(place, own, here))
                 if len(law.at) < 3:
-                    law = Law(place, state, LINEAR)
+                    law = Law(place, own, LINEAR)
             out.append(law)
     return out
 
 
 def _with_measured(of: Passed) -> Recorded:
-    """The recording with its channels, and their rates, as further inputs."""
+    """The recording with its channels, their rates, and speeds as further inputs."""
     one = of.recording
     rows = [smooth(one, k, of.shown) for k in range(len(one.seen))]
     rates = [np.gradient(row, one.time_s) for row in rows]
-    return replace(one, inputs=np.concatenate([one.inputs, rows, rates]))
+    return replace(one, inputs=np.concatenate([one.inputs, rows, rates, *([row] for row in of.speeds.values())]))
 
 
-def _measured(system: FunctionSystem, law: Law, speeds: Mapping[int, int]) -> Law:
+def _measured(system: FunctionSystem, law: Law, speeds: Mapping[int, int], groups: Sequence[int]) -> Law:
     """The law over the state as measured, where a channel measures it or, of ``speeds``, that of which it is the
-    rate. A channel's own reading is not explained by itself as measured: that would fit any channel."""
+    rate, or over a speed of ``groups``. A channel's own reading is not explained by itself as measured: that would
+    fit any channel."""
     names, state = [y.name for y in system.model.channels], law.state
+    if state.kind == OF_SPEED:
+        row = 2 * (len(system.model.inputs) + len(names)) + groups.index(state.which)
+        return replace(law, state=replace(state, kind=OF_INPUT, which=row))
     if state.kind not in (OF_STATE, OF_RATE):
         return law
     speed = state.kind == OF_STATE and state.which in speeds
@@ -134,6 +162,6 @@ def _columns(base: FunctionSystem, stack: Stack, begun: tuple[Floats, Floats], l
     Laws are linear in their strengths. ``begun``: channels and starts of the recordings as profiled without it.
     """
     system = base.with_laws(*base.laws, law)
-    unknowns = tuple(k for k in law.unknowns(number) if not k.target.endswith("lag_s"))
+    unknowns = tuple(k for k in law.unknowns(number) if not k.target.endswith((".lag_s", ".play")))
     out = stack.varied(system, system.encoding(unknowns), np.zeros(len(unknowns)), *begun)
     return out if np.isfinite(out).all() else None

@@ -36,6 +36,8 @@ LAST_ROUNDS, LAST_SHARE = 30, 1e-5
 FOLLOWS = 0.1
 #: Prior deviation of a table's point from the line between its neighbours, in units that change its place by its size.
 ROUGH = 1.0
+#: A channel is explained if its RMS is within this multiple of the noise.
+TO_NOISE = 1.3
 #: Least sigma, in the recordings' noise.
 NOISE = 1.0
 
@@ -73,6 +75,11 @@ class Trial:
     def error(self) -> Floats:
         """Cross-validated squared error of each block, (blocks,)."""
         return np.asarray(self.errors.sum(axis=0))
+
+    @property
+    def to_noise(self) -> bool:
+        """Whether it explains every channel to its noise."""
+        return bool(np.all(np.sqrt(self.squared) <= TO_NOISE * noise_in(self.campaign.observations)))
 
     @property
     def predicts(self) -> float:

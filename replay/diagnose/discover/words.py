@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.discover.trial import Trial, covariance_of
 from straw.replay.diagnose.systems.function.codes import (
+    ALONG,
     CHANNEL,
     CLOCK,
     DELAY,
@@ -17,13 +18,14 @@ from straw.replay.diagnose.systems.function.codes import (
     INPUT,
     OF_NOTHING,
     OF_SHOWN,
+    OF_STATE,
     OF_TIME,
     RATE,
     SHIFT,
     STRENGTH,
 )
 from straw.replay.diagnose.systems.function.laws import Law
-from straw.replay.diagnose.systems.function.shapes import SHAPES, TABLE
+from straw.replay.diagnose.systems.function.shapes import CONSTANT, SHAPES, TABLE
 
 Floats = NDArray[np.float64]
 
@@ -32,6 +34,7 @@ POINTS, AHEAD = 41, 3.0
 #: Each kind of place in a formula: {name} its name, {f} the law's value.
 READS = {
     RATE: "d {name}/dt = ... + {f}",
+    ALONG: "d v/dt = ... + {f} v/|v|, where v = ({name})",
     FACTOR: "{name} -> {name} (1 + {f})",
     CHANNEL: "{name} shown = {name} + {f}",
     CLOCK: "{name} shown at t is of t - ({f})",
@@ -63,16 +66,23 @@ def is_fault(one: ReportedLaw) -> bool | None:
         _, late, sigma = one.curve
         return True if np.any(late < -AHEAD * sigma) else None
     if kind == INPUT:
-        return True
-    if kind != CHANNEL or state.lag_s is not None or state.kind not in (OF_SHOWN, OF_TIME, OF_NOTHING):
+        return not state.remembers
+    if kind != CHANNEL or state.remembers or not _own(one.law):
         return False
     return None if state.kind == OF_TIME else True
 
 
+def _own(law: Law) -> bool:
+    """Whether a law in a reading depends on nothing but this or time."""
+    itself = law.state.kind == OF_STATE and law.state.symbol == law.place.name.partition(":")[2]
+    return itself or law.state.kind in (OF_SHOWN, OF_TIME, OF_NOTHING)
+
+
 def acts_in_recording(law: Law) -> bool:
     """Whether a law is not in the system's equations: a fault, or what may be one."""
-    own = law.place.kind == CHANNEL and law.state.kind in (OF_SHOWN, OF_TIME, OF_NOTHING) and law.state.lag_s is None
-    return own or law.place.kind in (CLOCK, DELAY, INPUT)
+    if law.state.remembers:
+        return False
+    return (law.place.kind == CHANNEL and _own(law)) or law.place.kind in (CLOCK, DELAY, INPUT)
 
 
 def told(trial: Trial, number: int) -> ReportedLaw:
@@ -86,7 +96,10 @@ def told(trial: Trial, number: int) -> ReportedLaw:
         name = one.target.split(".")[-1]
         sigma = abs(one.per_u(float(fit.u[j]))) * float(np.sqrt(max(covariance[k, k], 0.0)))
         constants[name] = (one.value(float(fit.u[j])), sigma, unit_of(law, name))
-    at = np.linspace(law.state.low, law.state.high, POINTS)
+    low, high = law.state.low, law.state.high
+    if law.own:  # over how far it is behind
+        low, high = -law.state.span / 2, law.state.span / 2
+    at = np.linspace(low, high, POINTS)
     if law.shape == TABLE:
         at = np.unique(np.concatenate([at, law.at]))
 
@@ -99,7 +112,24 @@ def told(trial: Trial, number: int) -> ReportedLaw:
     steps = 1e-4 * np.eye(len(own))
     slopes = np.array([(values(here + s) - values(here - s)) / 2e-4 for s in steps])
     band = np.sqrt(np.maximum(np.einsum("kn,kj,jn->n", slopes, covariance, slopes), 0.0))
-    return ReportedLaw(law, formula(law, trial.values, number), constants, np.stack([at, values(here), band]))
+    text = formula(law, trial.values, number)
+    if law.beyond:
+        text, constants = _beyond(trial, number)
+    return ReportedLaw(law, text, constants, np.stack([at, values(here), band]))
+
+
+def _beyond(trial: Trial, number: int) -> tuple[str, dict[str, tuple[float, float, str]]]:
+    """A constant beyond its range: itself with its deviation, in place of a factor that trades with it."""
+    fit, constant = trial.fit, trial.system.model.constants[trial.laws[number].place.which]
+    targets = [one.target for one in fit.unknowns]
+    own = [targets.index(f"constant.{constant.name}"), targets.index(f"law.{number}.strength")]
+    (base, factor) = (fit.unknowns[k] for k in own)
+    value, more = (one.value(float(fit.u[k])) for one, k in zip((base, factor), own, strict=True))
+    slope = np.array([base.per_u(float(fit.u[own[0]])) * (1 + more), value * factor.per_u(float(fit.u[own[1]]))])
+    sigma = float(np.sqrt(max(slope @ covariance_of(trial)[np.ix_(own, own)] @ slope, 0.0)))
+    now, unit = value * (1 + more), constant.unit
+    text = f"{constant.name} = {now:.4g} {unit}, where the file says {constant.low:.4g} to {constant.high:.4g}"
+    return text, {constant.name: (now, sigma, unit)}
 
 
 def unit_of(law: Law, constant: str) -> str:
@@ -120,6 +150,8 @@ def unit_of(law: Law, constant: str) -> str:
 def symbol(law: Law) -> str:
     """The state in a formula."""
     name = law.state.symbol or law.state.name
+    if law.state.play is not None:
+        return f"played({name})"
     return f"late({name})" if law.state.lag_s is not None else name
 
 
@@ -138,23 +170,26 @@ def formula(law: Law, values: dict[str, float], number: int) -> str:
         text = text.replace("span", f"{{{len(inner) - 1}}}")
         for k, one in enumerate(inner):  # a number with its unit is one denominator
             text = text.replace(f"/ {{{k}}}", f"/ ({one})" if " " in one else f"/ {one}")
-        text = text.format(*inner, s=symbol(law))
+        ends = (f"{x:.4g} {law.state.unit}".removesuffix(" 1") for x in (law.state.low, law.state.high))
+        text = text.format(*inner, s=symbol(law), now=law.state.symbol, **dict(zip(("low", "high"), ends, strict=True)))
         f = f"({values[prefix + 'strength']:.4g} {unit_of(law, 'strength')}) {text}".replace(" 1)", ")").strip()
-    lag = ""
+    lag, own = "", law.state.symbol or law.state.name
     if law.state.lag_s:
-        own = law.state.symbol or law.state.name
         lag = f", where {symbol(law)} follows {own} with lag {values[prefix + 'lag_s']:.3g} s"
+    if law.state.play:
+        lag = f", where {symbol(law)} follows {own} with a play of ±{values[prefix + 'play']:.3g} {law.state.unit}"
     if law.place.kind == STRENGTH:
-        return f"the previous law {READS[STRENGTH].format(f=f)}{lag}"
-    return READS[law.place.kind].format(name=name, f=f) + lag
+        return f"law {law.place.which + 1} {READS[STRENGTH].format(f=f)}{lag}"
+    written = READS[law.place.kind].format(name=name, f=f) + lag
+    return written.replace("|v|^2 v/|v|", "|v| v").replace(" |v| v/|v|", " v")
 
 
 def state_names(law: Law) -> list[str]:
     """The state's name in findings."""
-    if law.state.kind == OF_NOTHING:
+    if law.shape == CONSTANT:
         return []
     words = [law.state.name]
-    return [*words, "history"] if law.state.lag_s is not None else words
+    return [*words, "history"] if law.state.remembers else words
 
 
 def law_text(trial: Trial, number: int) -> str:
@@ -183,19 +218,23 @@ def law_text(trial: Trial, number: int) -> str:
         "{s} / (1 + |{s}| / {0})": "s / (1 + abs(s) / {0})",
         "max(0, {s} - {0})": "max(0.0, s - {0})",
         "max(0, {0} - {s})": "max(0.0, {0} - s)",
+        "({s} - {now})": "(s - now)",
         "sin(2 pi {s} / {0} + {1})": "np.sin(2 * np.pi * s / {0} + {1})",
         "sign({s}) max(0, |{s}| - {0})": "np.sign(s) * max(0.0, abs(s) - {0})",
-        "exp(-({s} - {s}_0) / {0})": f"np.exp(-(s - {law.state.low:.6g}) / {{0}})",
+        "exp(-({s} - {low}) / {0})": f"np.exp(-(s - {law.state.low:.6g}) / {{0}})",
+        "exp(({s} - {high}) / {0})": f"np.exp((s - {law.state.high:.6g}) / {{0}})",
+        "exp(-(({s} - {0}) / {1})^2)": "np.exp(-(((s - {0}) / {1}) ** 2))",
         "(1 + tanh(({s} - {0}) / {1})) / 2": "(1 + np.tanh((s - {0}) / {1})) / 2",
     }[shape.text].format(*inner)
-    return f"{head}def law(s):\n    return {values[prefix + 'strength']:.6g} * {text}\n"
+    given = "s, now" if law.own else "s"
+    return f"{head}def law({given}):\n    return {values[prefix + 'strength']:.6g} * {text}\n"
 
 
 def as_json(one: ReportedLaw) -> dict[str, Any]:
     """Plain data."""
     return {
         "place": one.law.place.name,
-        "over": one.law.over,
+        "over": "nothing" if one.law.shape == CONSTANT else one.law.over,
         "states": state_names(one.law),
         "formula": one.formula,
         "unit": one.law.place.unit,

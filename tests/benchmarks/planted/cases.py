@@ -5,7 +5,20 @@ from __future__ import annotations
 from functools import partial
 
 from tests.benchmarks.measured.cases import Effect
-from tests.benchmarks.planted.machines import ARM, DRONE, SERVO, SLIDE, arm, drone, servo, slide
+from tests.benchmarks.planted.instruments import NARROW, OVEN, TANK, oven, tank
+from tests.benchmarks.planted.machines import (
+    ARM,
+    CIRCUIT,
+    DRONE,
+    SERVO,
+    SLIDE,
+    arm,
+    circuit,
+    drone,
+    servo,
+    shuttle,
+    slide,
+)
 from tests.benchmarks.planted.more_systems import (
     BOAT,
     CAMERA,
@@ -48,6 +61,10 @@ def _rate(of: str, over: str, *forms: str) -> Effect:
     return Effect((f"the rate of {of}, over {over}",), forms)
 
 
+ALONG = (
+    "the rate of the speed along and the speed up, in their direction, over the magnitude of the speed along and the "
+    "speed up"
+)
 SQUARES = "square with sign", "square", "power"
 CASES = (
     Planted("pendulum", PENDULUM, partial(pendulum, drag=0.12), 5e-3,
@@ -87,8 +104,7 @@ CASES = (
             (Effect(("the gain, over the supply",), ("linear",)),)),
     Planted("pond", POND, partial(pond, seeps=0.12), 0.01,
             (Effect(("the (rate of the depth|outlet), over the depth",), ("above a threshold",)),)),
-    Planted("throw", THROW, partial(throw, drag=0.4), 5e-3,
-            (_rate("the speed along", "the speed along", "linear"), _rate("the speed up", "the speed up", "linear"))),
+    Planted("throw", THROW, partial(throw, drag=0.4), 5e-3, (Effect((ALONG,), ("linear",)),)),
     Planted("prey", PREY, partial(prey, crowded=0.12), 0.01,
             (Effect(("the (rate of the prey|prey's growth), over the prey",), (*SQUARES, "linear")),)),
     Planted("servo", SERVO, partial(servo, limit=4.0), 0.1,
@@ -99,6 +115,18 @@ CASES = (
     Planted("arm", ARM, partial(arm, gravity=15.0), 5e-3, (_rate("the speed", "the angle", "wave"),)),
     Planted("drone", DRONE, partial(drone, near_ground=0.3), 3e-3,
             (Effect(("the (thrust|rate of the climb), over the height",), ("fading",)),)),
+    Planted("shuttle", THROW, partial(shuttle, drag=0.2), 5e-3,
+            (Effect((ALONG,), SQUARES),)),
+    Planted("circuit", CIRCUIT, partial(circuit, saturation_a=2e-9), 4e-3,
+            (Effect(("the (rate of the voltage|resistor), over the voltage",), ("growing",)),)),
+    Planted("oven", OVEN, partial(oven, lag_s=90.0), 0.1,
+            (Effect(("the reading of the temperature, over its own history",), ("lag",)),)),
+    Planted("tank", TANK, partial(tank, most=9.0), 0.05,
+            (Effect(("the reading of the pressure, over the pressure",), ("above a threshold",)),)),
+    Planted("tank, play", TANK, partial(tank, play=0.8), 0.05,
+            (Effect(("the input the command, over its own history",), ("play",)),)),
+    Planted("tank, narrow", NARROW, tank, 0.05, (Effect(("the gain, beyond its range",), ("constant",)),)),
+    Planted("tank, nothing", TANK, partial(tank, dropped=0.01), 0.05),
     Planted("servo, nothing", SERVO, partial(servo, limit=99.0), 0.1),
     Planted("prey, nothing", PREY, partial(prey, crowded=0.0), 0.01),
     Planted("pendulum, nothing", PENDULUM, partial(pendulum, drag=0.0), 5e-3),

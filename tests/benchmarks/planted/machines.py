@@ -1,4 +1,4 @@
-"""Simulated machines: a valve that saturates, unequal friction, gravity on an arm, a drone near the ground."""
+"""Simulated machines and a circuit: a valve that saturates, unequal friction, gravity on an arm, a diode."""
 
 from __future__ import annotations
 
@@ -123,4 +123,48 @@ def drone(rng: np.random.Generator, near_ground: float) -> Tables:
                 v += (thrust - 9.81 - 0.5 * v) * 0.05 / 40
                 z += v * 0.05 / 40
         out[f"flight {k}"] = {"t": t, "u": np.array(throttles), "z": noisy(rng, np.array(heights), 3e-3)}
+    return out
+
+
+def shuttle(rng: np.random.Generator, drag: float) -> Tables:
+    """Three throws of a shuttlecock, slowed by the square of its speed against its direction."""
+    out, t = {}, np.arange(0, 1.2, 1 / 60)
+    for k in (1, 2, 3):
+        begin = 0.0, 1.5, rng.uniform(5, 14), rng.uniform(3, 10)
+
+        def slope(_: float, x: Floats) -> Sequence[float]:
+            speed = np.hypot(x[2], x[3])
+            return x[2], x[3], -drag * speed * x[2], -9.81 - drag * speed * x[3]
+
+        x = marched(slope, begin, t, 4)
+        out[f"throw {k}"] = {"t": t, "x": noisy(rng, x[0], 5e-3), "y": noisy(rng, x[1], 5e-3)}
+    return out
+
+
+CIRCUIT = '''
+"""A capacitor behind a resistor."""
+time = "t"
+inputs = {"u": ("u", "V")}
+channels = {"v": ("v", "V")}
+constants = {"R": (900.0, "Ohm", 100.0, 9000.0)}
+start = {"v": "v"}
+units = {"v": "V"}
+says = {"v": "the voltage", "u": "the source", "R": "the resistor"}
+hold_out = ["run 2"]
+
+def slopes(t, x, u, c):
+    return (u.u - x.v) / (c.R * 1e-3)
+'''
+
+
+def circuit(rng: np.random.Generator, saturation_a: float) -> Tables:
+    """Three runs with a diode beside the capacitor: its current grows exponentially with the voltage."""
+    out, t = {}, np.arange(0, 8, 0.01)
+    for k in range(3):
+        u = 0.6 + 1.2 * wandering(rng, t, 0.6)
+
+        def slope(at: float, x: Floats, u: Floats = u) -> Sequence[float]:
+            return (((np.interp(at, t, u) - x[0]) / 1000 - saturation_a * (np.exp(x[0] / 0.06) - 1)) / 1e-3,)
+
+        out[f"run {k}"] = {"t": t, "u": u, "v": noisy(rng, marched(slope, (0.0,), t, 40)[0], 4e-3)}
     return out

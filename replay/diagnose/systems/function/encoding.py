@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.hypothesis import Unknown
 from straw.replay.diagnose.settings import STEP_U
-from straw.replay.diagnose.systems.function.laws import Law, encoded, slots
+from straw.replay.diagnose.systems.function.codes import STRENGTH
+from straw.replay.diagnose.systems.function.laws import Law
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -63,3 +64,43 @@ def encoding(
         for one, law in zip(unknowns, of_law, strict=True)
     )
     return Encoding(tuple(unknowns), rows, lags, c, p, of_law, slot)
+
+
+def encoded(laws: Mapping[int, Law], values: Mapping[str, float]) -> tuple[Indices, Floats, int]:
+    """Rows and parameters of laws by number for the kernel, and their number of lagging states."""
+    rows, parts, at, lags = [], [np.zeros(1)], 1, 0
+    order = list(laws)
+    for number, law in laws.items():
+        p = law.parameters(number, values)
+        which = order.index(law.place.which) if law.place.kind == STRENGTH else law.place.which
+        lag = law.state.remembers
+        first = at + int(lag)
+        rows.append(
+            [
+                law.place.kind,
+                which,
+                law.state.kind,
+                law.state.which,
+                law.shape,
+                first,
+                len(p) - lag,
+                lags if lag else -1,
+            ]
+        )
+        lags += int(lag)
+        parts.append(p)
+        at += len(p)
+    return np.array(rows, dtype=np.int64).reshape(len(rows), 8), np.concatenate(parts), lags
+
+
+def slots(laws: Mapping[int, Law], targets: Sequence[str]) -> list[int]:
+    """The place of each law's constant, ``law.NUMBER.CONSTANT``, among the parameters of `encoded`."""
+    first, at = {}, 1
+    for number, law in laws.items():
+        first[number] = at
+        at += len(law.parameters(number, {}))
+    out = []
+    for target in targets:
+        _, number_, constant = target.split(".")
+        out.append(first[int(number_)] + laws[int(number_)].slot(constant))
+    return out

@@ -10,22 +10,21 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.systems.function.clocks import delays, inputs_at, warped
 from straw.replay.diagnose.systems.function.codes import (
+    ALONG,
     CHANNEL,
     CLOCK,
     DELAY,
     FACTOR,
     INPUT,
-    OF_INPUT,
     OF_RATE,
     OF_SHOWN,
-    OF_STATE,
-    OF_TIME,
     RATE,
     SHIFT,
     STRENGTH,
 )
 from straw.replay.diagnose.systems.function.compiled import compiled
-from straw.replay.diagnose.systems.function.shapes import value
+from straw.replay.diagnose.systems.function.law_values import law_at, speed_of, state_of, within
+from straw.replay.diagnose.systems.function.shapes import PLAY
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -33,31 +32,6 @@ Function = Callable[..., Any]
 
 #: A state beyond this has diverged.
 DIVERGED = 1e12
-
-
-@compiled
-def state_of(kind: int, which: int, t: float, x: Floats, rates: Floats, u: Floats, y: Floats) -> float:
-    """A state's value."""
-    if kind == OF_STATE:
-        return float(x[which])
-    if kind == OF_RATE:
-        return float(rates[which])
-    if kind == OF_INPUT:
-        return float(u[which])
-    if kind == OF_TIME:
-        return t
-    if kind == OF_SHOWN:
-        return float(y[which])
-    return 1.0
-
-
-@compiled
-def law_at(
-    m: int, rows: Indices, p: Floats, t: float, x: Floats, rates: Floats, u: Floats, y: Floats, states: int
-) -> float:
-    """A law's value."""
-    s = float(x[states + rows[m, 7]]) if rows[m, 7] >= 0 else state_of(rows[m, 2], rows[m, 3], t, x, rates, u, y)
-    return float(value(rows[m, 4], p, rows[m, 5], rows[m, 6], s))
 
 
 @compiled
@@ -125,12 +99,18 @@ def rates_at(
     for m in range(len(rows)):
         if rows[m, 7] >= 0:  # the lag's time is the parameter before its shape's
             s = state_of(rows[m, 2], rows[m, 3], t, x, out, u, y)
-            out[states + rows[m, 7]] = (s - x[states + rows[m, 7]]) / p[rows[m, 5] - 1]
+            z = x[states + rows[m, 7]]
+            out[states + rows[m, 7]] = (s - z) / p[rows[m, 5] - 1] if rows[m, 4] != PLAY else 0.0
     if states > 0:
         slopes(t, x, u_work, c_work, out)
     for m in range(len(rows)):
         if rows[m, 0] == RATE:
             out[rows[m, 1]] += forces[m]
+        elif rows[m, 0] == ALONG:
+            speed = speed_of(rows[m, 1], x)
+            for i in range(states):
+                if (rows[m, 1] >> i) & 1 and speed > 0:
+                    out[i] += forces[m] * x[i] / speed
 
 
 @compiled
@@ -215,6 +195,10 @@ def march(
             rates_at(slopes, k4, at + h, x_work, us, c, rows, p, states, needs_rates, forces, u_work, c_work, y)
             for i in range(size):
                 x[i] += h / 6 * (k1[i] + 2 * k2[i] + 2 * k3[i] + k4[i])
+            for m in range(len(rows)):
+                if rows[m, 4] == PLAY:  # between samples it moves within a law only
+                    s = state_of(rows[m, 2], rows[m, 3], at + h, x, k4, us, y)
+                    x[states + rows[m, 7]] = within(x[states + rows[m, 7]], s, p[rows[m, 5] - 1])
         for i in range(size):
             if not abs(x[i]) < DIVERGED:
                 ys[:, k + 1 :] = np.nan

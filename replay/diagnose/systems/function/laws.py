@@ -9,8 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.hypothesis import Unknown
-from straw.replay.diagnose.systems.function.codes import OF_INPUT, OF_RATE, STRENGTH
-from straw.replay.diagnose.systems.function.shapes import CONSTANT, FADES, POWER, SHAPES, TABLE, values_of
+from straw.replay.diagnose.systems.function.codes import FACTOR, OF_INPUT, OF_RATE
+from straw.replay.diagnose.systems.function.shapes import (
+    CONSTANT,
+    FADES,
+    FOLLOWS,
+    GROWS,
+    PLAY,
+    POWER,
+    SHAPES,
+    TABLE,
+    values_of,
+)
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -35,8 +45,8 @@ class Place:
 class State:
     """A state of a law: kind and number, name, unit, and the span (low, high) that recordings visit.
 
-    ``lag_s``: the state after a first-order lag of this time; None for the state itself. ``symbol``: its name in the
-    file's equations, where it has one.
+    ``lag_s``: the state after a first-order lag of this time; ``play``: after a play of this half width; None for the
+    state itself. ``symbol``: its name in the file's equations, where it has one.
     """
 
     kind: int
@@ -46,6 +56,7 @@ class State:
     low: float
     high: float
     lag_s: float | None = None
+    play: float | None = None
     longest_s: float = np.inf  # of a lag: the recordings' duration
     symbol: str = ""
 
@@ -69,6 +80,11 @@ class State:
         """Whether it has both signs, by more than that."""
         return not self.positive and self.high > self.span / 50
 
+    @property
+    def remembers(self) -> bool:
+        """Whether it is what a history made of the state."""
+        return self.lag_s is not None or self.play is not None
+
 
 @dataclass(frozen=True)
 class Law:
@@ -89,7 +105,7 @@ class Law:
     def _largest(self) -> float:
         """The shape's largest value over the visited span, at strength one and its constants' starts."""
         p = self._parameters({}, "", 1.0)
-        p = p[0 if self.state.lag_s is None else 1 :]
+        p = p[int(self.state.remembers) :]
         return float(np.max(np.abs(values_of(self.shape, p, np.linspace(self.state.low, self.state.high, 21)))))
 
     def unknowns(self, number: int) -> tuple[Unknown, ...]:
@@ -106,6 +122,10 @@ class Law:
             # between a lag of a twentieth, shorter than which it cannot be resolved, and ten times the recording
             ends = np.log(1 / 20), np.log(max(10 * self.state.longest_s / self.state.lag_s, 2.0))
             out.append(Unknown(f"{name}lag_s", 1.0, self.state.lag_s, "log", sd=1.5, low=ends[0], high=ends[1]))
+        if self.state.play is not None:
+            # narrower it is a line's width, wider the state never crosses it
+            ends = np.log(0.005 * self.state.span / self.state.play), np.log(0.5 * self.state.span / self.state.play)
+            out.append(Unknown(f"{name}play", 1.0, self.state.play, "log", sd=1.5, low=ends[0], high=ends[1]))
         return tuple(out)
 
     def _constant(self, target: str, start: float, low: float, high: float, of: str) -> Unknown:
@@ -129,6 +149,7 @@ class Law:
 
     def _parameters(self, values: Mapping[str, float], name: str, strength: float) -> Floats:
         lag = [] if self.state.lag_s is None else [values.get(name + "lag_s", self.state.lag_s)]
+        lag += [] if self.state.play is None else [values.get(name + "play", self.state.play)]
         if self.shape == TABLE:
             return np.array([*lag, *self.at, *(values.get(f"{name}value{k}", 0.0) for k in range(len(self.at)))])
         out = [*lag, values.get(name + "strength", strength)]
@@ -137,14 +158,14 @@ class Law:
             out.append(values.get(name + constant, unknown.value(unknown.mean)))
         if self.shape == POWER:
             out.append(self.state.span)
-        elif self.shape == FADES:
-            out.append(self.state.low)
+        elif self.shape in (FADES, GROWS):
+            out.append(self.state.low if self.shape == FADES else self.state.high)
         return np.array(out)
 
     def slot(self, constant: str) -> int:
         """The place of one of its constants among its parameters."""
-        lag = int(self.state.lag_s is not None)
-        if constant == "lag_s":
+        lag = int(self.state.remembers)
+        if constant in ("lag_s", "play"):
             return 0
         if constant.startswith("value"):
             return lag + len(self.at) + int(constant.removeprefix("value"))
@@ -152,68 +173,49 @@ class Law:
 
     def curve(self, number: int, values: Mapping[str, float], at: Floats) -> Floats:
         """Its values over the state at (n,)."""
-        p = self.parameters(number, values)[0 if self.state.lag_s is None else 1 :]
+        p = self.parameters(number, values)[int(self.state.remembers) :]
         return values_of(self.shape, p, np.asarray(at, dtype=np.float64))
+
+    @property
+    def beyond(self) -> bool:
+        """Whether it only gives a constant a value beyond its range."""
+        return self.place.kind == FACTOR and self.shape == CONSTANT
+
+    @property
+    def own(self) -> bool:
+        """Whether it compares a reading or an input with its own history."""
+        return self.shape in (FOLLOWS, PLAY)
+
+    @property
+    def curved(self) -> bool:
+        """Whether it is a curve over its state: a constant is none, nor is a lag."""
+        return self.shape != CONSTANT and not self.own
 
     @property
     def says(self) -> str:
         """Its place and state in words."""
-        if self.shape == CONSTANT and self.state.lag_s is None:
+        if self.beyond:
+            return f"{self.place.says}, beyond its range"
+        if self.shape == CONSTANT and not self.state.remembers:
             return self.place.says
         return f"{self.place.says}, over {self.over}"
 
     @property
     def said(self) -> str:
         """The same within a sentence."""
-        if self.shape == CONSTANT and self.state.lag_s is None:
+        if self.beyond:
+            return f"in {self.place.says}, whose range is too narrow"
+        if self.shape == CONSTANT and not self.state.remembers:
             return f"in {self.place.says}"
         return f"in {self.place.says}, depending on {self.over}"
 
     @property
     def over(self) -> str:
         """Its state in words."""
-        return self.state.name if self.state.lag_s is None else f"the history of {self.state.name}"
+        if self.own:
+            return "its own history"
+        return self.state.name if not self.state.remembers else f"the history of {self.state.name}"
 
     def tabled(self, at: Sequence[float]) -> Law:
         """The law as a table."""
         return replace(self, shape=TABLE, at=tuple(at))
-
-
-def encoded(laws: Mapping[int, Law], values: Mapping[str, float]) -> tuple[Indices, Floats, int]:
-    """Rows and parameters of laws by number for the kernel, and their number of lagging states."""
-    rows, parts, at, lags = [], [np.zeros(1)], 1, 0
-    order = list(laws)
-    for number, law in laws.items():
-        p = law.parameters(number, values)
-        which = order.index(law.place.which) if law.place.kind == STRENGTH else law.place.which
-        lag = law.state.lag_s is not None
-        first = at + int(lag)
-        rows.append(
-            [
-                law.place.kind,
-                which,
-                law.state.kind,
-                law.state.which,
-                law.shape,
-                first,
-                len(p) - lag,
-                lags if lag else -1,
-            ]
-        )
-        lags += int(lag)
-        parts.append(p)
-        at += len(p)
-    return np.array(rows, dtype=np.int64).reshape(len(rows), 8), np.concatenate(parts), lags
-
-
-def slots(laws: Mapping[int, Law], targets: Sequence[str]) -> list[int]:
-    """The place of each law's constant, ``law.NUMBER.CONSTANT``, among the parameters of `encoded`."""
-    first, at = {}, 1
-    for number, law in laws.items():
-        first[number] = at
-        at += len(law.parameters(number, {}))
-    out = []
-    for target in targets:
-        _, number_, constant = target.split(".")
-        out.append(first[int(number_)] + laws[int(number_)].slot(constant))
-    return out

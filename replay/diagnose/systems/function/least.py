@@ -20,8 +20,9 @@ from straw.replay.diagnose.robust import weights
 
 Floats = NDArray[np.float64]
 
-#: First damping in units of the curvature's diagonal, and the largest: then no step helps.
-DAMPED, MOST = 1e-3, 1e8
+#: First damping in units of the curvature's diagonal, the least, as closely as rounding tells, and the largest: then no
+#: step helps.
+DAMPED, LEAST, MOST = 1e-3, 1e-12, 1e8
 #: A step shorter than this in all unknowns is none.
 SHORTEST = 1e-6
 
@@ -70,7 +71,8 @@ def least(
         ((residual, slopes),) = campaign.at([Point(tuple(unknowns), there, derivatives=True)])
         u, cost = there, min(cost_there, cost_at(unknowns, there, residual, smooth))
         ratio = gain / promised if promised > 0 else 0.0
-        damping, growth = damping * max(1 / 3, 1 - (2 * min(ratio, 1.0) - 1) ** 3), 2.0
+        damping = max(damping * max(1 / 3, 1 - (2 * min(ratio, 1.0) - 1) ** 3), LEAST)
+        growth = 2.0
         if gain < share * cost:
             break
     return Fit(tuple(unknowns), u, residual, slopes, cost_at(unknowns, u, residual, smooth))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,17 +16,23 @@ Floats = NDArray[np.float64]
 
 #: Values whose spread is a smaller share of them are constant: rounding leaves some 1e-16.
 ROUNDING = 1e-12
+#: Units of angles.
+ANGLES = ("rad", "deg", "°")
 
 
 @dataclass(frozen=True, eq=False)
 class Passed:
-    """The course of a recording with a fit: states, their rates, channels and inputs, each (rows, n)."""
+    """The course of a recording with a fit: states, their rates, channels and inputs, each (rows, n).
+
+    ``speeds``: magnitudes of velocities (n,), by the bits of their components among the states.
+    """
 
     recording: Recorded
     states: Floats
     rates: Floats
     shown: Floats
     simulated: tuple[Floats, Floats]  # states and their rates, whether a channel measures them or not
+    speeds: dict[int, Floats] = field(default_factory=dict)
 
 
 def passed(system: FunctionSystem, recordings: Sequence[Recorded], values: dict[str, float]) -> list[Passed]:
@@ -49,6 +55,9 @@ def passed(system: FunctionSystem, recordings: Sequence[Recorded], values: dict[
         for p in out:
             p.states[speed] = p.rates[of]
             p.rates[speed] = np.gradient(p.states[speed], p.recording.time_s)
+    for group in velocities(system, out):
+        for p in out:
+            p.speeds[sum(1 << k for k in group)] = np.sqrt(sum(p.rates[of] ** 2 for of in group.values()))
     return out
 
 
@@ -70,6 +79,18 @@ def defines(which: int, speed: int, seen: Sequence[Passed]) -> bool:
     """Whether a state's rate is another state, as a height's is the speed."""
     rate, row = (np.concatenate([p.simulated[k][i] for p in seen]) for k, i in ((1, which), (0, speed)))
     return bool(np.max(np.abs(row - rate)) <= 1e-9 * np.max(np.abs(rate)))
+
+
+def velocities(system: FunctionSystem, seen: Sequence[Passed]) -> list[dict[int, int]]:
+    """Components of a velocity, each with its coordinate: states that are the rates of others, in one unit that is no
+    angle's."""
+    groups: dict[str, dict[int, int]] = {}
+    for speed, name in enumerate(system.model.states):
+        of = [k for k in range(len(system.model.states)) if k != speed and defines(k, speed, seen)]
+        unit = system.model.unit(name)
+        if of and unit.partition("/")[0] not in (*ANGLES, "1"):
+            groups.setdefault(unit, {})[speed] = of[0]
+    return [one for one in groups.values() if len(one) > 1]
 
 
 def smooth(recording: Recorded, channel: int, shown: Floats) -> Floats:

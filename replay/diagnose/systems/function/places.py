@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.systems.function.codes import (
+    ALONG,
     CHANNEL,
     CLOCK,
     DELAY,
@@ -18,6 +19,7 @@ from straw.replay.diagnose.systems.function.codes import (
     OF_NOTHING,
     OF_RATE,
     OF_SHOWN,
+    OF_SPEED,
     OF_STATE,
     OF_TIME,
     RATE,
@@ -25,6 +27,7 @@ from straw.replay.diagnose.systems.function.codes import (
     STRENGTH,
 )
 from straw.replay.diagnose.systems.function.laws import Place, State
+from straw.replay.diagnose.systems.function.model import Model
 from straw.replay.diagnose.systems.function.passed import Passed, defines, typical
 from straw.replay.diagnose.systems.function.system import FunctionSystem
 
@@ -49,6 +52,11 @@ def places(system: FunctionSystem, seen: Sequence[Passed]) -> list[Place]:
         size = typical(np.concatenate([p.rates[i] for p in seen]))
         unit = f"{model.unit(name)}/s"
         out.append(Place(RATE, i, f"rate:{name}", f"the rate of {model.named(name)}", unit, size))
+    for group in seen[0].speeds:
+        names = [name for i, name in enumerate(model.states) if group >> i & 1]
+        size = typical(np.concatenate([p.rates[model.states.index(name)] for p in seen for name in names]))
+        says = f"the rate of {_and([model.named(name) for name in names])}, in their direction"
+        out.append(Place(ALONG, group, f"along:{', '.join(names)}", says, f"{model.unit(names[0])}/s", size))
     optional = system.optional
     for name, constants in model.get("laws", {}).items():  # the file's own: its first constant is its strength
         which = [k.name for k in model.constants].index(constants[0])
@@ -93,6 +101,10 @@ def states(system: FunctionSystem, seen: Sequence[Passed]) -> list[State]:
         add(OF_STATE, i, model.named(name), model.unit(name), [p.states[i] for p in seen], name)
         if not _is_a_state(i, seen):
             add(OF_RATE, i, f"the rate of {model.named(name)}", f"{model.unit(name)}/s", [p.rates[i] for p in seen])
+    for group in seen[0].speeds:
+        names = [name for i, name in enumerate(model.states) if group >> i & 1]
+        says = f"the magnitude of {_and([model.named(name) for name in names])}"
+        add(OF_SPEED, group, says, model.unit(names[0]), [p.speeds[group] for p in seen], "|v|")
     for i, signal in enumerate(model.inputs):
         says = model.named(signal.name)
         add(OF_INPUT, i, says, signal.unit, [p.recording.inputs[i] for p in seen], signal.name)
@@ -111,6 +123,10 @@ def states(system: FunctionSystem, seen: Sequence[Passed]) -> list[State]:
                 out.append(replace(one, lag_s=float(lag), longest_s=longest))
     wanted = model.get("depends_on")
     return out if wanted is None else [s for s in out if s.name in (*wanted, "nothing")]
+
+
+def _and(names: Sequence[str]) -> str:
+    return f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def visited(values: Floats) -> tuple[float, float]:
@@ -169,10 +185,32 @@ def makes_sense(place: Place, state: State) -> bool:
         return state.kind not in (OF_NOTHING, OF_SHOWN)
     if place.kind == STRENGTH:
         return state.kind not in (OF_NOTHING, OF_SHOWN) and state.lag_s is None
-    if place.kind == RATE:
+    if place.kind in (RATE, ALONG):
         # over its own rate a law is a factor on all other terms, and is searched as such
         return state.kind != OF_SHOWN and not (state.kind == OF_RATE and state.which == place.which)
     return True
+
+
+def its_own(place: Place, state: State, model: Model) -> bool:
+    """Whether a place is the reading of this state, or this input."""
+    if place.kind == INPUT:
+        return state.kind == OF_INPUT and state.which == place.which
+    return reads(place, state, model)
+
+
+def reads(place: Place, state: State, model: Model) -> bool:
+    """Whether a place is the reading of this state."""
+    if place.kind != CHANNEL or state.kind != OF_STATE:
+        return False
+    return model.states[state.which] == place.name.partition(":")[2]
+
+
+def as_simulated(state: State, seen: Sequence[Passed]) -> tuple[State, list[Passed]]:
+    """One of the system's states as simulated, and what is visited with it: one whose reading is wrong may go where no
+    reading does."""
+    low, high = visited(np.concatenate([p.simulated[0][state.which] for p in seen]))
+    there = replace(state, low=min(low, state.low), high=max(high, state.high))
+    return there, [replace(p, states=p.simulated[0]) for p in seen]
 
 
 def values_over(state: State, seen: Sequence[Passed]) -> Floats:
@@ -183,6 +221,7 @@ def values_over(state: State, seen: Sequence[Passed]) -> Floats:
         OF_INPUT: lambda p: p.recording.inputs[state.which],
         OF_TIME: lambda p: p.recording.time_s,
         OF_SHOWN: lambda p: p.recording.seen[state.which],
+        OF_SPEED: lambda p: p.speeds[state.which],
     }
     out = np.concatenate([rows[state.kind](p) for p in seen])
     return np.asarray(out[np.isfinite(out)])

@@ -18,7 +18,7 @@ from straw.replay.diagnose.systems.function.codes import (
 )
 from straw.replay.diagnose.systems.function.functions import fields
 from straw.replay.diagnose.systems.function.model import Model
-from straw.replay.diagnose.systems.function.shapes import values_of
+from straw.replay.diagnose.systems.function.shapes import FOLLOWS, PLAY, values_of
 from straw.replay.errors import ReplayError
 
 Floats = NDArray[np.float64]
@@ -38,7 +38,8 @@ def plain_march(model: Model, t: Floats, inputs: Floats, c: Floats, rows: NDArra
         if kind == OF_SHOWN:
             s = shown[which]
         if rows[m, 7] >= 0:
-            s = lagged(t, s, p[rows[m, 5] - 1])
+            late = (played if rows[m, 4] == PLAY else lagged)(t, s, p[rows[m, 5] - 1])
+            s = late - s if rows[m, 4] in (FOLLOWS, PLAY) else late
         out = values_of(rows[m, 4], p[rows[m, 5] : rows[m, 5] + rows[m, 6]], s)
         for j in np.flatnonzero((rows[:, 0] == STRENGTH) & (rows[:, 1] == m)):
             out = out * (1 + force(int(j)))
@@ -73,4 +74,13 @@ def lagged(t: Floats, s: Floats, tau_s: float) -> Floats:
         h = t[k + 1] - t[k]
         fade, slope = np.exp(-h / tau_s), (s[k + 1] - s[k]) / h
         z = out[k + 1] = s[k + 1] - slope * tau_s + (z - s[k] + slope * tau_s) * fade
+    return out
+
+
+def played(t: Floats, s: Floats, half_width: float) -> Floats:
+    """A signal (n,) through a play, from its first value."""
+    out = np.empty_like(s)
+    z = out[0] = s[0]
+    for k in range(1, len(t)):
+        z = out[k] = min(max(z, s[k] - half_width), s[k] + half_width)
     return out

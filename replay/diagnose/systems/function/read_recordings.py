@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from straw.replay.diagnose.systems.function.model import Model, Signal
 from straw.replay.diagnose.systems.function.noise import noise_of, rate
 from straw.replay.diagnose.systems.function.recording import Recorded
+from straw.replay.diagnose.systems.function.spikes import spikes
 from straw.replay.diagnose.systems.function.table import column, read_table
 from straw.replay.errors import ReplayError
 
@@ -90,6 +91,8 @@ def _recorded(model: Model, name: str, path: str, table: Mapping[str, Any]) -> R
         time = np.arange(length) / float(model.time)
     inputs = np.array([one(s, "input") for s in model.inputs]).reshape(len(model.inputs), length)
     seen = np.array([one(s, "channel") for s in model.channels])
+    off = np.array([np.zeros(length, bool) if model.get("spikes") else spikes(row) for row in seen])
+    seen = np.where(off, np.nan, seen)
     good = np.isfinite(time) & np.isfinite(seen).any(axis=0)
     if np.count_nonzero(good) < SHORTEST:
         raise ReplayError(f"{path}: {name}: {np.count_nonzero(good)} readings of at least {SHORTEST}; leave it out")
@@ -113,7 +116,8 @@ def _recorded(model: Model, name: str, path: str, table: Mapping[str, Any]) -> R
     fitted = np.isfinite(seen).any(axis=0) & (time >= float(model.get("skip_s", 0.0)))
     said = {f"the mean of {model.named(s.name)}": float(np.mean(r)) for s, r in zip(model.inputs, filled, strict=True)}
     inputs, skip_s = np.concatenate([filled, rates]), float(model.get("skip_s", 0.0))
-    return Recorded(name, time, seen, inputs, noise, fitted, fitted.copy(), said, skip_s)
+    many = tuple(int(k) for k in off.sum(axis=1))
+    return Recorded(name, time, seen, inputs, noise, fitted, fitted.copy(), said, skip_s, left_out=many)
 
 
 def _filled(model: Model, path: str, time: Floats, values: Floats, signal: Signal) -> Floats:

@@ -29,7 +29,8 @@ class Recorded:
 
     ``inputs`` (2 inputs, n) are the inputs and their rates; ``noise`` (channels,); ``fitted`` (n,) marks the samples
     that are not held out, ``tells_start`` (n,) those from which starts may be estimated. What lies before ``skip_s`` is
-    neither fitted nor held out. ``asked``: how what was taken away from it as held out lies.
+    neither fitted nor held out. ``asked``: how what was taken away from it as held out lies. ``left_out``: readings of
+    each channel that were left out as spikes.
     """
 
     name: str
@@ -42,6 +43,7 @@ class Recorded:
     conditions_: Mapping[str, float] = field(default_factory=dict)
     skip_s: float = 0.0
     asked: HeldOut = HeldOut()
+    left_out: tuple[int, ...] = ()
 
     @property
     def events_s(self) -> Floats:

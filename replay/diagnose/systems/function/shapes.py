@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 #: Numbers of shapes in a law's row.
 TABLE, CONSTANT, LINEAR, SQUARE, CUBE, QUADRATIC, SIGN, ROOT = range(8)
 #: The same of shapes with constants of their own.
-POWER, SATURATES, ABOVE, BELOW, FADES, STEP, OUTSIDE, UNEQUAL, WAVE = range(8, 17)
+POWER, SATURATES, ABOVE, BELOW, FADES, STEP, OUTSIDE, UNEQUAL, WAVE, BUMP, FOLLOWS, GROWS, PLAY = range(8, 21)
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,8 @@ SHAPES = {
             unit=1,
             positive="max(0, {s} - {0})",
         ),
-        Shape(FADES, "fading", "exp(-({s} - {s}_0) / {0})", (("range", 0.3, 0.02, 5.0, "span"),)),
+        Shape(FADES, "fading", "exp(-({s} - {low}) / {0})", (("range", 0.3, 0.02, 5.0, "span"),)),
+        Shape(GROWS, "growing", "exp(({s} - {high}) / {0})", (("range", 0.3, 0.02, 5.0, "span"),)),
         Shape(
             STEP,
             "step",
@@ -84,11 +85,22 @@ SHAPES = {
             (("width", 0.02, 1e-4, 0.3, "span"), ("offset", 0.0, -0.95, 0.95, "")),
         ),
         Shape(
+            BUMP,
+            "bump",
+            "exp(-(({s} - {0}) / {1})^2)",
+            # with both flanks, down to 1/e, in what was visited: else it is any curve's end
+            (("place", 0.5, 0.2, 0.8, "place"), ("width", 0.1, 0.01, 0.2, "span")),
+        ),
+        Shape(
             WAVE,
             "wave",
             "sin(2 pi {s} / {0} + {1})",
             (("period", 1.0, 0.2, 6.0, "span"), ("phase", 0.0, -3.2, 3.2, "")),
         ),
+        # of a state and its own history: a reading or an input that lags, wholly where the strength is one
+        Shape(FOLLOWS, "lag", "({s} - {now})", unit=1),
+        # the same of one with backlash: it stays until the other has crossed the play
+        Shape(PLAY, "play", "({s} - {now})", unit=1),
     )
 }
 
@@ -115,7 +127,7 @@ def value(shape: int, p: Floats, at: int, many: int, s: float) -> float:
     a = p[at]
     if shape == CONSTANT:
         return float(a)
-    if shape == LINEAR:
+    if shape in (LINEAR, FOLLOWS, PLAY):
         return float(a * s)
     if shape == SQUARE:
         return float(a * abs(s) * s)
@@ -140,8 +152,12 @@ def value(shape: int, p: Floats, at: int, many: int, s: float) -> float:
         return float(a * np.sign(s) * max(0.0, abs(s) - p[at + 1]))
     if shape == FADES:
         return float(a * np.exp(-min(max((s - p[at + 2]) / p[at + 1], -50.0), 50.0)))
+    if shape == GROWS:
+        return float(a * np.exp(min(max((s - p[at + 2]) / p[at + 1], -50.0), 50.0)))
     if shape == UNEQUAL:
         return float(a * (np.tanh(s / p[at + 1]) + p[at + 2]))
+    if shape == BUMP:
+        return float(a * np.exp(-min(((s - p[at + 1]) / p[at + 2]) ** 2, 50.0)))
     if shape == WAVE:
         return float(a * np.sin(2 * np.pi * s / p[at + 1] + p[at + 2]))
     return float(a * 0.5 * (1 + np.tanh((s - p[at + 1]) / p[at + 2])))

@@ -20,6 +20,8 @@ Flags = NDArray[np.bool_]
 #: Steps to a start, the step of its differences, the width of its prior in units of its scale, and the least gain of a
 #: step as a share of the cost.
 START_ROUNDS, START_STEP, START_SD, START_GAIN = 5, 1e-3, 30.0, 1e-3
+#: Added to a unit diagonal: starts of which only a sum is seen, as closely as rounding tells, share the step.
+ROUNDING = 1e-12
 
 
 @compiled
@@ -164,7 +166,9 @@ def one_profiled(
             pull[i] += np.sum(columns[:, i] * w * r)
             for j in range(many):
                 curvature[i, j] += np.sum(columns[:, i] * w * columns[:, j])
-        step_o = -np.linalg.solve(curvature, pull)
+        size = np.sqrt(np.diag(curvature))
+        scaled = curvature / np.outer(size, size) + ROUNDING * np.eye(many)
+        step_o = -np.linalg.solve(scaled, pull / size) / size
         # the first step is taken even where it gains little, so that small differences between fits are right
         small = -np.sum(step_o * pull) < START_GAIN * cost
         if small and number > 0:

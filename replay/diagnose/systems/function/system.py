@@ -20,8 +20,8 @@ from straw.replay.diagnose.recording import Channel
 from straw.replay.diagnose.settings import FIRST_ROUNDS, ROUNDS
 from straw.replay.diagnose.starts import logarithmic, scattered
 from straw.replay.diagnose.system import Differences, Level, System
-from straw.replay.diagnose.systems.function.encoding import Encoding, encoding
-from straw.replay.diagnose.systems.function.laws import Law, encoded
+from straw.replay.diagnose.systems.function.encoding import Encoding, encoded, encoding
+from straw.replay.diagnose.systems.function.laws import Law
 from straw.replay.diagnose.systems.function.least import least
 from straw.replay.diagnose.systems.function.model import Constant, Model
 from straw.replay.diagnose.systems.function.plain import plain_march
