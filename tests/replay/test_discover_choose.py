@@ -26,10 +26,11 @@ from straw.replay.diagnose.discover.choose import (
 from straw.replay.diagnose.discover.pick import elsewhere, picked
 from straw.replay.diagnose.discover.said import partly
 from straw.replay.diagnose.discover.screen import Candidate, told_ahead
-from straw.replay.diagnose.systems.function.codes import CHANNEL, CLOCK, OF_INPUT, OF_STATE, OF_TIME, RATE
+from straw.replay.diagnose.systems.function.codes import CHANNEL, CLOCK, FACTOR, OF_INPUT, OF_STATE, OF_TIME, RATE
 from straw.replay.diagnose.systems.function.laws import Law, Place, State
 from straw.replay.diagnose.systems.function.recording import HeldOut
 from straw.replay.diagnose.systems.function.shapes import (
+    CONSTANT,
     CUBE,
     FADES,
     LINEAR,
@@ -234,3 +235,13 @@ def test_a_law_that_leaves_a_third_of_the_error_and_many_times_the_noise_explain
     assert partly(SimpleNamespace(discovery=found)) is part
     found.noise = np.array([0.15])
     assert partly(SimpleNamespace(discovery=found)) is False
+
+
+@pytest.mark.parametrize(("strength", "outside"), [(0.5, False), (1.5, True)])
+def test_a_factor_that_leaves_a_constant_within_its_range_is_no_law(strength, outside):
+    gain = Law(Place(FACTOR, 0, "constant:g", "the gain", "1", 0.3), PRESSURE, CONSTANT)
+    base, better = trial(Law(LEAK, PRESSURE, LINEAR), 9.0, 9.0, 9.0), trial(gain, 1.0, 1.0, 1.0)
+    model = SimpleNamespace(constants=(SimpleNamespace(low=0.5, high=2.0),))
+    better.system = SimpleNamespace(model=model, constants=lambda values: np.array([1.0]))
+    better.values = {"law.0.strength": strength}
+    assert of_note(better, base) is outside

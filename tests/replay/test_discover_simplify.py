@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from straw.replay.diagnose.discover.discover import base_trial
+from straw.replay.diagnose.discover.discover import base_trial, polished
 from straw.replay.diagnose.discover.simplify import _moved, merged, pruned
 from straw.replay.diagnose.discover.trial import Trial, tried
 from straw.replay.diagnose.systems.function.codes import OF_INPUT, OF_STATE, RATE, STRENGTH
@@ -94,3 +95,9 @@ def test_a_factor_follows_the_law_that_it_multiplies():
     assert _moved(factor, 0).place.which == 0
     assert _moved(factor, 0).place.name == "strength:0"
     assert _moved(factor, 2) is factor
+
+
+def test_an_accepted_law_is_integrated_as_finely_as_it_needs(base):
+    """It was chosen with steps of ten seconds, one for each of a hundred samples."""
+    coarse = replace(base, campaign=base.campaign.with_system(replace(base.system, longest_s=10.0)))
+    assert polished(coarse).system.longest_s < 1.0

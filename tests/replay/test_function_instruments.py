@@ -36,7 +36,6 @@ OPTIONS
 def slopes(t, x, u, c):
     return c.g * u.q - 0.2 * x.h
 '''
-RNG = np.random.default_rng(5)
 
 
 def model_file(folder: Path, low: float = 0.2, options: str = "") -> Path:
@@ -56,10 +55,10 @@ def levels(t: np.ndarray, q: np.ndarray, gain: float) -> np.ndarray:
 
 def tables(gain: float, noise: float) -> dict[str, tuple[str, dict[str, np.ndarray]]]:
     """Two recordings of the tank under flows that change smoothly."""
-    out, t = {}, np.arange(0, 60, 0.1)
+    rng, out, t = np.random.default_rng(5), {}, np.arange(0, 60, 0.1)
     for name in "ab":
-        q = 2 + np.sum([np.sin(w * t + RNG.uniform(0, 6)) for w in (0.11, 0.3, 0.7)], axis=0)
-        h = levels(t, q, gain) + RNG.normal(0, noise, len(t))
+        q = 2 + np.sum([np.sin(w * t + rng.uniform(0, 6)) for w in (0.11, 0.3, 0.7)], axis=0)
+        h = levels(t, q, gain) + rng.normal(0, noise, len(t))
         out[name] = name, {"t": t, "q": q, "h": h}
     return out
 
@@ -107,13 +106,13 @@ def test_a_play_of_a_reading_or_an_input_stays_until_the_other_has_crossed_it(tm
 
 
 def test_a_play_with_its_width_is_found_and_told_from_a_lag(tmp_path):
-    out, t = {}, np.arange(0, 60, 0.1)
+    rng, out, t = np.random.default_rng(5), {}, np.arange(0, 60, 0.1)
     for name in "ab":
-        q = 2 + np.sum([np.sin(w * t + RNG.uniform(0, 6)) for w in (0.11, 0.3, 0.7)], axis=0)
+        q = 2 + np.sum([np.sin(w * t + rng.uniform(0, 6)) for w in (0.11, 0.3, 0.7)], axis=0)
         behind = q.copy()
         for k in range(1, len(t)):
             behind[k] = np.clip(behind[k - 1], q[k] - 0.4, q[k] + 0.4)
-        out[name] = name, {"t": t, "q": q, "h": levels(t, behind, 1.5) + RNG.normal(0, 0.02, len(t))}
+        out[name] = name, {"t": t, "q": q, "h": levels(t, behind, 1.5) + rng.normal(0, 0.02, len(t))}
     model = load_model(model_file(tmp_path))
     recordings = recordings_of(model, out)
     with ThreadPoolExecutor(1) as pool:
@@ -123,6 +122,7 @@ def test_a_play_with_its_width_is_found_and_told_from_a_lag(tmp_path):
     width, sigma, unit = found.laws[0].constants["play"]
     assert unit == "l/s"
     assert width == pytest.approx(0.4, abs=max(4 * sigma, 0.01))
+    assert "lag" not in found.forms
 
 
 def test_a_law_in_a_reading_reaches_as_far_as_the_system_goes_not_as_its_wrong_readings_do(tmp_path):
@@ -144,7 +144,7 @@ def test_a_constant_whose_range_is_too_narrow_is_named_and_no_law(tmp_path):
     with ThreadPoolExecutor(1) as pool:
         found = SystemFindings(discover(FunctionSystem(model), recordings, executor=pool), tuple(recordings))
     assert found.laws[0].law.says == "the gain, beyond its range"
-    assert "in the gain, whose range is too narrow" in found.says
+    assert "in the gain, beyond what the file allows" in found.says
     assert list(found.laws[0].constants) == ["g"]
     gain, sigma, _ = found.laws[0].constants["g"]
     assert sigma < 0.005
@@ -153,9 +153,22 @@ def test_a_constant_whose_range_is_too_narrow_is_named_and_no_law(tmp_path):
     assert len(found.laws) == 1
 
 
+def test_a_fixed_constant_that_is_wrong_is_named_with_its_value(tmp_path):
+    path = model_file(tmp_path)
+    path.write_text(path.read_text().replace('(1.5, "1", 0.2, 3.0)', '(1.5, "1", "fixed")'))
+    model = load_model(path)
+    recordings = recordings_of(model, tables(gain=1.0, noise=0.02))
+    with ThreadPoolExecutor(1) as pool:
+        found = SystemFindings(discover(FunctionSystem(model), recordings, executor=pool), tuple(recordings))
+    assert found.laws[0].law.says == "the gain, beyond its range"
+    assert found.laws[0].formula.endswith("where the file says 1.5")
+    gain, sigma, _ = found.laws[0].constants["g"]
+    assert gain == pytest.approx(1.0, abs=4 * sigma)
+
+
 def test_single_readings_that_jump_away_and_back_are_spikes():
     t = np.arange(0, 50, 0.1)
-    row = 5 * np.sin(t) + RNG.normal(0, 0.02, len(t))
+    row = 5 * np.sin(t) + np.random.default_rng(5).normal(0, 0.02, len(t))
     clean = row.copy()
     at = [60, 200, 201, 333]
     row[at] = -9.0
@@ -191,6 +204,6 @@ def test_spikes_are_left_out_and_reported_unless_the_file_keeps_them(tmp_path):
         found = SystemFindings(discover(FunctionSystem(model), recordings, executor=pool), tuple(recordings))
     assert found.verdict == "complete"
     assert any("left out as spikes: 4 of 1200 readings of the level" in one for one in found.asides)
-    kept = recordings_of(load_model(model_file(tmp_path, options="spikes = True")), given)
+    kept = recordings_of(load_model(model_file(tmp_path, options="keep_spikes = True")), given)
     assert [one.left_out for one in kept] == [(0,), (0,)]
     assert kept[0].seen[0, 100] == 0.0

@@ -56,8 +56,8 @@ OF_NEARLY = 0.95
 
 
 def written(trials: Sequence[Trial]) -> list[Trial]:
-    """For each place and state the one to report (`_shortest`); the best first, and among nearly equal ones those in an
-    equation first."""
+    """For each place and state the simplest of the best (`_near_best`); the best first, and among nearly equal ones
+    those in an equation first."""
     groups: dict[tuple[str, str], list[Trial]] = {}
     worth = min((one.worth for one in trials), default=1.0)
 
@@ -66,7 +66,7 @@ def written(trials: Sequence[Trial]) -> list[Trial]:
 
     for one in trials:
         groups.setdefault((one.laws[-1].place.name, one.laws[-1].over), []).append(one)
-    out = [min(_shortest(group, worth), key=order) for group in groups.values()]
+    out = [min(_near_best(group, worth), key=order) for group in groups.values()]
     out.sort(key=lambda one: one.predicts)
     if out:
         near = [one for one in out if OF_NEARLY * one.predicts <= out[0].predicts]
@@ -77,7 +77,7 @@ def written(trials: Sequence[Trial]) -> list[Trial]:
     return out
 
 
-def _shortest(group: Sequence[Trial], worth: float) -> list[Trial]:
+def _near_best(group: Sequence[Trial], worth: float) -> list[Trial]:
     """Those that predict nearly as well as the best; of formulas those against which Schwarz's criterion is no strong
     evidence for another that leaves no more than noise, so that likelihoods are right."""
     best = min(one.predicts for one in group)
@@ -145,8 +145,17 @@ def same_form(one: Trial, accepted: Trial) -> bool:
 
 def of_note(one: Trial, current: Trial) -> bool:
     """Whether a trial predicts better by a relevant share, beyond the cost of its constants; a drift, by half."""
+    if one.laws[-1].beyond and not outside_range(one):
+        return False  # a better fit of the base, not a law
     share = OF_DRIFT if drifts(one.laws[-1]) else OF_NOTE
     return one.predicts < share * current.predicts and against(current, one)
+
+
+def outside_range(one: Trial) -> bool:
+    """Whether the last law of a trial, a factor on a constant, takes it out of the range that the file gives."""
+    which, strength = one.laws[-1].place.which, one.values[f"law.{len(one.laws) - 1}.strength"]
+    constant = one.system.model.constants[which]
+    return not constant.low <= float(one.system.constants(one.values)[which]) * (1 + strength) <= constant.high
 
 
 def fitting(trials: Sequence[Trial], current: Trial) -> list[Trial]:
@@ -182,7 +191,7 @@ def simplest(one: Trial) -> tuple[float, ...]:
     own = law.place.kind == CHANNEL and law.state.kind == OF_SHOWN
     if law.beyond:
         order = -1
-    constants = len(law.unknowns(0)) + 2 * (law.state.remembers)
+    constants = len(law.unknowns(0)) + 2 * law.state.remembers
     return drifts(law), law.shape == TABLE, constants, law.state.is_rate, order + 4 * own
 
 

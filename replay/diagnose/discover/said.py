@@ -104,7 +104,7 @@ def spikes(f: SystemFindings) -> list[str]:
         every = sum(int(np.isfinite(one.seen[k]).sum()) for one in f.recordings) + many
         if many:
             of = f"{many} of {every} readings of {channel.symbol}"
-            out.append(f"left out as spikes: {of} (spikes = True in the system's file keeps them)")
+            out.append(f"left out as spikes: {of} (keep_spikes = True in the system's file keeps them)")
     return out
 
 

@@ -109,9 +109,10 @@ def candidates(system: FunctionSystem, seen: Sequence[Passed]) -> list[Law]:
     out = []
     for place in places(system, seen):
         for state in states(system, seen):
-            if its_own(place, state, system.model):
-                plays = [replace(state, play=share * state.span) for share in PLAYS] if state.lag_s is None else []
-                out += [Law(place, one, PLAY) for one in plays] or [Law(place, state, FOLLOWS)]
+            if its_own(place, state, system.model) and state.lag_s is not None:
+                out.append(Law(place, state, FOLLOWS))
+            elif its_own(place, state, system.model):
+                out += [Law(place, replace(state, play=share * state.span), PLAY) for share in PLAYS]
             if not makes_sense(place, state):
                 continue
             own, here = as_simulated(state, seen) if reads(place, state, system.model) else (state, seen)

@@ -67,12 +67,12 @@ def is_fault(one: ReportedLaw) -> bool | None:
         return True if np.any(late < -AHEAD * sigma) else None
     if kind == INPUT:
         return not state.remembers
-    if kind != CHANNEL or state.remembers or not _own(one.law):
+    if kind != CHANNEL or state.remembers or not _of_itself(one.law):
         return False
     return None if state.kind == OF_TIME else True
 
 
-def _own(law: Law) -> bool:
+def _of_itself(law: Law) -> bool:
     """Whether a law in a reading depends on nothing but this or time."""
     itself = law.state.kind == OF_STATE and law.state.symbol == law.place.name.partition(":")[2]
     return itself or law.state.kind in (OF_SHOWN, OF_TIME, OF_NOTHING)
@@ -82,7 +82,7 @@ def acts_in_recording(law: Law) -> bool:
     """Whether a law is not in the system's equations: a fault, or what may be one."""
     if law.state.remembers:
         return False
-    return (law.place.kind == CHANNEL and _own(law)) or law.place.kind in (CLOCK, DELAY, INPUT)
+    return (law.place.kind == CHANNEL and _of_itself(law)) or law.place.kind in (CLOCK, DELAY, INPUT)
 
 
 def told(trial: Trial, number: int) -> ReportedLaw:
@@ -121,15 +121,17 @@ def told(trial: Trial, number: int) -> ReportedLaw:
 def _beyond(trial: Trial, number: int) -> tuple[str, dict[str, tuple[float, float, str]]]:
     """A constant beyond its range: itself with its deviation, in place of a factor that trades with it."""
     fit, constant = trial.fit, trial.system.model.constants[trial.laws[number].place.which]
-    targets = [one.target for one in fit.unknowns]
-    own = [targets.index(f"constant.{constant.name}"), targets.index(f"law.{number}.strength")]
-    (base, factor) = (fit.unknowns[k] for k in own)
-    value, more = (one.value(float(fit.u[k])) for one, k in zip((base, factor), own, strict=True))
-    slope = np.array([base.per_u(float(fit.u[own[0]])) * (1 + more), value * factor.per_u(float(fit.u[own[1]]))])
-    sigma = float(np.sqrt(max(slope @ covariance_of(trial)[np.ix_(own, own)] @ slope, 0.0)))
+    value, more = trial.values.get(f"constant.{constant.name}", constant.value), trial.values[f"law.{number}.strength"]
+    slope = np.zeros(len(fit.u))
+    for k, (one, u) in enumerate(zip(fit.unknowns, fit.u.tolist(), strict=True)):
+        if one.target == f"constant.{constant.name}":
+            slope[k] = one.per_u(u) * (1 + more)
+        elif one.target == f"law.{number}.strength":
+            slope[k] = one.per_u(u) * value
+    sigma = float(np.sqrt(max(float(slope @ covariance_of(trial) @ slope), 0.0)))
     now, unit = value * (1 + more), constant.unit
-    text = f"{constant.name} = {now:.4g} {unit}, where the file says {constant.low:.4g} to {constant.high:.4g}"
-    return text, {constant.name: (now, sigma, unit)}
+    ends = f"{constant.low:.4g}" if constant.fixed else f"{constant.low:.4g} to {constant.high:.4g}"
+    return f"{constant.name} = {now:.4g} {unit}, where the file says {ends}", {constant.name: (now, sigma, unit)}
 
 
 def unit_of(law: Law, constant: str) -> str:

@@ -196,7 +196,7 @@ def march(
             for i in range(size):
                 x[i] += h / 6 * (k1[i] + 2 * k2[i] + 2 * k3[i] + k4[i])
             for m in range(len(rows)):
-                if rows[m, 4] == PLAY:  # between samples it moves within a law only
+                if rows[m, 4] == PLAY:  # constant within a step, where `law_at` moves it
                     s = state_of(rows[m, 2], rows[m, 3], at + h, x, k4, us, y)
                     x[states + rows[m, 7]] = within(x[states + rows[m, 7]], s, p[rows[m, 5] - 1])
         for i in range(size):

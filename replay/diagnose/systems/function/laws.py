@@ -23,7 +23,6 @@ from straw.replay.diagnose.systems.function.shapes import (
 )
 
 Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 #: Deviation of the prior of a strength, in units that change its place by its own size: nearly flat.
 WIDE = 10.0
@@ -204,7 +203,7 @@ class Law:
     def said(self) -> str:
         """The same within a sentence."""
         if self.beyond:
-            return f"in {self.place.says}, whose range is too narrow"
+            return f"in {self.place.says}, beyond what the file allows"
         if self.shape == CONSTANT and not self.state.remembers:
             return f"in {self.place.says}"
         return f"in {self.place.says}, depending on {self.over}"

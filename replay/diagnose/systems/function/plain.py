@@ -38,7 +38,7 @@ def plain_march(model: Model, t: Floats, inputs: Floats, c: Floats, rows: NDArra
         if kind == OF_SHOWN:
             s = shown[which]
         if rows[m, 7] >= 0:
-            late = (played if rows[m, 4] == PLAY else lagged)(t, s, p[rows[m, 5] - 1])
+            late = (with_play if rows[m, 4] == PLAY else lagged)(t, s, p[rows[m, 5] - 1])
             s = late - s if rows[m, 4] in (FOLLOWS, PLAY) else late
         out = values_of(rows[m, 4], p[rows[m, 5] : rows[m, 5] + rows[m, 6]], s)
         for j in np.flatnonzero((rows[:, 0] == STRENGTH) & (rows[:, 1] == m)):
@@ -77,7 +77,7 @@ def lagged(t: Floats, s: Floats, tau_s: float) -> Floats:
     return out
 
 
-def played(t: Floats, s: Floats, half_width: float) -> Floats:
+def with_play(t: Floats, s: Floats, half_width: float) -> Floats:
     """A signal (n,) through a play, from its first value."""
     out = np.empty_like(s)
     z = out[0] = s[0]

@@ -91,7 +91,7 @@ def _recorded(model: Model, name: str, path: str, table: Mapping[str, Any]) -> R
         time = np.arange(length) / float(model.time)
     inputs = np.array([one(s, "input") for s in model.inputs]).reshape(len(model.inputs), length)
     seen = np.array([one(s, "channel") for s in model.channels])
-    off = np.array([np.zeros(length, bool) if model.get("spikes") else spikes(row) for row in seen])
+    off = np.array([np.zeros(length, bool) if model.get("keep_spikes") else spikes(row) for row in seen])
     seen = np.where(off, np.nan, seen)
     good = np.isfinite(time) & np.isfinite(seen).any(axis=0)
     if np.count_nonzero(good) < SHORTEST:

@@ -11,11 +11,13 @@ Flags = NDArray[np.bool_]
 #: Neighbours on each side: the means of opposite ones foretell a reading three times, and the median withstands a
 #: second spike among them.
 SIDE = 3
-#: A spike is so many times farther off than 95 % of readings are, and than its neighbours' means scatter.
+#: A spike is so many times farther off than 95 % of readings are (20 standard deviations of Gaussian noise), and than
+#: its neighbours' means scatter.
 FAR = 10.0
-#: And so many times what the channel passes through there: of a step it is half.
+#: And so many times what the channel passes through there: of a step it is half, so four times a step's.
 STEPS = 2.0
-#: The largest share of readings that may be spikes: more is how the channel moves.
+#: The largest share of readings that may be spikes, less than the 5 % beyond that quantile; more is how the channel
+#: moves.
 MOST = 0.03
 
 
