@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from straw.replay.diagnose.discover.discover import base_trial, polished
-from straw.replay.diagnose.discover.simplify import _moved, merged, pruned
+from straw.replay.diagnose.discover.simplify import _moved, merged, pruned, refined
 from straw.replay.diagnose.discover.trial import Trial, tried
 from straw.replay.diagnose.systems.function.codes import OF_INPUT, OF_STATE, RATE, STRENGTH
 from straw.replay.diagnose.systems.function.laws import Law, Place, State
@@ -77,6 +77,19 @@ def test_two_curves_over_one_state_at_one_place_become_one_law_as_a_formula(base
     assert one.values["law.0.place"] == pytest.approx(AT, abs=0.1)
     assert one.values["law.0.width"] == pytest.approx(WIDTH, rel=0.1)
     assert one.values["law.0.strength"] == pytest.approx(LEAK, rel=0.1)
+
+
+def test_what_a_coarse_curve_leaves_is_found_by_a_finer_one_and_its_formula(base):
+    coarse = with_laws(base, Law(INTO, LEVEL, TABLE, tuple(np.linspace(0, 10, 8))))
+    one = refined(coarse, base, passed(base.system, base.campaign.observations, base.values))
+    assert one.predicts < 0.5 * coarse.predicts
+    assert one.laws[0].shape == BUMP
+    assert one.values["law.0.place"] == pytest.approx(AT, abs=0.1)
+
+
+def test_a_curve_that_is_fine_enough_stays(base):
+    fine = with_laws(base, Law(INTO, LEVEL, TABLE, tuple(np.linspace(0, 10.7, 24))))
+    assert refined(fine, base, passed(base.system, base.campaign.observations, base.values)) is fine
 
 
 def test_a_law_that_a_later_one_has_made_redundant_is_dropped_and_the_rest_renumbered(base):

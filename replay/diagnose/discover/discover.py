@@ -34,7 +34,7 @@ from straw.replay.diagnose.discover.rounds import Discovery, Step
 from straw.replay.diagnose.discover.same import written_otherwise
 from straw.replay.diagnose.discover.samples import asked_as, held_out, longest_step, thinned, to_predict
 from straw.replay.diagnose.discover.screen import Candidate, lines, screened
-from straw.replay.diagnose.discover.simplify import merged, pruned, without_lag
+from straw.replay.diagnose.discover.simplify import merged, pruned, refined, without_lag
 from straw.replay.diagnose.discover.trial import LAST_ROUNDS, LAST_SHARE, Trial, noise_in, rough, tried
 from straw.replay.diagnose.fit import cost_at
 from straw.replay.diagnose.inquiry import Told, silent
@@ -157,7 +157,7 @@ def one_round(current: Trial, unit: Floats, pool: Executor, stop: Callable[[], b
         for one in forms_of(accepted, every)
         if not (degenerate(one, accepted) and written_otherwise(accepted, one, current, runs))
     )
-    accepted = merged(pruned(accepted), current, seen)
+    accepted = merged(pruned(refined(accepted, current, seen)), current, seen)
     errors = np.array([one.error for one in (accepted, *alike)])
     return Step(accepted, tuple(every), tuple(alike), tuple(promised[:FITTED]), tuple(same), tuple(forms), errors)
 

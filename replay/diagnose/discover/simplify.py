@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from straw.replay.diagnose.discover.choose import OF_NEARLY, OF_NOTE, written
+from straw.replay.diagnose.discover.choose import OF_NEARLY, OF_NOTE, of_note, written
 from straw.replay.diagnose.discover.formulas import formulas
 from straw.replay.diagnose.discover.trial import Trial, tried
-from straw.replay.diagnose.systems.function.codes import STRENGTH
+from straw.replay.diagnose.systems.function.codes import CLOCK, STRENGTH
 from straw.replay.diagnose.systems.function.laws import Law
 from straw.replay.diagnose.systems.function.passed import Passed
 from straw.replay.diagnose.systems.function.shapes import TABLE
@@ -58,6 +58,23 @@ def _moved(law: Law, gone: int) -> Law:
         return law
     which = law.place.which - 1
     return replace(law, place=replace(law.place, which=which, name=f"strength:{which}"))
+
+
+def refined(trial: Trial, before: Trial, seen: Sequence[Passed]) -> Trial:
+    """The trial with its last law, a curve, as a finer one, or a formula of that, where this predicts better by a
+    relevant share: what a coarse curve leaves is no law of its own."""
+    law, number = trial.laws[-1], len(trial.laws) - 1
+    if law.shape != TABLE or law.state.remembers or law.place.kind == CLOCK:
+        return trial
+    even = np.linspace(law.state.low, law.state.high, POINTS)
+    at = np.unique(np.concatenate([even, law.at]))
+    fine = law.tabled([float(x) for x in at])
+    others = [k for k, one in enumerate(trial.fit.unknowns) if not one.target.startswith(f"law.{number}.")]
+    unknowns = [*(trial.fit.unknowns[k] for k in others), *fine.unknowns(number)]
+    u = np.concatenate([trial.fit.u[others], law.curve(number, trial.values, at) / fine.unit])
+    finer = tried(trial.campaign.with_system(trial.system.with_laws(*trial.laws[:-1], fine)), unknowns, u, trial.unit)
+    best = written([finer, *formulas(finer, before, seen, fine=True)])[0]
+    return best if of_note(best, trial) else trial
 
 
 def merged(trial: Trial, before: Trial, seen: Sequence[Passed]) -> Trial:
