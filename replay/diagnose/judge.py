@@ -37,6 +37,7 @@ class Calibration:
     power: float  # the less probable by this power
     chance: float  # probability that a wrong cause explains all that there is, and that a wrong second one explains all
     second_chance: float  # that its first leaves
+    directions: float  # in which a misfit varies: a wrong second cause explains those that its constants span
     missed: float  # probability that the search missed the truth, or that it is none of the hypotheses
 
 
@@ -109,7 +110,8 @@ def weighed(
     (in ``excess``) and "unknown".
 
     Prior times likelihood, normalised, mixed with a uniform distribution for causes that the search missed. Likelihoods
-    are ratios: of the probability of this misfit under a right hypothesis to that under a wrong one.
+    are ratios: of the probability of this misfit under a right hypothesis to that under a wrong one. A wrong cause
+    leaves any share of the misfit; a wrong second one, of m constants, what a projection on m of n directions leaves.
     """
     base = excess["complete"]
     log_p = {"complete": -base / (2 * by.scale), "unknown": -by.unknown}
@@ -119,9 +121,13 @@ def weighed(
         prior = by.cause + by.second * (len(causes) - 1) + by.constant * (min(count, MOST_COUNTED) - len(causes))
         log_p[name] = _log_ratio(excess[name], base, by.chance, other, by) - prior
         if len(causes) > 1:  # one after the other, unless only both together explain something
-            first = min(base, *(excess.get(cause, base) for cause in causes))
-            alone = _log_ratio_of_form(first, base, by.chance, by)
-            both = alone + _log_ratio(excess[name], first, by.second_chance, other, by) - prior
+            first = min(causes, key=lambda cause: excess.get(cause, base))
+            left = min(base, excess.get(first, base))
+            beside = max(1, count - constants.get(first, 1))
+            # P(share left < s) of Beta((n - m) / 2, m / 2) goes as s ** ((n - m) / 2); one direction always remains
+            power = max(by.directions - beside, 1.0) / 2
+            alone = _log_ratio_of_form(left, base, by.chance, by)
+            both = alone + _log_ratio(excess[name], left, by.second_chance, other, by, power) - prior
             log_p[name] = max(log_p[name], both)
     top = max(log_p.values())
     total = sum(np.exp(v - top) for v in log_p.values())
@@ -141,21 +147,22 @@ def decisive(by: Calibration = CALIBRATION) -> float:
     return float(brentq(odds, 0.0, 2 * by.scale * (by.cause + 1)))
 
 
-def _log_ratio(excess: float, before: float, chance: float, other: float, by: Calibration) -> float:
+def _log_ratio(excess: float, before: float, chance: float, other: float, by: Calibration, power: float = 1.0) -> float:
     """Log likelihood ratio of a hypothesis that leaves ``excess`` of a misfit ``before``: a mixture of laws of the true
-    form, which leave noise, and of laws of another form."""
-    noise = -excess / (2 * by.scale) - np.log(chance + (1 - chance) * _noise_share(before, by))
-    form = _log_ratio_of_form(excess, before, chance, by)
+    form, which leave noise, and of laws of another form. A wrong one leaves less than a share s with probability
+    s ** ``power``."""
+    noise = -excess / (2 * by.scale) - np.log(chance + (1 - chance) * _noise_share(before, by) ** power)
+    form = _log_ratio_of_form(excess, before, chance, by, power)
     return float(np.logaddexp(np.log1p(-other) + noise, np.log(other) + form))
 
 
-def _log_ratio_of_form(excess: float, before: float, chance: float, by: Calibration) -> float:
+def _log_ratio_of_form(excess: float, before: float, chance: float, by: Calibration, power: float = 1.0) -> float:
     """Of laws of another form: they leave a part in some ratio to what they explain, with a power law that makes small
     ratios typical of right laws. Wrong laws leave any share of the misfit, or, by ``chance``, nothing."""
     width = max(by.form, _noise_share(before, by))
     explained = max(before - excess, 1e-9 * before, 1e-9)
     typical = -by.power * np.log1p(excess / (by.form * explained))
-    return float(typical - np.log(chance + (1 - chance) * width))
+    return float(typical - np.log(chance + (1 - chance) * width**power))
 
 
 def _noise_share(before: float, by: Calibration) -> float:

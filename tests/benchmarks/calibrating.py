@@ -6,7 +6,8 @@
 Rows are those of `python -m tests.benchmarks.concealed`, each file named by its deck; of a case in two files the later
 counts. Campaigns in which the base leaves no more than noise (`--limit`) carry no information and are left out, except
 those with nothing concealed. `--tell` fits nothing: it evaluates the present constants on a deck that was not used to
-find them.
+find them. `--only second directions` fits these and keeps the others; `--two 0.2` weighs campaigns so that those with
+two causes make up this share.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ Rows = Sequence[tuple[Case, Mapping[str, Any]]]
 #: Prior mean of each constant, and its deviation: of the logarithm, or of log priors themselves.
 GUESS = Calibration(
     scale=20, cause=4, second=4, constant=0.5, unknown=6, other=0.2, other_fault=0.1, form=0.01, power=1.5,
-    chance=0.003, second_chance=0.003, missed=0.05,
+    chance=0.003, second_chance=0.003, directions=4, missed=0.05,
 )  # fmt: skip
 OFF = Calibration(
     scale=1,
@@ -48,9 +49,10 @@ OFF = Calibration(
     power=0.5,
     chance=1,
     second_chance=1,
+    directions=0.7,
     missed=1.5,
 )
-LOGARITHMIC = ("scale", "other", "other_fault", "form", "power", "chance", "second_chance", "missed")
+LOGARITHMIC = ("scale", "other", "other_fault", "form", "power", "chance", "second_chance", "directions", "missed")
 #: Misfit, sigmas squared, above which one of two causes alone does not suffice: what noise leaves of a base.
 ALONE = 150.0
 #: Largest probability, since a factor on the guess may lead beyond one.
@@ -63,6 +65,9 @@ def main() -> None:
     ask.add_argument("decks", nargs="+", type=Path, metavar="SPLIT-SEED-COMMIT.jsonl")
     ask.add_argument("--limit", type=float, default=ALONE, help="what noise leaves of the base, sigmas squared")
     ask.add_argument("--tell", action="store_true", help="fit nothing")
+    names = [field.name for field in dataclasses.fields(Calibration)]
+    ask.add_argument("--only", nargs="+", choices=names, default=names, metavar="NAME", help="keep all others")
+    ask.add_argument("--two", type=float, metavar="SHARE", help="of pairs (default: as in the decks)")
     ask.add_argument("--write", action="store_true", help="into the package")
     args = ask.parse_args()
     every = {}
@@ -73,15 +78,18 @@ def main() -> None:
     print("present constants:", told(rows, CALIBRATION), sep="\n")
     if args.tell:
         return
-    found = calibrated(rows)
+    found = calibrated(rows, args.only, args.two)
     print(toml(found), "calibrated:", told(rows, found), sep="\n")
     halves = [[row for k, row in enumerate(rows) if k % 2 == half] for half in (0, 1)]
-    across = [told(halves[1 - half], calibrated(halves[half])) for half in (0, 1)]
+    across = [told(halves[1 - half], calibrated(halves[half], args.only, args.two)) for half in (0, 1)]
     print("calibrated on one half, told of the other:", *across, sep="\n")
     if args.write:
         path = Path(str(straw.replay.diagnose.judge.__file__)).with_name("calibration.toml")
         command = " ".join(["python -m tests.benchmarks.calibrating", *(one.name for one in args.decks)])
-        path.write_text(f"# Written by {command}\n{toml(found)}")
+        command += f" --two {args.two}" if args.two else ""
+        before = path.read_text().splitlines()[0] + ", then by" if args.only != names else "# Written by"
+        only = " --only " + " ".join(args.only) if args.only != names else ""
+        path.write_text(f"{before} {command}{only}\n{toml(found)}")
         assert Calibration(**tomllib.loads(path.read_text())["calibration"]) == found
 
 
@@ -121,25 +129,30 @@ def right(case: Case, name: str, row: Mapping[str, Any]) -> bool:
     return set(name.split("+")) <= truth
 
 
-def calibrated(rows: Rows) -> Calibration:
-    """The most probable constants under priors centred on the guess."""
-    x = minimize(lambda x: loss(rows, x), np.zeros(len(dataclasses.fields(GUESS))), method="Powell", tol=1e-3).x
-    return rounded(at(x))
+def calibrated(rows: Rows, only: Sequence[str], two: float | None = None) -> Calibration:
+    """The most probable constants ``only``, under priors centred on the guess, the others as they are."""
+    weights = np.ones(len(rows))
+    if two is not None:
+        pairs = np.array([len(case.label) == 2 for case, _ in rows])
+        weights = np.where(pairs, two / np.mean(pairs), (1 - two) / np.mean(~pairs))
+    start = np.zeros(len(only))
+    x = minimize(lambda x: loss(rows, weights, at(x, only)) + 0.5 * np.sum(x**2), start, method="Powell", tol=1e-3).x
+    return rounded(at(x, only))
 
 
-def at(x: NDArray[np.float64]) -> Calibration:
-    """The guess, changed by x in units of OFF."""
-    values = {}
-    for field, step in zip(dataclasses.fields(GUESS), x, strict=True):
-        guess, off = getattr(GUESS, field.name), getattr(OFF, field.name) * step
-        values[field.name] = float(guess * np.exp(off)) if field.name in LOGARITHMIC else float(guess + off)
+def at(x: NDArray[np.float64], only: Sequence[str]) -> Calibration:
+    """The present constants, with those named ``only`` at the guess, changed by x in units of OFF."""
+    values = dataclasses.asdict(CALIBRATION)
+    for name, step in zip(only, x, strict=True):
+        guess, off = getattr(GUESS, name), getattr(OFF, name) * step
+        values[name] = float(guess * np.exp(off)) if name in LOGARITHMIC else float(guess + off)
     return Calibration(**{**values, **{name: min(values[name], most) for name, most in MOST.items()}})
 
 
-def loss(rows: Rows, x: NDArray[np.float64]) -> float:
-    """Minus the logarithm of the posterior of x."""
-    by = at(x)
-    return float(0.5 * np.sum(x**2) - sum(np.log(of_truth(c, row, probability(row, by), by)) for c, row in rows))
+def loss(rows: Rows, weights: NDArray[np.float64], by: Calibration) -> float:
+    """Minus the weighted log likelihood of the constants."""
+    log_p = [np.log(of_truth(case, row, probability(row, by), by)) for case, row in rows]
+    return -float(weights @ log_p)
 
 
 def rounded(found: Calibration) -> Calibration:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from straw.replay.diagnose.judge import CALIBRATION, by_cause, decisive, surviving, weighed
-from straw.replay.diagnose.settings import NAMED_ALONE
+from straw.replay.diagnose.settings import MOST_COUNTED, NAMED_ALONE
 from straw.replay.diagnose.systems.straw.constants import MEASUREMENT
 from straw.replay.diagnose.verdict import verdict_of
 
@@ -71,3 +71,23 @@ def test_a_pair_that_explains_what_neither_cause_explains_alone_is_named_rather_
     assert (verdict, set(causes)) == ("missing_physics", {"trapped_gas", "camera_roll"})
     beside_noise = excess | {"trapped_gas": 60.0}  # which leaves nothing for a second cause
     assert verdict_of(weighed(beside_noise, counts, MEASUREMENT), MEASUREMENT) == ("missing_physics", ["trapped_gas"])
+
+
+def test_a_second_cause_that_many_constants_could_imitate_counts_for_less_than_one_of_a_single_constant():
+    """A wrong second cause explains what its constants span: of 4 directions, one of 8 constants nearly all."""
+    excess = {"complete": 3.8e4, "asymmetry": 3.2e3, "asymmetry+poiseuille_loss": 0.0, "asymmetry+frustum_spread": 0.0}
+    counts = {"asymmetry": 5, "asymmetry+poiseuille_loss": 6, "asymmetry+frustum_spread": 13}
+    p = weighed(excess, counts, MEASUREMENT)
+    # the sum of constants counts alike above MOST_COUNTED, so that this is the share of the misfit alone
+    assert counts["asymmetry"] >= MOST_COUNTED
+    share = 2 * CALIBRATION.scale / (2 * CALIBRATION.scale + 3.2e3)
+
+    def by_chance(constants: float) -> float:
+        beside = max(CALIBRATION.directions - constants, 1) / 2
+        return CALIBRATION.second_chance + (1 - CALIBRATION.second_chance) * share**beside
+
+    even = CALIBRATION.missed / (len(excess) + 1)  # with "unknown"
+    ratio = (p["asymmetry+poiseuille_loss"] - even) / (p["asymmetry+frustum_spread"] - even)
+    assert by_chance(8) > 10 * by_chance(1)
+    # by the law of the true form; laws of another form have less to lose, and raise both
+    assert 1.0 < ratio <= by_chance(8) / by_chance(1)
