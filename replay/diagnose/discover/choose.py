@@ -27,11 +27,13 @@ from straw.replay.diagnose.systems.function.laws import Law
 from straw.replay.diagnose.systems.function.shapes import (
     CUBE,
     LINEAR,
+    PLAY,
     POWER,
     QUADRATIC,
     ROOT,
     SQUARE,
     TABLE,
+    YIELDS,
 )
 
 Floats = NDArray[np.float64]
@@ -95,9 +97,12 @@ def drifts(law: Law) -> bool:
 def rivals(law: Law, accepted: Law) -> bool:
     """Whether a law differs from an accepted one.
 
-    A law over the history of a state includes the one over the state, with zero lag. An equation over time is excluded:
-    time is no cause, and without repetition it correlates with everything; an instrument may drift with it.
+    A law over the history of a state includes the one over the state, with zero lag; hysteresis includes dry friction,
+    with no play, and a spring, with more than is visited. An equation over time is excluded: time is no cause, and
+    without repetition it correlates with everything; an instrument may drift with it.
     """
+    if law.shape in (PLAY, YIELDS) and law.place.name == accepted.place.name and not accepted.state.remembers:
+        return False
     if (law.place.name, law.state.name) == (accepted.place.name, accepted.state.name):
         return accepted.state.lag_s is not None and law.state.lag_s is None
     return law.state.kind != OF_TIME or drifts(accepted) or law.place.kind in (CHANNEL, INPUT, CLOCK)

@@ -27,7 +27,7 @@ from straw.replay.diagnose.discover.choose import (
     same_channels,
     written,
 )
-from straw.replay.diagnose.discover.formulas import formulas
+from straw.replay.diagnose.discover.formulas import formulas, gradual
 from straw.replay.diagnose.discover.inline import Inline, never
 from straw.replay.diagnose.discover.pick import FITTED, elsewhere, picked
 from straw.replay.diagnose.discover.rounds import Discovery, Step
@@ -42,7 +42,7 @@ from straw.replay.diagnose.one_thread import one_blas_thread
 from straw.replay.diagnose.systems.function.laws import Law
 from straw.replay.diagnose.systems.function.passed import Passed
 from straw.replay.diagnose.systems.function.recording import Recorded
-from straw.replay.diagnose.systems.function.shapes import SHAPES, TABLE
+from straw.replay.diagnose.systems.function.shapes import PLAY, SHAPES, TABLE
 from straw.replay.diagnose.systems.function.stack import Stacked
 from straw.replay.diagnose.systems.function.system import FunctionSystem
 
@@ -182,8 +182,12 @@ def _tried(
     # where a law over history predicts, one over the state itself may
     known = {(one.laws[-1].place.name, one.laws[-1].over) for one in chosen} | late
     open_ = [one for one in fits if _open(one.laws[-1]) and (one.laws[-1].place.name, one.laws[-1].over) in known]
-    more = [] if stop() else [pool.submit(formulas, one, current, seen) for one in open_]
-    return [*fits, *(trial for job in more for trial in job.result())]
+    plays = [one for one in chosen if one.laws[-1].shape == PLAY]
+    if stop():
+        return fits
+    more = [pool.submit(formulas, one, current, seen) for one in open_]
+    yields = [pool.submit(gradual, one) for one in plays]
+    return [*fits, *(trial for job in more for trial in job.result()), *(job.result() for job in yields)]
 
 
 def _of_places(trials: Sequence[Trial]) -> list[Trial]:

@@ -30,6 +30,7 @@ from straw.replay.diagnose.systems.function.shapes import (
     TABLE,
     UNEQUAL,
     WAVE,
+    YIELDS,
 )
 
 Floats = NDArray[np.float64]
@@ -68,6 +69,13 @@ def formulas(trial: Trial, before: Trial, seen: Sequence[Passed], *, fine: bool 
     return sorted(out, key=lambda one: one.predicts)
 
 
+def gradual(trial: Trial) -> Trial:
+    """The trial with its last law, a play, as one that yields little by little."""
+    *known, law = trial.laws
+    system = trial.system.with_laws(*known, replace(law, shape=YIELDS))
+    return tried(trial.campaign.with_system(system), trial.fit.unknowns, trial.fit.u, trial.unit)
+
+
 def _seen_by_recordings(trial: Trial, values: int) -> tuple[Floats, Floats]:
     """A root (values, values) of the information on the last unknowns, a table's values by u, all others free; and
     minus the change of the others with each of these (others, values).
@@ -104,7 +112,7 @@ def _shapes(table: Law, fine: bool) -> list[int]:
     one_sided = table.state.low >= -0.02 * table.state.span
     turns = table.state.unit in ANGLES  # as gravity on an arm, or a motor's cogging
     other = {SIGN: not one_sided, OUTSIDE: not one_sided, UNEQUAL: not one_sided}
-    other |= {WAVE: turns, BUMP: fine, FOLLOWS: False, PLAY: False}
+    other |= {WAVE: turns, BUMP: fine, FOLLOWS: False, PLAY: False, YIELDS: False}
     return [k for k in SHAPES if other.get(k, True)]
 
 

@@ -27,9 +27,10 @@ from straw.replay.diagnose.systems.function.codes import (
     OF_TIME,
 )
 from straw.replay.diagnose.systems.function.laws import Law
-from straw.replay.diagnose.systems.function.passed import Passed, passed, smooth, still_speeds
+from straw.replay.diagnose.systems.function.passed import Passed, defines, passed, smooth, still_speeds
 from straw.replay.diagnose.systems.function.places import (
     as_simulated,
+    hysteretic,
     its_own,
     makes_sense,
     places,
@@ -45,7 +46,7 @@ from straw.replay.diagnose.systems.function.system import FunctionSystem
 Floats = NDArray[np.float64]
 
 #: Half widths of a play from which it is fitted, in units of the state's span.
-PLAYS = (0.03, 0.1, 0.3)
+PLAYS = (0.01, 0.03, 0.1, 0.3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,12 +107,13 @@ def told_ahead(law: Law, asked: HeldOut) -> bool:
 
 def candidates(system: FunctionSystem, seen: Sequence[Passed]) -> list[Law]:
     """Laws to screen: tables over states at every place, constants, straight lines over history."""
-    out = []
+    many = range(len(system.model.states))
+    out, speeds = [], {k for k in many if any(defines(of, k, seen) for of in many)}
     for place in places(system, seen):
         for state in states(system, seen):
             if its_own(place, state, system.model) and state.lag_s is not None:
                 out.append(Law(place, state, FOLLOWS))
-            elif its_own(place, state, system.model):
+            elif its_own(place, state, system.model) or (hysteretic(place, state) and state.which not in speeds):
                 out += [Law(place, replace(state, play=share * state.span), PLAY) for share in PLAYS]
             if not makes_sense(place, state):
                 continue

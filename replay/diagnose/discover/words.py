@@ -179,7 +179,8 @@ def formula(law: Law, values: dict[str, float], number: int) -> str:
     if law.state.lag_s:
         lag = f", where {symbol(law)} follows {own} with lag {values[prefix + 'lag_s']:.3g} s"
     if law.state.play:
-        lag = f", where {symbol(law)} follows {own} with a play of ±{values[prefix + 'play']:.3g} {law.state.unit}"
+        play = f"±{values[prefix + 'play']:.3g} {law.state.unit}"
+        lag = f", where {symbol(law)} follows {own} with a {SHAPES[law.shape].name} of {play}"
     if law.place.kind == STRENGTH:
         return f"law {law.place.which + 1} {READS[STRENGTH].format(f=f)}{lag}"
     written = READS[law.place.kind].format(name=name, f=f) + lag

@@ -74,7 +74,7 @@ def encoded(laws: Mapping[int, Law], values: Mapping[str, float]) -> tuple[Indic
         p = law.parameters(number, values)
         which = order.index(law.place.which) if law.place.kind == STRENGTH else law.place.which
         lag = law.state.remembers
-        first = at + int(lag)
+        first = at + int(lag)  # after the time or the width of what it remembers
         rows.append(
             [
                 law.place.kind,
@@ -87,7 +87,7 @@ def encoded(laws: Mapping[int, Law], values: Mapping[str, float]) -> tuple[Indic
                 lags if lag else -1,
             ]
         )
-        lags += int(lag)
+        lags += law.memories
         parts.append(p)
         at += len(p)
     return np.array(rows, dtype=np.int64).reshape(len(rows), 8), np.concatenate(parts), lags

@@ -23,8 +23,8 @@ from straw.replay.diagnose.systems.function.codes import (
     STRENGTH,
 )
 from straw.replay.diagnose.systems.function.compiled import compiled
-from straw.replay.diagnose.systems.function.law_values import law_at, speed_of, state_of, within
-from straw.replay.diagnose.systems.function.shapes import PLAY
+from straw.replay.diagnose.systems.function.law_values import ahead_of, law_at, speed_of, state_of, within
+from straw.replay.diagnose.systems.function.shapes import PLAY, YIELDS
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -100,7 +100,8 @@ def rates_at(
         if rows[m, 7] >= 0:  # the lag's time is the parameter before its shape's
             s = state_of(rows[m, 2], rows[m, 3], t, x, out, u, y)
             z = x[states + rows[m, 7]]
-            out[states + rows[m, 7]] = (s - z) / p[rows[m, 5] - 1] if rows[m, 4] != PLAY else 0.0
+            plays = rows[m, 4] == PLAY or rows[m, 4] == YIELDS
+            out[states + rows[m, 7]] = (s - z) / p[rows[m, 5] - 1] if not plays else 0.0
     if states > 0:
         slopes(t, x, u_work, c_work, out)
     for m in range(len(rows)):
@@ -146,7 +147,11 @@ def march(
         needs_rates |= rows[m, 2] == OF_RATE
         if rows[m, 7] >= 0:  # a lagging state starts at the value it follows
             inputs_at(0, 0.0, late, t, inputs, us)
-            x[states + rows[m, 7]] = state_of(rows[m, 2], rows[m, 3], t[0], x, k1, us, y)
+            s = state_of(rows[m, 2], rows[m, 3], t[0], x, k1, us, y)
+            if rows[m, 4] == YIELDS:
+                x[states + rows[m, 7] + 1] = s
+            else:
+                x[states + rows[m, 7]] = s
     for k in range(n):
         inputs_at(min(k, n - 2), 0.0 if k < n - 1 else 1.0, late, t, inputs, us)
         if size > 0:
@@ -196,9 +201,12 @@ def march(
             for i in range(size):
                 x[i] += h / 6 * (k1[i] + 2 * k2[i] + 2 * k3[i] + k4[i])
             for m in range(len(rows)):
-                if rows[m, 4] == PLAY:  # constant within a step, where `law_at` moves it
-                    s = state_of(rows[m, 2], rows[m, 3], at + h, x, k4, us, y)
-                    x[states + rows[m, 7]] = within(x[states + rows[m, 7]], s, p[rows[m, 5] - 1])
+                if rows[m, 4] == PLAY or rows[m, 4] == YIELDS:  # constant within a step, where `law_at` moves it
+                    s, i = state_of(rows[m, 2], rows[m, 3], at + h, x, k4, us, y), states + rows[m, 7]
+                    if rows[m, 4] == PLAY:
+                        x[i] = within(x[i], s, p[rows[m, 5] - 1])
+                    else:
+                        x[i], x[i + 1] = ahead_of(x[i], s - x[i + 1], p[rows[m, 5] - 1]), s
         for i in range(size):
             if not abs(x[i]) < DIVERGED:
                 ys[:, k + 1 :] = np.nan

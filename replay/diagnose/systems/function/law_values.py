@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from straw.replay.diagnose.systems.function.codes import OF_INPUT, OF_RATE, OF_SHOWN, OF_SPEED, OF_STATE, OF_TIME
 from straw.replay.diagnose.systems.function.compiled import compiled
-from straw.replay.diagnose.systems.function.shapes import FOLLOWS, PLAY, value
+from straw.replay.diagnose.systems.function.shapes import FOLLOWS, PLAY, YIELDS, value
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -49,15 +49,26 @@ def within(s: float, middle: float, half_width: float) -> float:
 
 
 @compiled
+def ahead_of(z: float, moved: float, half_width: float) -> float:
+    """How far a value is ahead of what follows it with a gradual play, after it moved: dz/ds = 1 -+ z / half_width
+    forwards and backwards (Dahl 1968), from z."""
+    fade = np.exp(-abs(moved) / half_width)
+    return float(z * fade + np.sign(moved) * half_width * (1 - fade))
+
+
+@compiled
 def law_at(
     m: int, rows: Indices, p: Floats, t: float, x: Floats, rates: Floats, u: Floats, y: Floats, states: int
 ) -> float:
     """A law's value."""
-    late, own = rows[m, 7] >= 0, rows[m, 4] == FOLLOWS or rows[m, 4] == PLAY
+    late, own = rows[m, 7] >= 0, rows[m, 4] == FOLLOWS or rows[m, 4] == PLAY or rows[m, 4] == YIELDS
     now = state_of(rows[m, 2], rows[m, 3], t, x, rates, u, y) if own or not late else 0.0
     s = float(x[states + rows[m, 7]]) if late else now
     if rows[m, 4] == PLAY:
         s = within(s, now, p[rows[m, 5] - 1])
+    if rows[m, 4] == YIELDS:
+        k = states + rows[m, 7]
+        s = now - ahead_of(x[k], now - x[k + 1], p[rows[m, 5] - 1])
     if own:
         s -= now
     return float(value(rows[m, 4], p, rows[m, 5], rows[m, 6], s))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.hypothesis import Unknown
-from straw.replay.diagnose.systems.function.codes import FACTOR, OF_INPUT, OF_RATE
+from straw.replay.diagnose.systems.function.codes import FACTOR, OF_INPUT, OF_RATE, RATE
 from straw.replay.diagnose.systems.function.shapes import (
     CONSTANT,
     FADES,
@@ -19,6 +19,7 @@ from straw.replay.diagnose.systems.function.shapes import (
     POWER,
     SHAPES,
     TABLE,
+    YIELDS,
     values_of,
 )
 
@@ -122,8 +123,8 @@ class Law:
             ends = np.log(1 / 20), np.log(max(10 * self.state.longest_s / self.state.lag_s, 2.0))
             out.append(Unknown(f"{name}lag_s", 1.0, self.state.lag_s, "log", sd=1.5, low=ends[0], high=ends[1]))
         if self.state.play is not None:
-            # narrower it is a line's width, wider the state never crosses it
-            ends = np.log(0.005 * self.state.span / self.state.play), np.log(0.5 * self.state.span / self.state.play)
+            # narrower it is dry friction, wider the state never crosses it
+            ends = np.log(5e-4 * self.state.span / self.state.play), np.log(0.5 * self.state.span / self.state.play)
             out.append(Unknown(f"{name}play", 1.0, self.state.play, "log", sd=1.5, low=ends[0], high=ends[1]))
         return tuple(out)
 
@@ -182,8 +183,13 @@ class Law:
 
     @property
     def own(self) -> bool:
-        """Whether it compares a reading or an input with its own history."""
-        return self.shape in (FOLLOWS, PLAY)
+        """Whether it is over the difference between a state and its history."""
+        return self.shape in (FOLLOWS, PLAY, YIELDS)
+
+    @property
+    def memories(self) -> int:
+        """How many numbers it remembers: a gradual play also where its state was."""
+        return int(self.state.remembers) + (self.shape == YIELDS)
 
     @property
     def curved(self) -> bool:
@@ -211,8 +217,10 @@ class Law:
     @property
     def over(self) -> str:
         """Its state in words."""
-        if self.own:
+        if self.own and self.place.name.partition(":")[2] == self.state.symbol and self.place.kind != RATE:
             return "its own history"
+        if self.own:
+            return f"the hysteresis of {self.state.name}"
         return self.state.name if not self.state.remembers else f"the history of {self.state.name}"
 
     def tabled(self, at: Sequence[float]) -> Law:

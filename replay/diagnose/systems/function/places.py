@@ -198,6 +198,12 @@ def its_own(place: Place, state: State, model: Model) -> bool:
     return reads(place, state, model)
 
 
+def hysteretic(place: Place, state: State) -> bool:
+    """Whether a state may act there with hysteresis: as a spring that slips (Jenkins 1922), of which sums make smooth
+    loops (Prandtl and Ishlinskii). An input's is searched in the input."""
+    return state.kind == OF_STATE and state.lag_s is None and place.kind in (RATE, CHANNEL)
+
+
 def reads(place: Place, state: State, model: Model) -> bool:
     """Whether a place is the reading of this state."""
     if place.kind != CHANNEL or state.kind != OF_STATE:

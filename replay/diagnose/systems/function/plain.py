@@ -17,8 +17,9 @@ from straw.replay.diagnose.systems.function.codes import (
     STRENGTH,
 )
 from straw.replay.diagnose.systems.function.functions import fields
+from straw.replay.diagnose.systems.function.law_values import ahead_of
 from straw.replay.diagnose.systems.function.model import Model
-from straw.replay.diagnose.systems.function.shapes import FOLLOWS, PLAY, values_of
+from straw.replay.diagnose.systems.function.shapes import FOLLOWS, PLAY, YIELDS, values_of
 from straw.replay.errors import ReplayError
 
 Floats = NDArray[np.float64]
@@ -38,8 +39,9 @@ def plain_march(model: Model, t: Floats, inputs: Floats, c: Floats, rows: NDArra
         if kind == OF_SHOWN:
             s = shown[which]
         if rows[m, 7] >= 0:
-            late = (with_play if rows[m, 4] == PLAY else lagged)(t, s, p[rows[m, 5] - 1])
-            s = late - s if rows[m, 4] in (FOLLOWS, PLAY) else late
+            made = {PLAY: with_play, YIELDS: with_gradual_play}.get(int(rows[m, 4]), lagged)
+            late = made(t, s, p[rows[m, 5] - 1])
+            s = late - s if rows[m, 4] in (FOLLOWS, PLAY, YIELDS) else late
         out = values_of(rows[m, 4], p[rows[m, 5] : rows[m, 5] + rows[m, 6]], s)
         for j in np.flatnonzero((rows[:, 0] == STRENGTH) & (rows[:, 1] == m)):
             out = out * (1 + force(int(j)))
@@ -83,4 +85,14 @@ def with_play(t: Floats, s: Floats, half_width: float) -> Floats:
     z = out[0] = s[0]
     for k in range(1, len(t)):
         z = out[k] = min(max(z, s[k] - half_width), s[k] + half_width)
+    return out
+
+
+def with_gradual_play(t: Floats, s: Floats, half_width: float) -> Floats:
+    """A signal (n,) through a gradual play, from its first value."""
+    out = np.empty_like(s)
+    out[0], z = s[0], 0.0
+    for k in range(1, len(t)):
+        z = ahead_of(z, s[k] - s[k - 1], half_width)
+        out[k] = s[k] - z
     return out

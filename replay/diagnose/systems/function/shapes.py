@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 #: Numbers of shapes in a law's row.
 TABLE, CONSTANT, LINEAR, SQUARE, CUBE, QUADRATIC, SIGN, ROOT = range(8)
 #: The same of shapes with constants of their own.
-POWER, SATURATES, ABOVE, BELOW, FADES, STEP, OUTSIDE, UNEQUAL, WAVE, BUMP, FOLLOWS, GROWS, PLAY = range(8, 21)
+POWER, SATURATES, ABOVE, BELOW, FADES, STEP, OUTSIDE, UNEQUAL, WAVE, BUMP, FOLLOWS, GROWS, PLAY, YIELDS = range(8, 22)
 
 
 @dataclass(frozen=True)
@@ -101,6 +101,8 @@ SHAPES = {
         Shape(FOLLOWS, "lag", "({s} - {now})", unit=1),
         # the same of one with backlash: it stays until the other has crossed the play
         Shape(PLAY, "play", "({s} - {now})", unit=1),
+        # and of one that yields little by little (Dahl 1968)
+        Shape(YIELDS, "gradual play", "({s} - {now})", unit=1),
     )
 }
 
@@ -127,7 +129,7 @@ def value(shape: int, p: Floats, at: int, many: int, s: float) -> float:
     a = p[at]
     if shape == CONSTANT:
         return float(a)
-    if shape in (LINEAR, FOLLOWS, PLAY):
+    if shape in (LINEAR, FOLLOWS, PLAY, YIELDS):
         return float(a * s)
     if shape == SQUARE:
         return float(a * abs(s) * s)
