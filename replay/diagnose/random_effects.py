@@ -49,13 +49,16 @@ def _offset(campaign: Campaign, fit: Fit) -> Floats:
 
 def linearise_at_best(found: Inquiry) -> bool:
     """Linearise random effects at the best fit where it leaves less than the last by more than noise; all fits are
-    whitened for them anew. Returns whether it was."""
-    campaign, before = found.campaign, found.campaign.random_effects
-    if before is None or campaign.stop() or found.linearised_at - found.best.cost <= NOISE_LEAVES:
+    whitened for them anew. Returns whether it was.
+
+    What they leave once whitened does not count: two expansions of which each favours the other's fit would alternate.
+    """
+    campaign, before, left = found.campaign, found.campaign.random_effects, found.best.cost
+    if before is None or campaign.stop() or found.linearised_at - left <= NOISE_LEAVES:
         return False
     linearise(campaign, found.best)
     _whiten_anew(found, before)
-    found.linearised_at = found.best.cost
+    found.linearised_at = left
     return True
 
 

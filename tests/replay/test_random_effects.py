@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from straw.replay.diagnose import random_effects
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Contestant, evaluated
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
@@ -88,6 +90,21 @@ def test_random_effects_stay_where_nothing_is_better_by_more_than_noise(campaign
     effects = campaign.random_effects
     assert not linearise_at_best(found)
     assert campaign.random_effects is effects
+
+
+def test_expansions_that_each_favour_another_fit_do_not_alternate(campaign, monkeypatch):
+    """Whitened anew a fit may leave more, until it is fitted again: if that counted as better, it would go on."""
+    found = inquiry(campaign)
+    one = found.singles["cause"]
+
+    def whitened(found, _before, _changed=None):
+        found.singles["cause"] = replace(one, fit=replace(one.fit, cost=one.cost + 2 * NOISE_LEAVES))
+
+    monkeypatch.setattr(random_effects, "_whiten_anew", whitened)
+    assert linearise_at_best(found)
+    assert found.best.cost > one.cost
+    found.keep(one)  # fitted again
+    assert not linearise_at_best(found)
 
 
 class Forked(Decay):
