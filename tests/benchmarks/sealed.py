@@ -73,7 +73,7 @@ def main() -> None:
         "reliability": table(SAID, [
             ["when opened", *reliability(then)],
             ["the same, by the present judge", *reliability(judged)],
-            ["by the present search and judge", *reliability(present)],
+            ["by the later search and the present judge", *reliability(present)],
         ]),
     }  # fmt: skip
     print(*(f"{name}{text}" for name, text in tables.items()), sep="\n")
