@@ -40,6 +40,7 @@ from straw.replay.diagnose.fit import cost_at
 from straw.replay.diagnose.inquiry import Told, silent
 from straw.replay.diagnose.one_thread import one_blas_thread
 from straw.replay.diagnose.systems.function.laws import Law
+from straw.replay.diagnose.systems.function.least import least
 from straw.replay.diagnose.systems.function.passed import Passed
 from straw.replay.diagnose.systems.function.recording import Recorded
 from straw.replay.diagnose.systems.function.shapes import PLAY, SHAPES, TABLE
@@ -48,6 +49,8 @@ from straw.replay.diagnose.systems.function.system import FunctionSystem
 
 Floats = NDArray[np.float64]
 
+#: Evaluations of a law's own fit with all else held, where only its constants of shape are not linear.
+HELD_ROUNDS = 3
 #: Laws chosen at most; places and states of which a law is written as formulas.
 LAWS, FORMULAS = 3, 4
 
@@ -77,6 +80,8 @@ def discover(
                 break
             told("laws that may be missing", k + 1, LAWS + 1)
             step = one_round(current, base.unit, executor, stop)
+            if k == 0 and not stop():
+                step = second_look(step, base, executor, stop)
             steps.append(step)
             if step.accepted is None:
                 break
@@ -123,15 +128,16 @@ def on_all(trial: Trial, recordings: Sequence[Recorded]) -> Trial:
     return tried(campaign, trial.fit.unknowns, trial.fit.u, trial.unit, tempered=1)
 
 
-def one_round(current: Trial, unit: Floats, pool: Executor, stop: Callable[[], bool]) -> Step:
-    """Screen, fit, write as formulas, choose one or none."""
+def one_round(current: Trial, unit: Floats, pool: Executor, stop: Callable[[], bool], *, held: bool = False) -> Step:
+    """Screen, fit, write as formulas, choose one or none; ``held`` as in `_fitted`."""
     runs = [one for one in current.campaign.observations if isinstance(one, Recorded)]
     promised, seen = screened(current, pool, silent)
     first = picked(promised)
-    every = _tried(current, first, seen, unit, pool, stop)
+    every = _tried(current, first, seen, unit, pool, stop, held=held)
     left = written([one for one in every if of_note(one, current)])
     if left and not stop():
-        every += _tried(current, elsewhere(left[0].laws[-1], promised, first), seen, unit, pool, stop)
+        more = elsewhere(left[0].laws[-1], promised, first)
+        every += _tried(current, more, seen, unit, pool, stop, held=held)
         left = written([one for one in every if of_note(one, current)])
     every.sort(key=lambda one: one.predicts)
     if not left:
@@ -162,6 +168,20 @@ def one_round(current: Trial, unit: Floats, pool: Executor, stop: Callable[[], b
     return Step(accepted, tuple(every), tuple(alike), tuple(promised[:FITTED]), tuple(same), tuple(forms), errors)
 
 
+def second_look(step: Step, base: Trial, pool: Executor, stop: Callable[[], bool]) -> Step:
+    """The first round, or the same about the constants that its law has led to, where that predicts better by a
+    relevant share: first order about a base that is far off, as without a strong law, does not tell which law it is.
+    """
+    first = step.accepted
+    if first is None or first.to_noise:
+        return step
+    u = first.fit.u[: len(base.fit.u)]
+    there = tried(base.campaign, base.fit.unknowns, u, base.unit, tempered=1, rounds=1)
+    again = one_round(there, base.unit, pool, stop, held=True)
+    better = again.accepted is not None and again.accepted.predicts < OF_NOTE * first.predicts
+    return again if better else step
+
+
 def _tried(
     current: Trial,
     candidates: Sequence[Candidate],
@@ -169,9 +189,12 @@ def _tried(
     unit: Floats,
     pool: Executor,
     stop: Callable[[], bool],
+    *,
+    held: bool,
 ) -> list[Trial]:
     """Candidates fitted beside the laws so far, tables also as straight lines, and the best of them as formulas."""
-    jobs = [pool.submit(_fitted, current, candidate, unit) for candidate in (*candidates, *lines(candidates))]
+    both = (*candidates, *lines(candidates))
+    jobs = [pool.submit(_fitted, current, candidate, unit, held) for candidate in both]
     fits = sorted((job.result() for job in jobs), key=lambda one: one.predicts)
     good = [one for one in fits if one.predicts < OF_NOTE * current.predicts]
     # where a curve of many values fits, a formula may predict, too
@@ -202,8 +225,9 @@ def _open(law: Law) -> bool:
     return law.shape == TABLE or (law.state.lag_s is not None and not law.own)
 
 
-def _fitted(current: Trial, candidate: Candidate, unit: Floats) -> Trial:
-    """A candidate fitted from zero strength, or from its first-order estimate, whichever has less misfit."""
+def _fitted(current: Trial, candidate: Candidate, unit: Floats, held: bool) -> Trial:
+    """A candidate fitted from zero strength or from its first-order estimate, or, about constants that are not fitted
+    (``held``), from its fit with these held, whichever has less misfit."""
     laws = (*current.laws, candidate.law)
     system = current.system.with_laws(*laws)
     unknowns = (*current.fit.unknowns, *candidate.law.unknowns(len(current.laws)))
@@ -212,6 +236,10 @@ def _fitted(current: Trial, candidate: Candidate, unit: Floats) -> Trial:
     campaign = current.campaign.with_system(system)
     low, high = (np.array([getattr(k, end) for k in unknowns]) for end in ("low", "high"))
     points = [np.clip(zero + share * step, low, high) for share in (0.0, 0.1, 0.4, 1.0)]
+    if held:
+        own = candidate.law.unknowns(len(current.laws))
+        alone = least(campaign.with_system(system.at(current.values)), own, zero[-len(own) :], rounds=HELD_ROUNDS)
+        points.append(np.concatenate([current.fit.u, alone.u]))
     if candidate.law.own:  # late as a whole
         points.append(np.append(current.fit.u, candidate.law.start(len(current.laws), 1 / candidate.law.unit)))
     smooth = rough(unknowns, laws)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from functools import partial
 
 from tests.benchmarks.measured.cases import Effect
-from tests.benchmarks.planted.instruments import NARROW, OVEN, TANK, oven, tank
+from tests.benchmarks.planted.hysteresis import ACTUATOR, STAGE, actuator, stage
+from tests.benchmarks.planted.instruments import DRIVE, NARROW, OVEN, TANK, drive, oven, tank
 from tests.benchmarks.planted.machines import (
     ARM,
     CIRCUIT,
@@ -125,7 +126,15 @@ CASES = (
             (Effect(("the reading of the pressure, over the pressure",), ("above a threshold",)),)),
     Planted("tank, play", TANK, partial(tank, play=0.8), 0.05,
             (Effect(("the input the command, over its own history",), ("play",)),)),
+    Planted("drive, counted", DRIVE, drive, 0.03,
+            (Effect(("the reading of the pulse rate, over the speed",), ("below a threshold", "above a threshold")),)),
     Planted("tank, narrow", NARROW, tank, 0.05, (Effect(("the gain, beyond its range",), ("constant",)),)),
+    Planted("actuator", ACTUATOR, partial(actuator, loops=((0.25, 3.0), (0.25, 7.0), (0.2, 12.0))), 0.15,
+            (Effect(("the (input the pressure, over its own history|rate of the angle, over the hysteresis of the "
+                     "pressure)",), ("play",)),)),
+    Planted("stage", STAGE, partial(stage, most_n=3.0), 2e-4,
+            (_rate("the speed", "the hysteresis of the position", "gradual play"),)),
+    Planted("stage, nothing", STAGE, partial(stage, most_n=0.0), 2e-4),
     Planted("tank, nothing", TANK, partial(tank, dropped=0.01), 0.05),
     Planted("servo, nothing", SERVO, partial(servo, limit=99.0), 0.1),
     Planted("prey, nothing", PREY, partial(prey, crowded=0.0), 0.01),

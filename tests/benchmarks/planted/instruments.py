@@ -68,3 +68,32 @@ def tank(rng: np.random.Generator, most: float = 99.0, dropped: float = 0.0, pla
         p = np.minimum(noisy(rng, x[0], 0.05), most)
         out[f"run {k}"] = {"t": t, "u": u, "p": np.where(rng.random(len(t)) < dropped, 0.0, p)}
     return out
+
+
+DRIVE = '''
+"""A drive with a counter of pulses."""
+time = "t"
+inputs = {"u": ("u", "V")}
+channels = {"w": ("w", "rad/s")}
+constants = {"g": (2.0, "rad/s/V", 0.2, 20.0), "T": (1.5, "s", 0.1, 10.0)}
+start = {"om": (0.0, -20.0, 20.0)}
+units = {"om": "rad/s"}
+says = {"om": "the speed", "u": "the voltage", "g": "the gain", "T": "the time constant", "w": "the pulse rate"}
+hold_out = ["run 2"]
+
+def slopes(t, x, u, c):
+    return (c.g * u.u - x.om) / c.T
+
+def shown(t, x, u, c):
+    return x.om
+'''
+
+
+def drive(rng: np.random.Generator) -> Tables:
+    """Three runs of a drive whose counter does not tell forwards from backwards."""
+    out, t = {}, np.arange(0, 40, 0.05)
+    for k in range(3):
+        u = 1.5 * wandering(rng, t, 1.0)
+        x = marched(lambda at, x, u=u: ((3 * np.interp(at, t, u) - x[0]) / 0.9,), (0.0,), t, 4)[0]
+        out[f"run {k}"] = {"t": t, "u": u, "w": noisy(rng, np.abs(x), 0.03)}
+    return out

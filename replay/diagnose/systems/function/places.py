@@ -199,7 +199,7 @@ def its_own(place: Place, state: State, model: Model) -> bool:
 
 
 def hysteretic(place: Place, state: State) -> bool:
-    """Whether a state may act there with hysteresis: as a spring that slips (Jenkins 1922), of which sums make smooth
+    """Whether a state may act there with hysteresis: as a spring that slips (Jenkin 1922), of which sums make smooth
     loops (Prandtl and Ishlinskii). An input's is searched in the input."""
     return state.kind == OF_STATE and state.lag_s is None and place.kind in (RATE, CHANNEL)
 
