@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 
 from straw.replay.diagnose.discover.discover import discover
 from straw.replay.diagnose.discover.findings import SystemFindings
+from straw.replay.diagnose.discover.said import counted
 from straw.replay.diagnose.discover.screen import candidates
 from straw.replay.diagnose.systems.function.codes import CHANNEL, RATE
 from straw.replay.diagnose.systems.function.model import load_model
@@ -106,3 +107,9 @@ def test_a_spring_that_slips_is_found_with_its_stiffness_and_its_greatest_force(
     assert stiff == pytest.approx(STIFF, rel=0.1)
     assert stiff * wide == pytest.approx(MOST, rel=0.05)
     assert values["constant.m"] == pytest.approx(M, rel=0.03)
+
+
+def test_laws_at_one_place_over_one_state_are_said_once_with_their_number():
+    """Smooth loops are sums of plays, each a law of its own."""
+    assert counted(["in the input", "in the input", "in the gain"]) == ["in the input (two laws)", "in the gain"]
+    assert counted(["in the input"] * 3) == ["in the input (three laws)"]

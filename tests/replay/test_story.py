@@ -57,6 +57,12 @@ def elements(formula: str) -> list[str]:
     return [one.tag for one in ET.fromstring(f"<p>{mathml(formula)}</p>").iter()]
 
 
+def test_an_article_is_a_word_and_a_coefficient_a_symbol() -> None:
+    assert "<mtext>&#160;a&#160;</mtext>" in mathml("p follows x with a gradual play of ±6.9 kPa")
+    assert "<mi>a</mi><mi>x</mi>" in mathml("F = a x")
+    assert "<mi>a</mi><mi>ζ</mi>" in mathml("F = a zeta")
+
+
 def test_every_law_of_the_library_is_typeset_in_well_formed_mathml() -> None:
     for term in TERMS.values():
         assert "math" in elements(term.law), term.name

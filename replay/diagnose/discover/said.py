@@ -47,7 +47,7 @@ def headline(f: SystemFindings) -> str:
         if f.discovery.base.to_noise:
             return "The base model explains what was fitted, but not what was held out; hold out less of what differs."
         return f"The base model does not explain {these}, and they cannot tell what is missing."
-    names = [one.law.said for one in f.laws]
+    names = counted([one.law.said for one in f.laws])
     text = names[0] if len(names) == 1 else f"{'; '.join(names[:-1])}; and {names[-1]}"
     if verdict == "ambiguous":
         first = f.laws[0].law
@@ -62,9 +62,15 @@ def headline(f: SystemFindings) -> str:
             changing = drifts(first) and not acts_in_recording(first)
             what = "a law over anything else that changes with time"
             others = [what if changing else f"{by_itself} of the system itself"]
-        return f"Something is missing {names[0]}; {these} cannot distinguish it from {'; or '.join(others)}."
+        return f"Something is missing {first.said}; {these} cannot distinguish it from {'; or '.join(others)}."
     what = "The recording is at fault" if verdict == "measurement_fault" else "The model leaves something out"
     return f"{what} {text}."
+
+
+def counted(said: Sequence[str]) -> list[str]:
+    """Each once, with how many laws there are of it."""
+    many = {one: said.count(one) for one in said}
+    return [one if k == 1 else f"{one} ({'two' if k == 2 else 'three'} laws)" for one, k in many.items()]
 
 
 def gain(f: SystemFindings) -> str:

@@ -98,7 +98,8 @@ def told(trial: Trial, number: int) -> ReportedLaw:
         constants[name] = (one.value(float(fit.u[j])), sigma, unit_of(law, name))
     low, high = law.state.low, law.state.high
     if law.own:  # over how far it is behind
-        low, high = -law.state.span / 2, law.state.span / 2
+        high = trial.values.get(f"law.{number}.play", law.state.span / 2)
+        low = -high
     at = np.linspace(low, high, POINTS)
     if law.shape == TABLE:
         at = np.unique(np.concatenate([at, law.at]))

@@ -16,7 +16,7 @@ LETTERS = "alpha beta gamma delta zeta eta theta kappa lamda mu nu xi pi rho sig
 GREEK = {name: unicodedata.lookup(f"GREEK SMALL LETTER {name}") for name in LETTERS.split()}
 GREEK |= {"lambda": GREEK["lamda"], "Phi": unicodedata.lookup("GREEK CAPITAL LETTER PHI")}
 MINUS, PRIME, D = "&#x2212;", "&#x2032;", "<mi mathvariant='normal'>d</mi>"
-FUNCTIONS = {"exp", "tanh", "sign", "max", "min", "sin", "cos", "log", "ln", "late", "mod"}
+FUNCTIONS = {"exp", "tanh", "sign", "max", "min", "sin", "cos", "log", "ln", "late", "played", "mod"}
 TOKENS = re.compile(
     r"\s+|(?P<number>\d+(?:\.\d+)?(?:e[+-]?\d+)?)|(?P<name>[^\W\d]\w*(?:'s\b)?)|(?P<unit>\[[^\]]*\])|(?P<other>->|\.\.\.|.)"
 )
@@ -48,6 +48,12 @@ def mathml(formula: str) -> str:
         for one in clauses
         if one.strip()
     )
+
+
+def _is_word(token: Token) -> bool:
+    """Whether a token is a word, no symbol and no function."""
+    kind, word = token
+    return kind == "name" and len(word) > SYMBOL and word not in FUNCTIONS and word not in GREEK and "_" not in word
 
 
 class _Reader:
@@ -138,7 +144,8 @@ class _Reader:
             return f"<mi mathvariant='normal'>{word}</mi><mo>&#x2061;</mo>"
         head, _, tail = word.partition("_")
         symbol = GREEK.get(head, head)
-        if word in SHORT or (head not in GREEK and len(re.sub(r"\d+$", "", head)) > SYMBOL):
+        article = word == "a" and (after := self._next()) is not None and _is_word(after)
+        if article or word in SHORT or (head not in GREEK and len(re.sub(r"\d+$", "", head)) > SYMBOL):
             return f"<mtext>&#160;{html.escape(word.replace('_', ' '))}&#160;</mtext>"
         digits = re.fullmatch(r"(\D+)(\d+)", symbol)
         if digits and not tail:
