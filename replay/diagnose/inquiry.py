@@ -40,7 +40,8 @@ class Inquiry:
     chance: dict[str, Chance] = field(default_factory=dict)  # of pairs that gain more than chance, by name
     whole: bool = False  # whether the search ended by itself; a stopped one settles nothing
     spent: bool = False  # whether it ended because its budget was spent
-    linearised_at: float = field(init=False)  # cost of the fit at which random effects were linearised
+    linearised_at: float = field(init=False)  # cost of the fit at which random effects were linearised, before that
+    beside: list[Fit] = field(default_factory=list)  # fits of single causes beside which second ones were sought
 
     def __post_init__(self) -> None:
         self.linearised_at = self.null.cost

@@ -33,9 +33,11 @@ def telling(found: Inquiry) -> Campaign:
 
 
 def find_pairs(found: Inquiry, names: Sequence[str]) -> None:
-    """Second causes that gain most to first order beside the best, and beside a rival that is close."""
+    """Second causes that gain most to first order beside the best, and beside a rival that is close, unless they were
+    sought beside the same fit before."""
     for first in found.ranked_singles[:2]:
-        if first.cost <= found.best.cost + reach(found):
+        if first.cost <= found.best.cost + reach(found) and not any(fit is first.fit for fit in found.beside):
+            found.beside.append(first.fit)
             _beside(found, first, names, FIRST_ROUNDS)
     finish(found)
     nested(found)

@@ -85,11 +85,13 @@ def main() -> None:
     print("calibrated on one half, told of the other:", *across, sep="\n")
     if args.write:
         path = Path(str(straw.replay.diagnose.judge.__file__)).with_name("calibration.toml")
-        command = " ".join(["python -m tests.benchmarks.calibrating", *(one.name for one in args.decks)])
-        command += f" --two {args.two}" if args.two else ""
-        before = path.read_text().splitlines()[0] + ", then by" if args.only != names else "# Written by"
-        only = " --only " + " ".join(args.only) if args.only != names else ""
-        path.write_text(f"{before} {command}{only}\n{toml(found)}")
+        words = ["python -m tests.benchmarks.calibrating", *(one.name for one in args.decks)]
+        words += ["--two", str(args.two)] if args.two else []
+        line = "# Written by " + " ".join(words)
+        if args.only != names:  # beside the command that found the others
+            line = f"{path.read_text().splitlines()[0].partition(', then by')[0]}, then by {' '.join(words)} --only "
+            line += " ".join(args.only)
+        path.write_text(f"{line}\n{toml(found)}")
         assert Calibration(**tomllib.loads(path.read_text())["calibration"]) == found
 
 

@@ -2,8 +2,8 @@
 
     python -m tests.benchmarks.sealed [--write]
 
-It also prints how far constants of instruments were off, by which `ONE_DEVIATION` was chosen, and how many single
-causes the present search lost and found.
+It also prints how far constants of instruments were off, by which `ONE_DEVIATION` was chosen, how many single causes
+the later search lost and found, and in how many pairs one cause leads (`LEADS`).
 
 A file is named SPLIT-SEED-COMMIT.jsonl by its deck and the commit whose search made it (`python -m
 tests.benchmarks.concealed` makes it); of a deck that was run again there is a second one, with a part of the cases.
@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from straw.replay.diagnose.explain import LEADS
 from straw.replay.diagnose.settings import ONE_DEVIATION
 from tests.apparatus.cases import Case, deck
 from tests.benchmarks.concealed_score import (
@@ -45,7 +46,7 @@ HEAD = (
 )  # fmt: skip
 
 #: The commit whose search ran a part of each deck again.
-PRESENT = "1327f1c"
+LATER = "1327f1c"
 SAID = ("decks, judge", "up to 0.5", "0.5 to 0.8", "0.8 to 0.95", "above 0.95")
 
 Rows = Sequence[tuple[Case, Mapping[str, Any]]]
@@ -57,8 +58,8 @@ def main() -> None:
     write_option(ask)
     args = ask.parse_args()
     paths = sorted(DECKS.glob("*.jsonl"), key=lambda path: path.name.split("-")[1])
-    opened = {_deck(path): path for path in paths if not path.stem.endswith(PRESENT)}
-    again = {_deck(path): path for path in paths if path.stem.endswith(PRESENT)}
+    opened = {_deck(path): path for path in paths if not path.stem.endswith(LATER)}
+    again = {_deck(path): path for path in paths if path.stem.endswith(LATER)}
     then = {name: told(path, again=False) for name, path in opened.items()}
     judged = {name: told(path, again=True) for name, path in opened.items()}
     present = {name: told(path, again=True) for name, path in again.items()}
@@ -82,6 +83,10 @@ def main() -> None:
     pairs = [pair for name, done in present.items() for pair in _both_ran(judged[name], done)]
     changed = f"lost {sum(a and not b for a, b in pairs)}, found {sum(b and not a for a, b in pairs)}"
     print(f"single causes that both searches ran: {len(pairs)}, first in {sum(a for a, _ in pairs)}; {changed}")
+    latest = {(name, case.name): (case, row) for decks in (judged, present) for name, done in decks.items()
+              for case, row in done}  # fmt: skip
+    leads = [led(case, row) for case, row in latest.values() if case.kind == "two" and base_leaves(row) > LIMIT]
+    print(f"pairs of which one cause leaves less than {LEADS:g} of the base's misfit: {sum(leads)} of {len(leads)}")
     publish("sealed", tables, args.write)
 
 
@@ -121,6 +126,11 @@ def _both_ran(then: Rows, now: Rows) -> list[tuple[bool, bool]]:
     pairs = [(before[case.name], (case, row)) for case, row in now if case.name in before]
     single = [pair for pair in pairs if pair[0][0].kind in ("single", "instrument")]
     return [(first(*a), first(*b)) for a, b in single if min(base_leaves(a[1]), base_leaves(b[1])) > LIMIT]
+
+
+def led(case: Case, row: Mapping[str, Any]) -> bool:
+    """Whether one cause of a pair alone leaves less than `LEADS` of what the base leaves."""
+    return min(row["excess"].get(cause, np.inf) for cause in case.label) < LEADS * base_leaves(row)
 
 
 def scatter(done: Rows) -> str:

@@ -20,6 +20,7 @@ from straw.replay.diagnose.systems.function.passed import passed
 from straw.replay.diagnose.systems.function.read_recordings import recordings_of
 from straw.replay.diagnose.systems.function.shapes import PLAY, YIELDS
 from straw.replay.diagnose.systems.function.system import FunctionSystem
+from tests.benchmarks.planted.hysteresis import STAGE
 
 INTEGRATOR = '''
 """A carriage that is driven."""
@@ -33,20 +34,6 @@ hold_out = ["b"]
 
 def slopes(t, x, u, c):
     return c.g * u.v
-'''
-STAGE = '''
-"""A stage on a spring."""
-time = "t"
-inputs = {"f": ("f", "N")}
-channels = {"x": ("x", "m")}
-constants = {"m": (1.0, "kg", 0.2, 10.0), "c": (10.0, "N s/m", 0.5, 200.0), "k": (80.0, "N/m", 5.0, 1000.0)}
-start = {"x": "x", "v": (0.0, -5.0, 5.0)}
-units = {"x": "m", "v": "m/s"}
-says = {"x": "the position", "v": "the speed"}
-hold_out = ["b"]
-
-def slopes(t, x, u, c):
-    return x.v, (u.f - c.c * x.v - c.k * x.x) / c.m
 '''
 #: The stage's true constants: mass, damping and spring, and the stiffness and the greatest force of its friction.
 M, C, K, STIFF, MOST = 1.5, 12.0, 60.0, 900.0, 3.0
@@ -86,7 +73,7 @@ def test_a_spring_that_slips_is_found_with_its_stiffness_and_its_greatest_force(
     """By another integrator than the diagnosis has, from Dahl's equation for the force."""
     system, tables, rng = written(tmp_path, STAGE), {}, np.random.default_rng(3)
     t = np.arange(0, 6, 0.02)
-    for name, size in (("a", 14.0), ("b", 11.0), ("c", 8.0)):
+    for name, size in (("run 1", 14.0), ("run 2", 11.0), ("run 3", 8.0)):
         phases = rng.uniform(0, 6, 3)
         f = size * np.sum([np.sin(w * t + p) for w, p in zip((2.1, 5.3, 9.7), phases, strict=True)], axis=0) / 1.7
 

@@ -19,6 +19,7 @@ from straw.replay.diagnose.systems.function.read_recordings import recordings_of
 from straw.replay.diagnose.systems.function.shapes import FOLLOWS, PLAY
 from straw.replay.diagnose.systems.function.spikes import spikes
 from straw.replay.diagnose.systems.function.system import FunctionSystem
+from tests.benchmarks.planted.instruments import DRIVE
 
 #: A tank that is filled: its level is the integral of the flow.
 TANK = '''
@@ -209,31 +210,12 @@ def test_spikes_are_left_out_and_reported_unless_the_file_keeps_them(tmp_path):
     assert kept[0].seen[0, 100] == 0.0
 
 
-DRIVE = '''
-"""A drive with a counter of pulses."""
-time = "t"
-inputs = {"u": ("u", "V")}
-channels = {"w": ("w", "rad/s")}
-constants = {"g": (2.0, "rad/s/V", 0.2, 20.0), "T": (1.5, "s", 0.1, 10.0)}
-start = {"om": (0.0, -20.0, 20.0)}
-units = {"om": "rad/s"}
-says = {"om": "the speed", "w": "the pulse rate"}
-hold_out = ["b"]
-
-def slopes(t, x, u, c):
-    return (c.g * u.u - x.om) / c.T
-
-def shown(t, x, u, c):
-    return x.om
-'''
-
-
 def test_a_counter_that_does_not_tell_the_direction_is_found_though_the_base_is_far_off(tmp_path):
     """The best signed speed to a magnitude is nearly none, about which no law over the speed looks promising; the law
     that is fitted first leads to constants about which the counter does: it shows v + 2 max(0, -v)."""
     path, rng, tables_, t = tmp_path / "drive.py", np.random.default_rng(8), {}, np.arange(0, 25, 0.05)
     path.write_text(DRIVE)
-    for name in "ab":
+    for name in ("run 1", "run 2"):
         u = np.sum([np.sin(w * t + rng.uniform(0, 6)) for w in (0.5, 1.3, 2.9)], axis=0)
         speed, fade = np.zeros(len(t)), np.exp(-0.05 / 0.9)
         for k in range(len(t) - 1):  # exact for a voltage that is held at its mean between samples

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from straw.replay.diagnose import pairs
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import cost_at, evaluated
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
-from straw.replay.diagnose.pairs import shortened
+from straw.replay.diagnose.pairs import find_pairs, shortened
 from straw.replay.diagnose.screen import Start
 from straw.replay.diagnose.system import Differences
 
@@ -61,3 +62,20 @@ def test_a_pair_starts_at_the_end_of_the_way_where_that_is_best() -> None:
         campaign = Campaign([recording], system, pool)
         start = shortened(campaign, evaluated(campaign, BASE, np.array([0.7])), whole)
     np.testing.assert_allclose(start.u, whole.u)
+
+
+def test_second_causes_are_sought_once_beside_each_fit(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[str] = []
+    monkeypatch.setattr(pairs, "_beside", lambda _found, first, *_: asked.append(first.name))
+    for name, made in (("finish", None), ("nested", None), ("reach", 0.0)):
+        monkeypatch.setattr(pairs, name, lambda _found, made=made: made)
+    first = SimpleNamespace(name="gas", cost=1.0, fit=object())
+    found: Any = SimpleNamespace(ranked_singles=[first], best=first, beside=[])
+    find_pairs(found, ["gas", "roll"])
+    find_pairs(found, ["gas", "roll"])
+    assert asked == ["gas"]
+    first.fit = object()
+    find_pairs(found, ["gas", "roll"])
+    assert asked == ["gas", "gas"]

@@ -15,7 +15,7 @@ from straw.replay.diagnose.systems.function.laws import Law
 from straw.replay.diagnose.systems.function.passed import Passed
 from straw.replay.diagnose.systems.function.shapes import TABLE
 
-#: Points of a curve that replaces two: twice those of a candidate's.
+#: Points of a curve that replaces two, and those added to one that is refined: twice those of a candidate's.
 POINTS = 16
 
 
@@ -66,15 +66,19 @@ def refined(trial: Trial, before: Trial, seen: Sequence[Passed]) -> Trial:
     law, number = trial.laws[-1], len(trial.laws) - 1
     if law.shape != TABLE or law.state.remembers or law.place.kind == CLOCK:
         return trial
-    even = np.linspace(law.state.low, law.state.high, POINTS)
-    at = np.unique(np.concatenate([even, law.at]))
-    fine = law.tabled([float(x) for x in at])
+    fine = _finer(law, POINTS)
     others = [k for k, one in enumerate(trial.fit.unknowns) if not one.target.startswith(f"law.{number}.")]
     unknowns = [*(trial.fit.unknowns[k] for k in others), *fine.unknowns(number)]
-    u = np.concatenate([trial.fit.u[others], law.curve(number, trial.values, at) / fine.unit])
+    u = np.concatenate([trial.fit.u[others], law.curve(number, trial.values, np.array(fine.at)) / fine.unit])
     finer = tried(trial.campaign.with_system(trial.system.with_laws(*trial.laws[:-1], fine)), unknowns, u, trial.unit)
     best = written([finer, *formulas(finer, before, seen, fine=True)])[0]
     return best if of_note(best, trial) else trial
+
+
+def _finer(law: Law, more: int) -> Law:
+    """A curve with so many more points, evenly spaced."""
+    even = np.linspace(law.state.low, law.state.high, more)
+    return law.tabled([float(x) for x in np.unique(np.concatenate([even, law.at]))])
 
 
 def merged(trial: Trial, before: Trial, seen: Sequence[Passed]) -> Trial:
@@ -99,10 +103,9 @@ def _refines(last: Law, law: Law, factor: bool) -> bool:
 def _as_one(trial: Trial, number: int, factor: bool) -> Trial:
     """The last law added to the curve of that number, or multiplied with it, as a finer curve that is the last law."""
     law, values, many = trial.laws[number], trial.values, len(trial.laws)
-    even = np.linspace(law.state.low, law.state.high, POINTS - len(law.at))
-    at = np.unique(np.concatenate([even, law.at]))
+    fine = _finer(law, POINTS - len(law.at))
+    at = np.array(fine.at)
     curve, more = law.curve(number, values, at), trial.laws[-1].curve(many - 1, values, at)
-    fine = law.tabled([float(x) for x in at])
     others = [k for k in range(many - 1) if k != number]
     laws = [*(trial.laws[k] for k in others), fine]
     constants = [k for k, one in enumerate(trial.fit.unknowns) if not one.target.startswith("law.")]

@@ -17,7 +17,7 @@ from straw.replay.diagnose.systems.function.codes import (
     STRENGTH,
 )
 from straw.replay.diagnose.systems.function.functions import fields
-from straw.replay.diagnose.systems.function.law_values import ahead_of
+from straw.replay.diagnose.systems.function.law_values import ahead_of, within
 from straw.replay.diagnose.systems.function.model import Model
 from straw.replay.diagnose.systems.function.shapes import FOLLOWS, PLAY, YIELDS, values_of
 from straw.replay.errors import ReplayError
@@ -84,7 +84,7 @@ def with_play(t: Floats, s: Floats, half_width: float) -> Floats:
     out = np.empty_like(s)
     z = out[0] = s[0]
     for k in range(1, len(t)):
-        z = out[k] = min(max(z, s[k] - half_width), s[k] + half_width)
+        z = out[k] = within(z, s[k], half_width)
     return out
 
 
