@@ -123,7 +123,8 @@ def refine(found: Inquiry, coarse: Sequence[Contestant]) -> None:
     explains the coarse comparison, they are fitted to it from draws as well: cells that snap in another order are a
     minimum of their own."""
     campaign, wide, explained = found.campaign, found.campaign.coarse(), False
-    best = [one for one in coarse[:2] if one.cost < 2 * coarse[0].cost]
+    coarse = [one for one in coarse if one.cost < 2 * coarse[0].cost]
+    best = coarse[:2]
     for one in best:
         fit = fitted(wide, one.fit.unknowns, one.fit.u, rounds=COARSE_ROUNDS[-1])
         if not explained and not explains(fit) and not wide.stop():

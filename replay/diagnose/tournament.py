@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Contestant, Fit, clipped, cost_at, fits_from, normal_equations
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
+from straw.replay.diagnose.propose.proposal import Proposal
 from straw.replay.diagnose.screen import Start
 from straw.replay.diagnose.settings import COARSE_ROUNDS, LONGEST_STEP, SHORTLIST, STARTS
 
@@ -17,22 +19,24 @@ Floats = NDArray[np.float64]
 
 
 def tournament(
-    wide: Campaign,
-    known: Fit,
-    hypotheses: Sequence[Hypothesis],
-    proposed: Sequence[Start],
+    wide: Campaign, known: Fit, hypotheses: Sequence[Hypothesis], begun: Sequence[Contestant] = ()
 ) -> list[Contestant]:
-    """Hypotheses fitted coarsely from their best starts, half of them left out after each round; the best first."""
+    """Hypotheses fitted coarsely from their best starts, half of them left out after each round, the last time among
+    those that are ``begun``, too; the best first."""
     starts: list[Start] = []
     for h in hypotheses:
         if wide.stop():
             break
-        given = [
-            Start(h, clipped((*known.unknowns, *h.unknowns), s.u)) for s in proposed if s.hypothesis.name == h.name
-        ]
-        starts += [*look(wide, known, h)[:STARTS], *given]
+        starts += look(wide, known, h)[:STARTS]
     fits = fitted_contestants(wide, starts, COARSE_ROUNDS[0], known.unknowns, brief=True)
-    return halved(wide, best_of_each(fits), len(hypotheses))
+    some = halved(wide, best_of_each(fits), len(hypotheses), COARSE_ROUNDS[1:2])
+    given = [one for one in begun if one.name in {h.name for h in hypotheses}]
+    return halved(wide, best_of_each([*some, *given]), len(hypotheses) // 2, COARSE_ROUNDS[2:])
+
+
+def by_cost(some: Sequence[Contestant]) -> list[Contestant]:
+    """The best first."""
+    return sorted(some, key=lambda one: one.cost)
 
 
 def best_of_each(fits: Sequence[Contestant]) -> list[Contestant]:
@@ -44,11 +48,14 @@ def best_of_each(fits: Sequence[Contestant]) -> list[Contestant]:
     return list(best.values())
 
 
-def halved(wide: Campaign, begun: Sequence[Contestant], among: int) -> list[Contestant]:
-    """Contestants fitted on in rounds, the worse half of ``among`` left out after each; the best first."""
+def halved(
+    wide: Campaign, begun: Sequence[Contestant], among: int, each: Sequence[int] = COARSE_ROUNDS[1:]
+) -> list[Contestant]:
+    """Contestants fitted on in rounds, the worse half of ``among`` left out after each, and what leaves twice as much
+    as the best; the best first."""
     going = sorted(begun, key=lambda c: c.cost)
-    for k, rounds in enumerate(COARSE_ROUNDS[1:], 1):
-        going = going[: max(3, round(among / 2**k))]
+    for k, rounds in enumerate(each, 1):
+        going = [one for one in going[: max(3, round(among / 2**k))] if one.cost < 2 * going[0].cost]
         if not wide.stop():
             going = sorted(all_finished(wide, going, rounds), key=lambda c: c.cost)
     return going
@@ -103,3 +110,23 @@ def all_finished(campaign: Campaign, some: Sequence[Contestant], rounds: int) ->
 def finished(campaign: Campaign, one: Contestant, rounds: int) -> Contestant:
     """A contestant's fit continued, perhaps in another campaign of the same runs."""
     return all_finished(campaign, [one], rounds)[0]
+
+
+def briefly_fitted(wide: Campaign, base: Fit, groups: Sequence[Sequence[Start]]) -> Contestant:
+    """A hypothesis fitted for a few rounds from the best start of each group, which may lie in other basins."""
+    firsts: list[Start] = []
+    for starts in groups:
+        if starts:
+            unknowns = (*base.unknowns, *starts[0].hypothesis.unknowns)
+            points = [clipped(unknowns, start.u) for start in starts]
+            costs = [cost_at(unknowns, u, r) for u, r in zip(points, wide.residuals(unknowns, points), strict=True)]
+            firsts.append(replace(starts[0], u=points[int(np.argmin(costs))]))
+    return min(fitted_contestants(wide, firsts, COARSE_ROUNDS[0], base.unknowns, brief=True), key=lambda c: c.cost)
+
+
+def proposed(base: Fit, hypothesis: Hypothesis, proposal: Proposal | None) -> list[Start]:
+    """Starts from the proposal's constants, ordered as the unknowns; two where a sign is open, none without one."""
+    unknowns = (*base.unknowns, *hypothesis.unknowns)
+    ways = proposal.start(hypothesis.causes) if proposal else ()
+    at = [{one.unknown.target: one.u for one in way} for way in ways]
+    return [Start(hypothesis, np.array([way[one.target] for one in unknowns])) for way in at]
