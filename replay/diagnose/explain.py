@@ -31,7 +31,7 @@ from straw.replay.diagnose.tournament import fitted_contestants
 Floats = NDArray[np.float64]
 
 #: Largest number of stages of progress.
-STAGES = 11
+STAGES = 9
 
 
 def explain(

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.fit import Contestant, Fit, evaluated
 from straw.replay.diagnose.hypothesis import Hypothesis
 from straw.replay.diagnose.inquiry import Inquiry
 from straw.replay.diagnose.judge import unexplained
-from straw.replay.diagnose.pairs import nested, telling
+from straw.replay.diagnose.pairs import nested
 from straw.replay.diagnose.propose.proposal import Proposal
 from straw.replay.diagnose.refine import explains, finish, refine
 from straw.replay.diagnose.second_causes import beside_any, explained, first_fits, pairs_in_turn, second_causes
@@ -51,37 +52,39 @@ class Large:
         """Try what comes next, until the best leaves at most so many squared sigmas beyond noise, or nothing is left to
         try."""
         while self.groups and not self.found.campaign.stop():
-            wide = telling(self.found)
+            wide = _telling(self.found)
             known = evaluated(wide, self.base.unknowns, self.base.u)
-            if self.begun:
-                self._from_own_starts(known)
-            else:
-                self._from_proposal(known)
-            if unexplained(self.found.campaign, self.found.best) <= enough:
+            refined = self._from_own_starts(wide, known) if self.begun else self._from_proposal(wide, known)
+            if refined and unexplained(self.found.campaign, self.found.best) <= enough:
                 return
 
-    def _from_proposal(self, known: Fit) -> None:
+    def _from_proposal(self, wide: Campaign, known: Fit) -> bool:
+        """Whether anything was good enough to be refined."""
         self.told("causes that the proposal puts first", self.found)
-        self.begun, wide = True, telling(self.found)
+        self.begun = True
         pairs = pairs_in_turn(self.hypotheses, self.proposal)
         self.singles, self.pairs = first_fits(wide, known, self.groups[0], pairs, self.proposal)
-        if beside_any(self.pairs, self.singles):
-            self._refine([*self.singles, *self.pairs])
-            self.pairs = []
+        if not beside_any(self.pairs, self.singles):
+            return False
+        self._refine([*self.singles, *self.pairs])
+        self.pairs = []
+        return True
 
-    def _from_own_starts(self, known: Fit) -> None:
+    def _from_own_starts(self, wide: Campaign, known: Fit) -> bool:
+        """Whether anything was good enough to be refined, or nothing is left to try."""
         self.told("causes that are large", self.found)
-        wide = telling(self.found)
         ranked = tournament(wide, known, self._not_far_behind(self.groups.pop(0)), self.singles)
         self.ranked, self.waiting = by_cost([*self.ranked, *ranked]), by_cost([*self.waiting, *ranked])
         if not explains(known):  # if it does, a second cause does not show in the coarse comparison
             self.told("second causes beside the leading ones", self.found)
             two = second_causes(wide, known, self.ranked, self.hypotheses, self.proposal, self.pairs, self.beside)
             self.pairs, self.waiting = [], by_cost([*self.waiting, *two])
-        leads = explained(self.waiting) or (self.waiting and self.waiting[0].cost < LEADS * known.cost)
-        if leads or not self.groups:
-            self._refine(self.waiting)
-            self.waiting = []
+        leads = any(explains(one.fit) or one.cost < LEADS * known.cost for one in self.waiting[:1])
+        if self.groups and not leads:
+            return False
+        self._refine(self.waiting)
+        self.waiting = []
+        return True
 
     def _not_far_behind(self, group: Sequence[Hypothesis]) -> list[Hypothesis]:
         """Those of a group whose own starts may still make up for what they leave from the proposal's constants."""
@@ -95,6 +98,11 @@ class Large:
         refine(self.found, by_cost(coarse))
         finish(self.found)
         nested(self.found)
+
+
+def _telling(found: Inquiry) -> Campaign:
+    """The most informative runs, compared coarsely."""
+    return found.campaign.only(found.campaign.system.telling(found.campaign, found.null)).coarse()
 
 
 def _in_turn(hypotheses: Sequence[Hypothesis], proposal: Proposal | None) -> list[list[Hypothesis]]:

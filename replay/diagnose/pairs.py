@@ -27,11 +27,6 @@ from straw.replay.diagnose.tournament import fitted_contestants
 Floats = NDArray[np.float64]
 
 
-def telling(found: Inquiry) -> Campaign:
-    """The most informative runs, compared coarsely."""
-    return found.campaign.only(found.campaign.system.telling(found.campaign, found.null)).coarse()
-
-
 def find_pairs(found: Inquiry, names: Sequence[str]) -> None:
     """Second causes that gain most to first order beside the best, and beside a rival that is close, unless they were
     sought beside the same fit before."""

@@ -28,6 +28,7 @@ from straw.replay.diagnose.propose.network import LOG_SD
 from straw.replay.diagnose.propose.proposal import Proposal, propose
 from straw.replay.diagnose.propose.train import HELD_OUT, gathered
 from straw.replay.diagnose.propose.train import asked as asked_of
+from straw.replay.diagnose.second_causes import PAIRS
 from straw.replay.diagnose.systems.straw.observation import observe
 from straw.replay.progress import progress_bar
 from straw.rig.run import Run
@@ -61,6 +62,13 @@ class Evaluated:
         names = [frozenset(one) for one, _ in self.proposal.hypotheses]
         truth = frozenset(self.label)
         return names.index(truth) + 1 if truth in names else 0
+
+    @property
+    def pair_rank(self) -> int:
+        """Rank (from 1) of two concealed causes among the pairs; 0 for others."""
+        pairs = [frozenset(one) for one, _ in self.proposal.hypotheses if len(one) == 2]
+        truth = frozenset(self.label)
+        return pairs.index(truth) + 1 if truth in pairs else 0
 
     @property
     def places(self) -> list[int]:
@@ -110,6 +118,9 @@ def table(rows: list[Evaluated]) -> str:
             hits["strange"] += not row.proposal.familiar
         counts = "".join(f"{hits[k]:7d}" for k in ("first", "three", "five"))
         lines.append(f"{kind:12s}{len(some):6d}{counts}{hits['sure']:13d}{hits['strange']:12d}")
+    two = [row for row in rows if len(row.label) == 2]
+    early = sum(0 < row.pair_rank <= PAIRS for row in two)
+    lines += [f"pairs among the first {PAIRS} pairs: {early} of {len(two)}"] if two else []
     slowest = max(row.seconds for row in rows)
     lines += [f"slowest: {slowest:.2f} s of one core", "", "truth not in front:"]
     for row in rows:
