@@ -19,7 +19,7 @@ from straw.replay.diagnose.propose.proposal import Proposal
 from straw.replay.diagnose.refine import explains
 from straw.replay.diagnose.screen import Start, screen
 from straw.replay.diagnose.settings import COARSE_ROUNDS, FOLLOWED
-from straw.replay.diagnose.tournament import best_of_each, briefly_fitted, by_cost, halved, proposed
+from straw.replay.diagnose.tournament import best_of_each, briefly_fitted, by_cost, halved, near, proposed
 
 #: Pairs that the proposal puts first: NN of MM pairs of an opened deck are among them (`python -m
 #: tests.benchmarks.proposing --split two --seed 20261218`), twice as many (PP) among twice as many.
@@ -41,8 +41,8 @@ def first_fits(
     first."""
     alone = _from_proposal(wide, base, causes, proposal)
     two = [] if explained(alone) else _from_proposal(wide, base, pairs, proposal)
-    near = [one for some in (alone, two) for one in some[:FOLLOWED] if one.cost < len(one.fit.residual)]
-    every = by_cost(best_of_each([*alone, *two, *halved(wide, near, 2 * len(near), COARSE_ROUNDS[1:2])]))
+    some = [one for group in (alone, two) for one in group[:FOLLOWED] if near(one)]
+    every = by_cost(best_of_each([*alone, *two, *halved(wide, some, 2 * len(some), COARSE_ROUNDS[1:2])]))
     alone, two = ([one for one in every if len(one.hypothesis.causes) == n] for n in (1, 2))
     if beside_any(two, alone):
         two = by_cost(best_of_each([*two, *halved(wide, two, len(two), COARSE_ROUNDS[2:])]))

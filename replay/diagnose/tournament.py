@@ -52,13 +52,21 @@ def halved(
     wide: Campaign, begun: Sequence[Contestant], among: int, each: Sequence[int] = COARSE_ROUNDS[1:]
 ) -> list[Contestant]:
     """Contestants fitted on in rounds, the worse half of ``among`` left out after each, and what leaves twice as much
-    as the best; the best first."""
-    going = sorted(begun, key=lambda c: c.cost)
+    as the best; to their ends only those that are `near`. The best first."""
+    going, left = by_cost(begun), list[Contestant]()
     for k, rounds in enumerate(each, 1):
         going = [one for one in going[: max(3, round(among / 2**k))] if one.cost < 2 * going[0].cost]
+        if rounds == COARSE_ROUNDS[-1]:
+            left = [one for one in going if not near(one)]
+            going = [one for one in going if near(one)]
         if not wide.stop():
-            going = sorted(all_finished(wide, going, rounds), key=lambda c: c.cost)
-    return going
+            going = by_cost(all_finished(wide, going, rounds))
+    return by_cost([*going, *left])
+
+
+def near(one: Contestant) -> bool:
+    """Whether a coarse fit's differences are of the size of their sigmas: it may become one that explains them."""
+    return one.cost < len(one.fit.residual)
 
 
 def look(wide: Campaign, known: Fit, h: Hypothesis) -> list[Start]:
