@@ -21,8 +21,8 @@ from straw.replay.diagnose.screen import Start, screen
 from straw.replay.diagnose.settings import COARSE_ROUNDS, FOLLOWED
 from straw.replay.diagnose.tournament import best_of_each, briefly_fitted, by_cost, halved, near, proposed
 
-#: Pairs that the proposal puts first: NN of MM pairs of an opened deck are among them (`python -m
-#: tests.benchmarks.proposing --split two --seed 20261218`), twice as many (PP) among twice as many.
+#: Pairs that the proposal puts first: 9 of 14 opened pairs are among them, and no more among twice as many (`python -m
+#: tests.benchmarks.proposing --split two --seed 20261218 --cases 14`).
 PAIRS = 6
 #: Squared sigmas that a second cause promises to gain coarsely beside one that explains the comparison: right single
 #: causes leave at most 33 to any, the first of two at least 59 to the other (opened cases).

@@ -193,7 +193,7 @@ def _largest_units(values: Singles, wanted: list[Number], names: list[str]) -> F
 def main() -> None:
     """Evaluate and print."""
     ask = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    ask.add_argument("--split", choices=("develop", "final"), default="develop")
+    ask.add_argument("--split", choices=("develop", "final", "strong", "two"), default="develop")
     ask.add_argument("--seed", type=int, default=1)
     ask.add_argument("--cases", type=int, default=10**6)
     ask.add_argument("--keep", type=Path, help="folder for the recordings")
