@@ -74,8 +74,9 @@ def explain(
     if not found.contestants or not far or found.goes_on:
         steps("causes that are small", found)
         left = found.goes_on
-        starts = screen(campaign, found.null, hypotheses)[:SHORTLIST]
-        worth = [start for start in starts if left or start.gain > CALIBRATION.scale]
+        starts = screen(campaign, found.null, hypotheses)
+        # what is found to first order only may gain more by far, so none that counts is left out where nothing follows
+        worth = starts[:SHORTLIST] if left else [start for start in starts if start.gain > CALIBRATION.scale]
         for one in fitted_contestants(campaign, worth, FIRST_ROUNDS):
             found.keep(one)
         finish(found)
