@@ -2,7 +2,7 @@
 
 Where the base leaves little, causes are selected to first order. Where it leaves much, causes and pairs are fitted in a
 coarse comparison of the most informative runs, and the best of them to all samples of all runs
-(`straw.replay.diagnose.large`).
+(`straw.replay.diagnose.coarse_search`).
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from straw.replay.diagnose.campaign import Campaign
+from straw.replay.diagnose.coarse_search import CoarseSearch
 from straw.replay.diagnose.fit import fitted
 from straw.replay.diagnose.inquiry import Inquiry, Told
 from straw.replay.diagnose.judge import CALIBRATION, unexplained
-from straw.replay.diagnose.large import Large
 from straw.replay.diagnose.pairs import find_pairs, seconds
 from straw.replay.diagnose.propose.proposal import Proposal
 from straw.replay.diagnose.random_effects import linearise, one_run_misfits, to_conditional_mode
@@ -68,9 +68,9 @@ def explain(
     hypotheses = [campaign.hypothesis([name]) for name in names]
     if before:
         as_before(found, before, names)
-    large = Large(found, hypotheses, wide_known, proposal, steps)
+    search = CoarseSearch(found, hypotheses, wide_known, proposal, steps)
     if far:  # a first-order expansion around a poor fit is not informative
-        large.until(FAR)
+        search.until(FAR)
     if not found.contestants or not far or found.goes_on:
         steps("causes that are small", found)
         left = found.goes_on
@@ -81,12 +81,12 @@ def explain(
             found.keep(one)
         finish(found)
     if not far and found.goes_on:
-        large.until(FAR)
+        search.until(FAR)
     if found.goes_on:
         steps("pairs", found)
         find_pairs(found, names)
         if found.goes_on:  # the best may be in a poor minimum, or a wrong one
-            large.until(NOISE_LEAVES)
+            search.until(NOISE_LEAVES)
             find_pairs(found, names)
     elif not campaign.stop():
         steps("second causes that are small", found)

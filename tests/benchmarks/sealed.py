@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from straw.replay.diagnose.large import LEADS
+from straw.replay.diagnose.coarse_search import LEADS
 from straw.replay.diagnose.settings import ONE_DEVIATION
 from tests.apparatus.cases import Case, deck
 from tests.benchmarks.concealed_score import (

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import straw.replay.diagnose
-from straw.replay.diagnose import diagnosis, explain, large
+from straw.replay.diagnose import coarse_search, diagnosis, explain
 from straw.replay.diagnose import findings as findings_module
 from straw.replay.diagnose.campaign import Campaign
 from straw.replay.diagnose.diagnosis import inquire
@@ -218,7 +218,7 @@ def test_a_cause_named_before_is_a_start_of_the_next_search(monkeypatch):
     records = stiffening(5e9)
     with ThreadPoolExecutor() as pool:
         before = diagnosis.inquire(records, OscillatorSystem(), library=SOME, executor=pool)
-        monkeypatch.setattr(large.Large, "until", lambda *_args: None)  # no other starts
+        monkeypatch.setattr(coarse_search.CoarseSearch, "until", lambda *_args: None)  # no other starts
         monkeypatch.setattr(explain, "screen", lambda *_args: [])
         monkeypatch.setattr(diagnosis, "without_a_run", lambda _campaign, fit: fit)
         monkeypatch.setattr(diagnosis, "finished", lambda _campaign, one, _rounds: one)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from straw.replay.diagnose import large
+from straw.replay.diagnose import coarse_search
 from straw.replay.diagnose.diagnosis import inquire
 from straw.replay.diagnose.hypothesis import Hypothesis, Unknown
 from straw.replay.diagnose.inquiry import Inquiry
@@ -66,13 +66,13 @@ class Linear(System):
 def search(system: Linear, y: np.ndarray, monkeypatch: pytest.MonkeyPatch) -> tuple[Inquiry, list[list[str]]]:
     """The search, and the causes of each tournament among own starts."""
     asked: list[list[str]] = []
-    real = large.tournament
+    real = coarse_search.tournament
 
     def watched(wide: Any, known: Any, hypotheses: Sequence[Hypothesis], begun: Any) -> Any:
         asked.append([h.name for h in hypotheses])
         return real(wide, known, hypotheses, begun)
 
-    monkeypatch.setattr(large, "tournament", watched)
+    monkeypatch.setattr(coarse_search, "tournament", watched)
     run: Any = SimpleNamespace(name="run", seen=y[None, :], events_s=(), kind=0)
     with ThreadPoolExecutor(1) as pool:
         return inquire([run], system, executor=pool), asked

@@ -28,7 +28,7 @@ LEADS = 0.3
 FAR_BEHIND = 10.0
 
 
-class Large:
+class CoarseSearch:
     """The search among large effects, beside the base as it was fitted coarsely; it can be continued."""
 
     def __init__(
