@@ -93,8 +93,10 @@ def second_causes(
             continue
         beside.add(first.name)
         others = [h for h in hypotheses if h.name not in first.hypothesis.causes]
-        starts = {s.hypothesis.name: s for s in screen(wide, first.fit, others, first.hypothesis)}
-        names = [name for name in [*starts][:FOLLOWED] if not alone or starts[name].gain > SHOWS]
+        screened = screen(wide, first.fit, others, first.hypothesis)
+        starts = {s.hypothesis.name: s for s in reversed(screened)}  # the best of each one's shapes
+        most = [*dict.fromkeys(s.hypothesis.name for s in screened)][:FOLLOWED]
+        names = [name for name in most if not alone or starts[name].gain > SHOWS]
         for h in others:
             pair = h.beside(first.hypothesis)
             if wide.stop() or ((pair.name in starts or alone) and pair.name not in names):

@@ -48,9 +48,9 @@ class Linear(System):
         return SAMPLES
 
 
-def searched(y: np.ndarray) -> tuple[list[Contestant], list[Contestant]]:
+def searched(y: np.ndarray, system: Linear | None = None) -> tuple[list[Contestant], list[Contestant]]:
     """Single causes and pairs, the best first."""
-    system = Linear()
+    system = system or Linear()
     with ThreadPoolExecutor(1) as pool:
         campaign = Campaign([SimpleNamespace(name="run", y=y)], system, pool)
         known = evaluated(campaign, system.base, np.zeros(1))
@@ -81,6 +81,36 @@ def test_beside_a_cause_that_explains_the_comparison_no_second_is_fitted_unless_
     assert singles[0].cost < EXPLAINED * SAMPLES
     assert pairs[0].hypothesis.causes == ("first", "second")
     assert singles[0].cost - pairs[0].cost == pytest.approx(2 * SHOWS, rel=0.5)
+
+
+def test_a_second_cause_starts_from_the_shape_that_gains_most():
+    class Switched(Linear):
+        """With a cause whose column is the second or the extra one, by the sign of a constant."""
+
+        causes = ("first", "switched")
+
+        def hypothesis(self, names: Sequence[str]) -> Hypothesis:
+            if names != ["switched"]:
+                return super().hypothesis(names)
+            sign = Unknown("sign", 1.0, kind="linear", sd=10.0)
+            return Hypothesis(("switched",), (Unknown("switched", 1.0, sd=10.0), sign), ((1.0, 1.0), (1.0, -1.0)))
+
+        def misfit(self, recording, unknowns, u, *, level=None, derivatives=False):
+            at = dict(zip((one.target for one in unknowns), u, strict=True))
+            column = EXTRA if at.pop("sign", 1.0) > 0 else SECOND
+            strength = at.pop("switched", 0.0)
+            kept = tuple(one for one in unknowns if one.target in at)
+            plain = super().misfit(recording, kept, np.array([*at.values()]), derivatives=derivatives)
+            slopes = dict(zip(at, plain.jacobian.T, strict=True))
+            slopes |= {"switched": np.cosh(strength) * column, "sign": np.zeros(SAMPLES)}
+            every = np.stack([slopes[one.target] for one in unknowns], axis=1)
+            return Differences(plain.vector + np.sinh(strength) * column, every, np.empty((1, 0)), 1)
+
+    y = 2 * LEVEL + 9 * FIRST + 2 * EXTRA + noise()
+    singles, pairs = searched(y, Switched())
+    assert singles[0].name == "first"
+    assert pairs[0].hypothesis.causes == ("first", "switched")
+    assert pairs[0].cost < EXPLAINED * SAMPLES
 
 
 def contestant(name: str, cost: float) -> Contestant:
