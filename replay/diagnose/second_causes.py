@@ -1,7 +1,8 @@
 """Pairs of causes in a coarse comparison: the proposal's first ones, and second causes beside the best single ones.
 
 Coarsely, a leading cause that is right ends near its constants even where another acts beside it, and the other is
-mostly among those that gain most to first order; sample by sample, the same fits end in local minima of ringing and of snaps in another order.
+mostly among those that gain most to first order; sample by sample, the same fits end in local minima of ringing and of
+snaps in another order.
 """
 
 from __future__ import annotations
