@@ -87,7 +87,8 @@ def explain(
         find_pairs(found, names)
         if found.goes_on:  # the best may be in a poor minimum, or a wrong one
             search.until(NOISE_LEAVES)
-            find_pairs(found, names)
+            if found.goes_on:
+                find_pairs(found, names)
     elif not campaign.stop():
         steps("second causes that are small", found)
         seconds(found, names)

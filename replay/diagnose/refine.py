@@ -28,7 +28,7 @@ from straw.replay.diagnose.settings import (
     WIDENED,
 )
 from straw.replay.diagnose.starts import normal
-from straw.replay.diagnose.tournament import all_finished, finished
+from straw.replay.diagnose.tournament import all_finished, contenders, finished
 
 Floats = NDArray[np.float64]
 
@@ -123,7 +123,7 @@ def refine(found: Inquiry, coarse: Sequence[Contestant]) -> None:
     explains the coarse comparison, they are fitted to it from draws as well: cells that snap in another order are a
     minimum of their own."""
     campaign, wide, explained = found.campaign, found.campaign.coarse(), False
-    coarse = [one for one in coarse if one.cost < 2 * coarse[0].cost]
+    coarse = contenders(coarse)
     best = coarse[:2]
     for one in best:
         fit = fitted(wide, one.fit.unknowns, one.fit.u, rounds=COARSE_ROUNDS[-1])

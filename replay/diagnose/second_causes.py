@@ -7,7 +7,7 @@ snaps in another order.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -25,8 +25,9 @@ from straw.replay.diagnose.tournament import best_of_each, briefly_fitted, by_co
 #: Pairs that the proposal puts first: 9 of 14 opened pairs are among them, and no more among twice as many (`python -m
 #: tests.benchmarks.proposing --split two --seed 20261218 --cases 14`).
 PAIRS = 6
-#: Squared sigmas that a second cause promises to gain coarsely beside one that explains the comparison: right single
-#: causes leave at most 33 to any, the first of two at least 59 to the other (opened cases).
+#: Squared sigmas that a second cause promises to gain coarsely beside one that explains the comparison, before the first
+#: is refined without it: beside eight right single causes others promise at most 45, beside the first of two, where
+#: both are needed, the other 59 to 175 in four of five (`python -m tests.benchmarks.coarse_search`).
 SHOWS = 45.0
 
 
@@ -40,8 +41,8 @@ def first_fits(
     """Causes, and pairs as long as none of these explains the comparison, fitted from the proposal's constants: the
     first of both that are near after a few evaluations are continued, to their ends where a pair is better. The best
     first."""
-    alone = _from_proposal(wide, base, causes, proposal)
-    two = [] if explained(alone) else _from_proposal(wide, base, pairs, proposal)
+    alone = from_proposal(wide, base, causes, proposal)
+    two = [] if explained(alone) else from_proposal(wide, base, pairs, proposal)
     some = [one for group in (alone, two) for one in group[:FOLLOWED] if near(one)]
     every = by_cost(best_of_each([*alone, *two, *halved(wide, some, 2 * len(some), COARSE_ROUNDS[1:2])]))
     alone, two = ([one for one in every if len(one.hypothesis.causes) == n] for n in (1, 2))
@@ -50,9 +51,10 @@ def first_fits(
     return alone, two
 
 
-def _from_proposal(
+def from_proposal(
     wide: Campaign, base: Fit, hypotheses: Sequence[Hypothesis], proposal: Proposal | None
 ) -> list[Contestant]:
+    """Hypotheses fitted briefly from the proposal's constants, the best first."""
     starts = [proposed(base, h, proposal) for h in hypotheses]
     return by_cost([briefly_fitted(wide, base, [[start] for start in ways]) for ways in starts if ways])
 
@@ -78,21 +80,18 @@ def beside_any(pairs: Sequence[Contestant], singles: Sequence[Contestant]) -> bo
 def second_causes(
     wide: Campaign,
     base: Fit,
-    ranked: Sequence[Contestant],
+    leaders: Sequence[Contestant],
     hypotheses: Sequence[Hypothesis],
     proposal: Proposal | None,
-    begun: Sequence[Contestant],
-    beside: set[str],
+    begun: Sequence[Contestant] = (),
+    done: Collection[str] = (),
 ) -> list[Contestant]:
-    """Second causes beside the best single causes, which gain most to first order or cannot be expanded, fitted
-    coarsely, and pairs that are ``begun``; the best first. Where a single one explains the comparison, only causes
-    that promise to show."""
-    alone = explained(ranked)
-    some = [one for one in begun if not alone or one.cost < ranked[0].cost - CALIBRATION.scale]
-    for first in ranked[:2]:
-        if first.cost > 2 * ranked[0].cost or first.name in beside:
-            continue
-        beside.add(first.name)
+    """Second causes beside single ones that lead, but for those that are ``done``, which gain most to first order or
+    cannot be expanded, fitted coarsely, and pairs that are ``begun``; the best first. Where a single one explains the
+    comparison, only causes that promise to show."""
+    alone = explained(leaders)
+    some = [one for one in begun if not alone or one.cost < leaders[0].cost - CALIBRATION.scale]
+    for first in (one for one in leaders if one.name not in done):
         others = [h for h in hypotheses if h.name not in first.hypothesis.causes]
         screened = screen(wide, first.fit, others, first.hypothesis)
         starts = {s.hypothesis.name: s for s in reversed(screened)}  # the best of each one's shapes

@@ -16,7 +16,7 @@ from straw.replay.diagnose.judge import CALIBRATION
 from straw.replay.diagnose.second_causes import SHOWS, beside_any, second_causes
 from straw.replay.diagnose.settings import EXPLAINED
 from straw.replay.diagnose.system import Differences, System
-from straw.replay.diagnose.tournament import tournament
+from straw.replay.diagnose.tournament import contenders, tournament
 
 RNG = np.random.default_rng(3)
 SAMPLES = 400
@@ -56,7 +56,7 @@ def searched(y: np.ndarray, system: Linear | None = None) -> tuple[list[Contesta
         known = evaluated(campaign, system.base, np.zeros(1))
         every = [system.hypothesis([name]) for name in system.causes]
         singles = tournament(campaign, known, every)
-        return singles, second_causes(campaign, known, singles, every, None, [], set())
+        return singles, second_causes(campaign, known, contenders(singles[:2]), every, None)
 
 
 def noise() -> np.ndarray:
