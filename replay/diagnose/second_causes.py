@@ -25,9 +25,10 @@ from straw.replay.diagnose.tournament import best_of_each, briefly_fitted, by_co
 #: Pairs that the proposal puts first: 9 of 14 opened pairs are among them, and no more among twice as many (`python -m
 #: tests.benchmarks.proposing --split two --seed 20261218 --cases 14`).
 PAIRS = 6
-#: Squared sigmas that a second cause promises to gain coarsely beside one that explains the comparison, before the first
-#: is refined without it: beside eight right single causes others promise at most 45, beside the first of two, where
-#: both are needed, the other 59 to 175 in four of five (`python -m tests.benchmarks.coarse_search`).
+#: Squared sigmas that a second cause promises to gain coarsely beside one that explains the comparison, from which on
+#: the pair is fitted before the first is refined: beside eight right single causes others promise at most 45, beside
+#: the first of two, where both are needed, the other 59 to 175 in four of five (`python -m
+#: tests.benchmarks.coarse_search`).
 SHOWS = 45.0
 
 
